@@ -93,7 +93,7 @@ def draw_dimensions(canvas: Canvas, plan: Plan) -> None:
         if plan.face.scale * (here.top - here.bottom) >= LEAST_ROOM:
             _separations(canvas, plan, here)
         _wire_length(canvas, plan, here)
-        labels += _heights(canvas, plan.side, here) if len(parents) <= MANY else []
+        labels += _heights(plan.side, here) if len(parents) <= MANY else []
     levels = spread([float(target[1]) for target, _ in labels], LINE)
     for (target, text), y in zip(labels, levels, strict=True):
         canvas.line([[plan.left + 0.02, y], [plan.left + 0.1, y], target], NOTE, 0.4, ORDER - 0.1)
@@ -174,8 +174,8 @@ def _wire_length(canvas: Canvas, plan: Plan, here: _Set) -> None:
         _draw_dimension(canvas, lower + out, upper + out, text, place=place)
 
 
-def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
-    """Targets and texts of the leaders for d and d_u; draws arrows too if they are long enough."""
+def _heights(view: View, here: _Set) -> list[tuple[Array, str]]:
+    """Targets and texts of the leaders for d and d_u."""
     shape, leaders = here.shape, []
     ends = (
         (here.above, -shape.s_upper, -shape.d_upper, shape.d_upper, "$d_u$"),
@@ -184,13 +184,7 @@ def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
     for centre, x, z, value, symbol in ends:
         if value == 0:
             continue
-        level = view.see(centre + np.array([x, 0.0, 0.0]))
-        end = view.see(centre + np.array([x, 0.0, z]))
-        if float(np.linalg.norm(end - level)) > 3 * HEAD:
-            _draw_extension(canvas, view.see(centre), level)
-            _draw_dimension(canvas, level, end, "")
-            end = (level + end) / 2
-        leaders.append((end, f"{symbol} = {length(value)}"))
+        leaders.append((view.see(centre + np.array([x, 0.0, z])), f"{symbol} = {length(value)}"))
     return leaders
 
 
@@ -249,8 +243,6 @@ def _draw_dimension(
         base = tip + sign * HEAD * along
         wings = [tip, base + 0.17 * HEAD * across, base - 0.17 * HEAD * across]
         canvas.polygon(wings, NOTE, "none", 0.0, ORDER)
-    if not text:
-        return
     inside, wide = span + min(clear, 0.0), text_width(text, SIZE)
     if inside > wide + 3 * HEAD:
         angle = (float(np.degrees(np.arctan2(along[1], along[0]))) + 89.999) % 180 - 89.999

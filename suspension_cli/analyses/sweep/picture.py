@@ -276,41 +276,36 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
     x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in (first, second))
     ends = [(one.min(), one.max()) if len(one) > 1 else None for one in (x, y)]
     across = Across(_parameter_label(first, 34), scaled[0], ends[0])
-    paint = partial(_draw_map, swept=swept, value=value, n=n)
+    finite = np.ma.masked_invalid(value.T)
+    low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
+    wide = _is_wide(value) and low > 0
+    smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
+    high = max(high, low + (abs(low) or 1.0) * 1e-9)
+    norm = LogNorm(low, high) if wide else Normalize(low, high)
+    drawn = [*zip(swept.axes, swept.drawn[:2], strict=False)]
+
+    def paint(axes: Axes) -> None:
+        axes.grid(visible=False)
+        axes.set_facecolor("#eeeeee")
+        how = {"shading": "gouraud" if smooth else "nearest", "rasterized": True}
+        axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
+        if smooth:
+            _draw_contours(axes, x, y, finite, norm)
+        beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
+        bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
+        bar.set_label(_axis_label(swept, n), fontsize=SMALL)
+        bar.ax.tick_params(labelsize=SMALL)
+        if wide:
+            scales.label_plainly(bar.ax.yaxis)
+        if all(min(axis.values) <= at <= max(axis.values) for axis, at in drawn):
+            here = [at * axis.displayed_unit[1] for axis, at in drawn]
+            axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
+            axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0)
+
     return Panel(
         _parameter_label(second, 34), (), 2.0, scaled[1], ends[1], _title(swept, n),
         across=across, paint=paint, right=0.88,
     )  # fmt: skip
-
-
-def _draw_map(
-    axes: Axes, swept: SweepResult, value: Float[np.ndarray, "column row"], n: int
-) -> None:
-    x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in swept.axes[:2])
-    finite = np.ma.masked_invalid(value.T)
-    low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
-    wide = _is_wide(value) and low > 0
-    if high <= low:
-        high = low + (abs(low) or 1.0) * 1e-9
-    norm = LogNorm(low, high) if wide else Normalize(low, high)
-    axes.grid(visible=False)
-    axes.set_facecolor("#eeeeee")
-    smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
-    how = {"shading": "gouraud" if smooth else "nearest", "rasterized": True}
-    axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
-    if smooth:
-        _draw_contours(axes, x, y, finite, norm)
-    beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
-    bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
-    bar.set_label(_axis_label(swept, n), fontsize=SMALL)
-    bar.ax.tick_params(labelsize=SMALL)
-    if wide:
-        scales.label_plainly(bar.ax.yaxis)
-    drawn = [*zip(swept.axes, swept.drawn[:2], strict=False)]
-    if all(min(axis.values) <= at <= max(axis.values) for axis, at in drawn):
-        here = [at * axis.displayed_unit[1] for axis, at in drawn]
-        axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
-        axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
 
 
 def _draw_contours(
