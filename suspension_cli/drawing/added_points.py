@@ -81,7 +81,7 @@ def add_points(
         if number >= SMOOTH:
             erratic |= large.mean(0) > 0.5
         gap = np.log(frequency[1:] / frequency[:-1])
-        wanted = (large & ~erratic).any(1)
+        wanted = np.logical_or.reduce(large & ~erratic, axis=1)
         if number < UNSEEN:  # a peak midway between two points changes neither
             size = np.abs(flat)
             top = ((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:])).any(1)

@@ -57,9 +57,9 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
     items = [n for n in range(len(found.name)) if np.isfinite(change[:, n]).any()]
     rows = np.arange(len(shown))
     lines = [Line(change[:, n], rows, found.name[n], *looks[n]) for n in items]
-    far = [float(end(change, initial=0.0)) for end in (np.nanmin, np.nanmax)]
-    ends = (end(change, axis=1, initial=0.0) for end in (np.nanmin, np.nanmax))
-    lines += panels.stems(*ends, PALE)
+    low, high = (end(change, axis=1, initial=0.0) for end in (np.nanmin, np.nanmax))
+    lines += panels.stems(low, high, PALE)
+    far = float(low.min(initial=0.0)), float(high.max(initial=0.0))
     room = 0.07 * (far[1] - far[0]) or 0.05
 
     panel = Panel(
