@@ -18,7 +18,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from suspension_cli.analyses.sweep.solve import ParameterSweep, evaluate_results, nearest_point
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.labels import label_ends, room_for
-from suspension_cli.drawing.panels import set_margins, write_heading
+from suspension_cli.drawing.panels import write_heading
 from suspension_cli.drawing.scales import rule
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save
 from suspension_cli.files.atomic import write_bytes
@@ -26,6 +26,7 @@ from suspension_cli.linear import mode_pairing, named_results
 from suspension_cli.models import closed_form
 from suspension_cli.models.closed_form import FourWires
 from suspension_cli.studies.job import Axis
+from tools.margins import set_margins
 from tools.tables import PAPER, ROOT
 
 POINTS = 301

@@ -25,6 +25,7 @@ from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
+from tools.margins import set_margins
 from tools.tables import PAPER, ROOT
 
 CASES = (1, 2, 3, 4)
@@ -188,7 +189,7 @@ def draw(stiffness: Array) -> Figure:
     """Draw frequencies against the stiffness of the frame, with those measured."""
     figure = new_figure(5.0, 4.0)
     axes = figure.subplots()
-    panels.set_margins(figure, right=labels.room_for(["case 1"]), bottom=0.45)
+    set_margins(figure, right=labels.room_for(["case 1"]), bottom=0.45)
     ends = []
     for case, colour in zip(COMPLIANT, PALETTE, strict=False):
         for mass, line in ((0.0, "-"), (FRAME_MASS, "--")):

@@ -12,8 +12,6 @@ from suspension_cli.cli import terminal
 from suspension_cli.cli.runner import Command
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from suspension_cli.analyses.analysis import Result
     from suspension_cli.design.reader import Source
 
@@ -73,6 +71,7 @@ def command(
     import_matplotlib()
     from suspension_cli.drawing.panels import limited
     from suspension_cli.drawing.style import encode
+    from suspension_cli.errors import InputError
     from suspension_cli.files.atomic import write_bytes
     from suspension_cli.files.hdf5 import open_results, reporting_damage
 
@@ -92,8 +91,10 @@ def command(
         with reporting_damage(result.source.file, "run the analysis again"):
             with limited(*limits):
                 figures = result.figures() or {"": result.plot()}  # refused if there is none
-            for figure in figures.values():
-                _set_limits(figure, *limits)
+            drawn = [any(axes.axison for axes in figure.axes) for figure in figures.values()]
+            if any(limits) and not all(drawn):
+                option = "--x" if limits[0] else "--y"
+                raise InputError.of(option, "this picture has no axes", "leave it out")
             pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
         # first, as it refuses damaged numbers that the picture leaves out
         written = labelled.write_csv(result, path) if as_csv else []
@@ -133,30 +134,3 @@ def _limits(option: str, text: str | None) -> tuple[float, float] | None:
         problem, remedy = "is not LOW:HIGH, two ascending numbers", "write for example 0.1:10"
         raise InputError.of(option, problem, remedy, format_value(text))
     return low, high
-
-
-def _set_limits(
-    figure: Figure, x: tuple[float, float] | None, y: tuple[float, float] | None
-) -> None:
-    """Set the limits of the axes of a figure.
-
-    Raises `InputError` for a figure without axes, or for a logarithmic axis that begins at 0.
-    """
-    from suspension_cli.errors import Fault, InputError, format_value
-
-    axes = [one for one in figure.axes if one.axison and one.get_xlabel() + one.get_ylabel()]
-    if not axes and (x or y):
-        raise InputError.of("--x" if x else "--y", "this picture has no axes", "leave it out")
-    first = next((one.get_xlabel() for one in axes if one.get_xlabel()), "")
-    alike = [one for one in axes if one.get_xlabel() in ("", first)]  # "": shared with one below
-    for option, given, those in (("--x", x, alike), ("--y", y, axes[:1])):
-        for one in those if given else ():
-            axis = one.xaxis if option == "--x" else one.yaxis
-            if given and given[0] <= 0 and axis.get_scale() == "log":
-                problem = "is not on this logarithmic axis"
-                fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
-                raise InputError([fault])
-            (one.set_xlim if option == "--x" else one.set_ylim)(*(given or ()))
-            if given and axis.get_scale() == "log" and 2 < given[1] / given[0] < 30:
-                axis.set_major_formatter("{x:g}")
-                axis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")

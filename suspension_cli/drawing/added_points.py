@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     """From frequencies in Hz to values there."""
 
 STEP = 0.5
-"""Largest change of log |H| or of its angle between neighbours."""
+"""Largest change of log H, complex, between neighbours."""
 NARROWEST = 1e-12
 """Relative distance of neighbours at which refinement ends, as at a pole or zero without loss."""
 QUARTERS = np.array([0.25, 0.5, 0.75])
@@ -28,9 +28,9 @@ MOST = 18
 """Largest number of passes."""
 UNSEEN = 2
 """First passes, in which intervals beside local maxima are always divided."""
-GROWTH = 2.0
-"""Growth of the total variation of a curve in a pass above which its values are rounding errors,
-and it is not refined any more: that of a smooth curve does not grow."""
+SMOOTH = 3
+"""Passes after which a curve that still changes much in most intervals is one of rounding errors,
+and is not refined any more."""
 
 
 def add_points(
@@ -72,21 +72,18 @@ def add_points(
     inside = modes[(modes > frequency[0]) & (modes < frequency[-1])]
     beside = inside[:, None] * (1 + np.array([-3e-3, -3e-4, -1e-5, 0.0, 1e-5, 3e-4, 3e-3]))
     frequency, value = _insert(solve, frequency, value, beside.ravel())
-    last, erratic = np.inf, np.zeros(value[0].shape[:-1] if sums else value[0].size, dtype=bool)
+    erratic = np.zeros(value[0].shape[:-1] if sums else value[0].size, dtype=bool)
     for number in range(MOST if few else 0):
         flat = np.sqrt((value**2).sum(-1)) if sums else value.reshape(len(value), -1)
-        size = np.maximum(np.abs(flat), np.finfo(float).tiny)
-        direction = flat / size
-        turn = np.angle(direction[1:] * direction[:-1].conj())
-        change = np.maximum(np.abs(np.diff(np.log(size), axis=0)), np.abs(turn))
-        change = np.where((flat[1:] == 0) | (flat[:-1] == 0), 0.0, change)
-        variation, large = change.sum(0), change > STEP
-        if number >= UNSEEN:
-            erratic |= (variation > GROWTH * last) & (large.mean(0) > 0.5)
-        last = variation
+        with np.errstate(all="ignore"):  # real part: of log |H|, imaginary part: of the angle
+            change = np.log(flat[1:].astype(complex) / flat[:-1])
+        large = np.isfinite(change) & (np.abs(change) > STEP)
+        if number >= SMOOTH:
+            erratic |= large.mean(0) > 0.5
         gap = np.log(frequency[1:] / frequency[:-1])
         wanted = np.logical_or.reduce(large & ~erratic, axis=1)
         if number < UNSEEN:  # a peak midway between two points changes neither
+            size = np.abs(flat)
             top = ((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:])).any(1)
             wanted[:-1] |= top
             wanted[1:] |= top

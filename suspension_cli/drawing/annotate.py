@@ -12,9 +12,9 @@ from suspension_cli.design.derive import SetGeometry, set_geometry
 from suspension_cli.design.schema import Stage
 from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.geometry import Sketch, View, wire_ends
-from suspension_cli.drawing.labels import spread, text_width
+from suspension_cli.drawing.labels import spread
 from suspension_cli.drawing.parts import support_box
-from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line
+from suspension_cli.drawing.style import NOTE, PALE, length, shorten, single_line, text_width
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ ORDER = 7.0
 """Order of dimensions on the canvas: above everything else."""
 LEAST_ROOM = 0.25
 """Free height between two bodies that is enough for one dimension line, in."""
-MOST_CLEARANCE = 0.4
-"""Largest distance of a wire from its length's dimension line, in."""
+CLEARANCE = 0.17
+"""Distance of a wire from its length's dimension line, in."""
 LINE = 0.115
 """Height of a line of small text, in."""
 MANY = 12
@@ -73,8 +73,6 @@ class _Set:
         The two COMs, m.
     top, bottom
         Bounds in z of the free space between the bodies, m.
-    halves : (float, float)
-        Half widths in y of the two bodies, m; 0 for the support.
     """
 
     shape: SetGeometry
@@ -82,7 +80,6 @@ class _Set:
     below: Array
     top: float
     bottom: float
-    halves: tuple[float, float]
 
 
 def draw_dimensions(canvas: Canvas, plan: Plan) -> None:
@@ -96,7 +93,7 @@ def draw_dimensions(canvas: Canvas, plan: Plan) -> None:
         if plan.face.scale * (here.top - here.bottom) >= LEAST_ROOM:
             _separations(canvas, plan, here)
         _wire_length(canvas, plan, here)
-        labels += _heights(canvas, plan.side, here) if len(parents) <= MANY else []
+        labels += _heights(plan.side, here) if len(parents) <= MANY else []
     levels = spread([float(target[1]) for target, _ in labels], LINE)
     for (target, text), y in zip(labels, levels, strict=True):
         canvas.line([[plan.left + 0.02, y], [plan.left + 0.1, y], target], NOTE, 0.4, ORDER - 0.1)
@@ -115,50 +112,35 @@ def _parent(sketch: Sketch, number: int, stage: Stage) -> int:
 
 def _set(sketch: Sketch, shape: SetGeometry, parent: int, number: int) -> _Set:
     above, below = sketch.scene.bodies.position[[parent, number]]
-    upper = sketch.outlines[parent - 1].half if parent else np.zeros(3)
-    lower = sketch.outlines[number - 1].half
-    top = float(above[2]) - max(shape.d_upper, float(upper[2]))
-    bottom = float(below[2]) + max(shape.d, float(lower[2]))
-    return _Set(shape, above, below, top, bottom, (float(upper[1]), float(lower[1])))
+    upper = float(sketch.outlines[parent - 1].half[2]) if parent else 0.0
+    top = float(above[2]) - max(shape.d_upper, upper)
+    bottom = float(below[2]) + max(shape.d, float(sketch.outlines[number - 1].half[2]))
+    return _Set(shape, above, below, top, bottom)
 
 
 def _separations(canvas: Canvas, plan: Plan, here: _Set) -> None:
-    """Draw s in the side view, t1 and t2 in the face view, in the space between the bodies."""
+    """Draw s in the side view, t1 and t2 in the face view, from the axis, between the bodies.
+
+    Extension lines lead to the ends of the wires; text outside avoids the wires. Equal separations
+    at both ends are drawn as one.
+    """
     shape = here.shape
     if shape.count == 1 or shape.is_ring:
         return
-    symbols = ("$t_1$", "$t_2$", "$t_1$ = $t_2$")
-    _pair(canvas, plan.face, here, 1, (shape.t1, shape.t2), symbols)
+    top, bottom = float(here.above[2]) - shape.d_upper, float(here.below[2]) + shape.d
+    pairs = [(plan.face, 1, shape.t1, shape.t2, ("$t_1$", "$t_2$", "$t_1$ = $t_2$"))]
     if shape.count == 4:
-        halves = shape.s_upper, shape.s_lower
-        _pair(canvas, plan.side, here, 0, halves, ("$s$", "$s$", "$s$"))
-
-
-def _pair(
-    canvas: Canvas,
-    view: View,
-    here: _Set,
-    axis: int,
-    halves: tuple[float, float],
-    symbols: tuple[str, str, str],
-) -> None:
-    """Draw the half separations at the upper and lower ends, from the axis; equal ones as one.
-
-    Extension lines lead to the ends of the wires; text outside avoids the wires.
-    """
-    upper, lower = halves
-    top, bottom = float(here.above[2]) - here.shape.d_upper, float(here.below[2]) + here.shape.d
-    room = view.scale * (here.top - here.bottom)
-    inset = min(0.16, room / 3) / view.scale
-    if upper == lower:
-        middle = (here.top + here.bottom) / 2
-        shown = [(middle, middle, upper, symbols[2])]
-    else:
+        pairs.append((plan.side, 0, shape.s_upper, shape.s_lower, ("$s$", "$s$", "$s$")))
+    for view, axis, upper, lower, symbols in pairs:
+        room = view.scale * (here.top - here.bottom)
+        inset = min(0.16, room / 3) / view.scale
         shown = [(here.top - inset, top, upper, symbols[0])]
-        if room > 2 * LEAST_ROOM or upper == 0:
+        if upper == lower:
+            middle = (here.top + here.bottom) / 2
+            shown = [(middle, middle, upper, symbols[2])]
+        elif room > 2 * LEAST_ROOM or upper == 0:
             shown.append((here.bottom + inset, bottom, lower, symbols[1]))
-    for level, end, half, symbol in shown:
-        if half:
+        for level, end, half, symbol in (one for one in shown if one[2]):
             points = np.tile([*here.below[:2], level], (3, 1))
             points[1:, axis] += half
             points[2, 2] = end
@@ -181,25 +163,19 @@ def _wire_length(canvas: Canvas, plan: Plan, here: _Set) -> None:
     lower = view.see(here.below + np.array([0.0, -shape.t2, shape.d]))
     span = lower - upper
     size = float(np.linalg.norm(span))
-    # clear of both bodies if these are near
-    ends = zip(here.halves, (shape.t1, shape.t2), strict=True)
-    wanted = [0.17, *(view.scale * (half - t) + 0.13 for half, t in ends)]
-    clearance = max(value for value in wanted if value <= MOST_CLEARANCE)
-    out = clearance * np.array([span[1], -span[0]]) / size
-    texts = [f"$l$ = {length(shape.length)}", length(shape.length)]
-    fitting = [text for text in texts if text_width(text, SIZE) + 3 * HEAD < size]
-    if fitting:
-        room = view.scale * (top - here.bottom)
-        free_of_bodies = [text for text in fitting if text_width(text, SIZE) < room]
+    out = CLEARANCE * np.array([span[1], -span[0]]) / size
+    text, room = f"$l$ = {length(shape.length)}", view.scale * (top - here.bottom)
+    if text_width(text, SIZE) > max(room, 0.15):
+        text = length(shape.length)
+    if text_width(text, SIZE) + 3 * HEAD < size:
         _draw_extension(canvas, upper, upper + out)
         _draw_extension(canvas, lower, lower + out)
         place = float((free - lower[1] - out[1]) / (upper[1] - lower[1] or 1.0))
-        text = (free_of_bodies or fitting)[0]
         _draw_dimension(canvas, lower + out, upper + out, text, place=place)
 
 
-def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
-    """Targets and texts of the leaders for d and d_u; draws arrows too if they are long enough."""
+def _heights(view: View, here: _Set) -> list[tuple[Array, str]]:
+    """Targets and texts of the leaders for d and d_u."""
     shape, leaders = here.shape, []
     ends = (
         (here.above, -shape.s_upper, -shape.d_upper, shape.d_upper, "$d_u$"),
@@ -208,13 +184,7 @@ def _heights(canvas: Canvas, view: View, here: _Set) -> list[tuple[Array, str]]:
     for centre, x, z, value, symbol in ends:
         if value == 0:
             continue
-        level = view.see(centre + np.array([x, 0.0, 0.0]))
-        end = view.see(centre + np.array([x, 0.0, z]))
-        if float(np.linalg.norm(end - level)) > 3 * HEAD:
-            _draw_extension(canvas, view.see(centre), level)
-            _draw_dimension(canvas, level, end, "")
-            end = (level + end) / 2
-        leaders.append((end, f"{symbol} = {length(value)}"))
+        leaders.append((view.see(centre + np.array([x, 0.0, z])), f"{symbol} = {length(value)}"))
     return leaders
 
 
@@ -273,8 +243,6 @@ def _draw_dimension(
         base = tip + sign * HEAD * along
         wings = [tip, base + 0.17 * HEAD * across, base - 0.17 * HEAD * across]
         canvas.polygon(wings, NOTE, "none", 0.0, ORDER)
-    if not text:
-        return
     inside, wide = span + min(clear, 0.0), text_width(text, SIZE)
     if inside > wide + 3 * HEAD:
         angle = (float(np.degrees(np.arctan2(along[1], along[0]))) + 89.999) % 180 - 89.999
@@ -346,14 +314,11 @@ def write_numbers(canvas: Canvas, plan: Plan) -> None:
         return
     for view in (plan.side, plan.face):
         middle = view.see(wire_ends(sketch.scene, sketch.pose).mean(1))
-        groups: list[tuple[Array, list[str]]] = []
+        groups: dict[tuple[float, ...], list[str]] = {}
         for where, label in zip(middle, sketch.scene.wires.label, strict=True):
             stage, _, number = label.rpartition(".")
             if stage in explicit:
-                near = (own for place, own in groups if (np.abs(place - where) < LINE).all())
-                own = next(near, None)
-                if own is None:
-                    groups.append((where, own := []))
-                own.append(number)
-        for where, numbers in groups:
+                near = (place for place in groups if (np.abs(where - place) < LINE).all())
+                groups.setdefault(next(near, tuple(where.tolist())), []).append(number)
+        for where, numbers in groups.items():
             write_note(canvas, where, shorten(", ".join(dict.fromkeys(numbers)), 12))

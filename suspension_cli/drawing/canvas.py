@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from suspension_cli.drawing import style
 from suspension_cli.scene.arrays import Array
@@ -17,6 +18,8 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.typing import ColorType, LineStyleType
     from numpy.typing import ArrayLike
+
+HATCH = 5 * "/"
 
 
 class Canvas:
@@ -51,6 +54,15 @@ class Canvas:
     ) -> None:
         """Add a line (p, 2) of a width in points."""
         self._lines[order, dashes].append((np.asarray(points), colour, width))
+
+    def hatch(
+        self, corner: ArrayLike, opposite: ArrayLike, colour: ColorType, order: float
+    ) -> None:
+        """Hatch a rectangle between two opposite corners."""
+        (left, foot), (right, top) = np.asarray(corner), np.asarray(opposite)
+        look: Any = {"hatch": HATCH, "edgecolor": colour, "facecolor": "none", "linewidth": 0.0}
+        box = Rectangle((left, foot), right - left, top - foot, zorder=order, clip_on=False, **look)
+        self.axes.add_artist(box)
 
     def text(self, x: float, y: float, text: str, **look: Any) -> None:
         """Draw text at a point of the axes, not clipped by them."""

@@ -49,14 +49,12 @@ KEY = 0.12
 """Height of a line of the key, in."""
 LOWEST = 4.0
 """Height of the views that long tables leave to them, in."""
-LARGEST_SHIFT = 0.1
+LARGEST_SHIFT = 0.15
 """Largest displacement by imperfections, as a fraction of the suspension's size."""
-LARGEST_ANGLE = 0.3
-"""Largest rotation by imperfections, rad."""
 FACTORS = tuple(m * 10.0**n for n in range(-2, 9) for m in (1, 2, 5))
 """Factors of exaggeration; below 1 where imperfections are larger than a drawing can show."""
 NOTHING = 1e-12
-"""Displacement over the suspension's size, or rotation in rad, below which nothing is drawn."""
+"""Displacement over the suspension's size below which nothing is drawn."""
 
 
 def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
@@ -147,16 +145,11 @@ def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
         ]
         for normal in still
     }
-    shift = turn = NOTHING
-    for normal, lines in still.items():
-        for line, moved in zip(lines, change[normal], strict=True):
-            shift = max(shift, float(np.abs(moved.mean(0)).max()) / sketch.size)
-            if line.kind == "body":
-                turn = max(turn, _spread(moved) / _spread(line.points))
-    if max(shift, turn) <= NOTHING:
+    moved = np.concatenate([line for lines in change.values() for line in lines])
+    largest = float(np.abs(moved).max()) / sketch.size
+    if largest <= NOTHING:
         return still, None
-    largest = min(LARGEST_SHIFT / shift, LARGEST_ANGLE / turn)
-    factor = max((one for one in FACTORS if one <= largest), default=FACTORS[0])
+    factor = max((one for one in FACTORS if one * largest <= LARGEST_SHIFT), default=FACTORS[0])
     return {
         normal: [
             replace(line, points=line.points + factor * moved)
@@ -164,11 +157,6 @@ def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
         ]
         for normal, lines in still.items()
     }, factor
-
-
-def _spread(points: Array) -> float:
-    """Largest distance of points (p, 3) from their middle along an axis."""
-    return float(np.abs(points - (points.min(0) + points.max(0)) / 2).max())
 
 
 def _bounds(sketch: Sketch, shown: Strokes) -> tuple[Array, Array]:
@@ -182,9 +170,9 @@ def _views(canvas: Canvas, plan: Plan, shown: Strokes, *, is_displaced: bool) ->
     """Draw the suspension in both views, and its dimensions, names and numbers."""
     sketch, scene = plan.sketch, plan.sketch.scene
     colours = tuple(style.stage_colours(scene.bodies.name).values())
-    look = Look(colours, tuple(style.with_opacity(colour, 0.13) for colour in colours), INK, 0.9, 2)
+    look = Look(colours, tuple((colour, 0.13) for colour in colours), INK, 0.9, 2)
     grey = (PALE,) * len(colours)
-    still = Look(grey, (style.with_opacity(PALE, 0.2),) * len(colours), PALE, 0.9, 1)
+    still = Look(grey, ((PALE, 0.2),) * len(colours), PALE, 0.9, 1)
     flawed = dict.fromkeys(item.wire for item in sketch.design.perturbation if item.wire)
     for view in (plan.side, plan.face):
         parts.draw_support(canvas, view, sketch)

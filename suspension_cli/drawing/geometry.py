@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,8 @@ LARGEST_BEND = 0.06
 """Largest deflection of a blade, as a fraction of the suspension's size."""
 SMALLEST = 0.012
 """Least half extent of a body that can be seen, relative to the size of the suspension."""
+FILTER_BLADES = ".blades"
+"""End of the label of the spring that stands for the blades of a filter."""
 ROUND = 97
 """Points on a circle, the first one included twice."""
 
@@ -72,6 +75,8 @@ SIDE = View("side on", 1, np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 """x to the right, z up."""
 FACE = View("face on", 0, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
 """y to the right, z up."""
+ABOVE = View("from above", 2, np.array([[0.0, 1.0, 0.0], [-0.5, 0.0, 1.0]]))
+"""y to the right, x towards the reader at half scale; each body at its own height."""
 
 
 @dataclass(frozen=True)
@@ -165,20 +170,6 @@ def suspension_size(scene: Scene) -> float:
     extent = np.ptp(np.concatenate([position, ends]), axis=0) * (0.5, 0.5, 1.0)
     gyration = np.sqrt(np.trace(scene.bodies.inertia, axis1=-2, axis2=-1) / scene.bodies.mass)
     return float(max(extent.max(), gyration.max()))
-
-
-def from_above(scene: Scene, outlines: list[Outline]) -> View:
-    """Make a view of every body in plan (y to the right, x towards the reader), at its own height.
-
-    No body hides another. If the bodies are too close in height, plans are compressed in x, to half
-    at most.
-    """
-    depth = 2 * max(float(body.half[0]) for body in outlines)
-    gaps = np.diff(np.sort(scene.bodies.position[1:, 2]))
-    # bodies side by side, or one around another, cannot be separated in this way
-    gap = gaps[gaps > 0.3 * depth].min(initial=np.inf)
-    flat = float(np.clip(gap / (1.2 * depth), 0.5, 1.0))
-    return View("from above", 2, np.array([[0.0, 1.0, 0.0], [-flat, 0.0, 1.0]]))
 
 
 def position_of(scene: Scene, pose: Pose, body: ArrayLike, point: ArrayLike) -> Array:
@@ -354,12 +345,27 @@ def _springs(sketch: Sketch) -> Iterator[Stroke]:
         if label in curves:
             yield Stroke("link", curves[label], grounded=grounded)
             continue
+        if label.endswith(FILTER_BLADES):
+            yield from _filter_leaves(sketch, n, ends[n, 1])
+            continue
         held = position_of(scene, pose, body, np.zeros(3))
         if body == 0:
             held = np.array([*ends[n, 0, :2], held[2]])
         points = ends[n] if grounded else np.vstack([held, ends[n]])
         kind = "damper" if label.endswith(".damper") else "spring"
         yield Stroke(kind, points, grounded=grounded)
+
+
+def _filter_leaves(sketch: Sketch, number: int, tip: Array) -> Iterator[Stroke]:
+    """Blades of a filter, schematic: four arcs from its rim to the tip on its keystone (3,), m."""
+    body = int(sketch.scene.springs.upper[number])
+    along = np.linspace(0, 1, 13)[:, None]
+    for axis, sign in product((0, 1), (1.0, -1.0)):
+        rim = sketch.scene.springs.upper_point[number].copy()
+        rim[axis] = sign * 0.85 * sketch.outlines[body - 1].half[axis]
+        root = position_of(sketch.scene, sketch.pose, body, rim)
+        rise = along * (1 - along) * [0.0, 0.0, 0.5 * np.linalg.norm((tip - root)[:2])]
+        yield Stroke("blade", root + along * (tip - root) + rise)
 
 
 def _link_curves(sketch: Sketch) -> Iterator[tuple[str, Array]]:

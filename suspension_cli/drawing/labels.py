@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import RendererAgg
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from scipy.optimize import isotonic_regression
 
 from suspension_cli.drawing.curves import find_peaks, find_slopes
-from suspension_cli.drawing.style import INK, NOTE, RC, format_raised, shorten, single_line
-from suspension_cli.scene.arrays import Array
+from suspension_cli.drawing.style import (
+    INK,
+    NOTE,
+    SMALL,
+    format_raised,
+    shorten,
+    single_line,
+    text_width,
+)
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from numpy.typing import ArrayLike
 
-_RENDERER = RendererAgg(1, 1, 72)
+    from suspension_cli.scene.arrays import Array
 
-SMALL = 7.5
-"""Font size of labels, points."""
 LIFT = 0.1
 """Height above axes at which the frequencies of peaks stand, in."""
 FARTHEST = 2.5
@@ -35,18 +37,8 @@ MOST_PEAKS = 12
 """Largest number of labels of peaks."""
 SIDES = np.array([(1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1)])
 """Directions of a label from its point (x, y), the best first."""
-REACHES = np.array([3.5, 8.0, 14.0, 22.0, 32.0, 44.0, 58.0, 75.0, 95.0])
+REACHES = (3.5, 8.0, 14.0, 22.0, 32.0, 44.0, 58.0, 75.0, 95.0)
 """Distances of a label from its point, points; from the second on a line leads to it."""
-ON_LABEL, ON_POINT, CROSSED, OUTSIDE, FAR = 60.0, 25.0, 20.0, 200.0, 0.25
-"""Cost of a place per label or point that it covers, for crossing leaders, for leaving the frame,
-and per point (1/72 in) of distance."""
-
-
-@cache
-def text_width(text: str, size: float = SMALL) -> float:
-    """Width of a line of text, in."""
-    font = FontProperties(family=RC["font.family"], size=size)
-    return _RENDERER.get_text_width_height_descent(text, font, ismath="$" in text)[0] / 72
 
 
 def widest(texts: Sequence[str], size: float = SMALL) -> float:
@@ -204,63 +196,36 @@ def label_points(
     texts: Sequence[str],
     colours: Sequence[str],
     size: float = SMALL,
-    marks: Sequence[Sequence[float]] = (),
     pad: float = 0.0,
 ) -> list[Text]:
-    """Label points, each where it covers fewest labels, points and leaders.
+    """Label points (x, y), from the left, at the nearest place beside each that is free.
 
-    Parameters
-    ----------
-    axes
-        With final limits and position in the figure.
-    points, marks : sequence of (x, y)
-        Points to label, and further ones to keep clear of, in data coordinates.
-    size
-        Font size, points.
-    pad
-        Room around each text, points.
+    The axes have their limits and place. `pad` is the room around each text, points.
     """
-    if not len(points):
-        return []
     pixel = axes.figure.dpi / 72
-
-    def see(values: ArrayLike) -> Float[np.ndarray, "point 2"]:
-        return axes.transData.transform(np.reshape(values, (-1, 2)).astype(float)) / pixel
-
-    where, frame = see(points), np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel
-    dots = np.unique([*where, *see([*marks])], axis=0)[:, None] + np.array([[-3.0], [3.0]])
-    labels = leaders = np.zeros((0, 2, 2))
-    reach, sides = np.repeat(REACHES, len(SIDES)), np.tile(SIDES, (len(REACHES), 1))
-    result: dict[int, Text] = {}
-    # from the left, so that a row of points fills from one side
+    frame = np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel
+    where = axes.transData.transform(np.reshape(points, (-1, 2)).astype(float)) / pixel
+    taken = [np.stack([dot - 3.0, dot + 3.0]) for dot in where]
+    found: dict[int, Text] = {}
     for n in np.lexsort((where[:, 1], where[:, 0])).tolist():
         half = np.array([36 * text_width(texts[n], size), 0.58 * size]) + pad
-        shift = sides * (half + reach[:, None] * (1.0, 0.55))
-        boxes = (where[n] + shift)[:, None] + np.stack([-half, half])
-        edge = np.clip(where[n], boxes[:, 0], boxes[:, 1])
-        leads = where[n] + np.linspace(0.0, 1.0, 16)[:, None] * (edge - where[n])[:, None]
-        leads = np.stack([leads, leads], axis=2)
-        other = dots[np.abs(dots.mean(1) - where[n]).max(1) > 4.0]
-        cost = FAR * reach + 0.05 * np.tile(np.arange(len(SIDES)), len(REACHES))
-        cost += ON_LABEL * _overlaps(boxes, labels) + ON_POINT * _overlaps(boxes, other)
-        crossed = _overlaps(leads, np.concatenate([labels, other])).any(1) & (reach > REACHES[0])
-        cost += CROSSED * (_overlaps(boxes, leaders) + crossed)
-        cost += OUTSIDE * ((boxes[:, 0] < frame[0]) | (boxes[:, 1] > frame[1])).any(1)
-        best = int(cost.argmin())
-        labels = np.concatenate([labels, boxes[best, None] + np.array([[-3.0, -1.0], [3.0, 1.0]])])
-        if reach[best] > REACHES[0]:
-            leaders = np.concatenate([leaders, leads[best]])
-            ends = axes.transData.inverted().transform(leads[best, [0, -1], 0] * pixel)
-            axes.plot(*ends.T, color=NOTE, lw=0.4, zorder=2, scalex=False, scaley=False)
+        places = [side * (half + reach) for reach in REACHES for side in SIDES]
+        boxes = [np.stack([where[n] + place - half, where[n] + place + half]) for place in places]
+        best = next((k for k, box in enumerate(boxes) if _is_free(box, taken, n, frame)), 0)
+        taken.append(boxes[best])
         look = {"textcoords": "offset points", "ha": "center", "va": "center", "zorder": 5}
         look |= {"fontsize": size, "color": colours[n]}
-        text = axes.annotate(str(texts[n]), tuple(points[n]), shift[best], **look)
+        if best >= len(SIDES):
+            look["arrowprops"] = {"arrowstyle": "-", "color": NOTE, "lw": 0.4, "shrinkB": 0.0}
+        text = axes.annotate(str(texts[n]), tuple(points[n]), places[best], **look)
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
-        result[n] = text
-    return [result[n] for n in range(len(texts))]
+        found[n] = text
+    return [found[n] for n in range(len(texts))]
 
 
-def _overlaps(boxes: Array, others: Array) -> Array:
-    """Number of boxes (k, 2, 2) that each box (..., 2, 2) overlaps; each has two corners."""
-    apart = (boxes[..., None, 0, :] >= others[:, 1]) | (others[:, 0] >= boxes[..., None, 1, :])
-    return (~apart.any(-1)).sum(-1)
+def _is_free(box: Array, taken: Sequence[Array], own: int, frame: Array) -> bool:
+    """Whether a box (2, 2) of two corners lies in a frame and on nothing but its own point."""
+    others = np.array([other for n, other in enumerate(taken) if n != own]).reshape(-1, 2, 2)
+    apart = (box[0] >= others[:, 1]) | (others[:, 0] >= box[1])
+    inside = (box[0] >= frame[0]).all() and (box[1] <= frame[1]).all()
+    return bool(inside and apart.any(-1).all())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
@@ -13,20 +13,24 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
 from suspension_cli.drawing import curves, labels, scales
-from suspension_cli.drawing.labels import SMALL, text_width, widest
+from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
+    SMALL,
     LineLook,
     add_axes,
     figure_of,
     house_style,
     new_figure,
     single_line,
+    text_width,
     write_text,
 )
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -64,7 +68,7 @@ ERROR = "#9aa1a8"
 _WIDTH = ContextVar("_WIDTH", default=COLUMN)
 Limits = tuple[float, float] | None
 _LIMITS: ContextVar[tuple[Limits, Limits]] = ContextVar("_LIMITS", default=(None, None))
-Scale = Literal["linear", "log", "db", "phase"]
+Scale = Literal["linear", "log", "db", "phase", "signed"]
 
 
 @dataclass(frozen=True)
@@ -84,11 +88,15 @@ class Line:
 
 @dataclass(frozen=True)
 class Across:
-    """Horizontal axis; by default its limits are those of the lines."""
+    """Horizontal axis; by default its limits are those of the lines, and its ticks round numbers.
+
+    A "signed" scale is logarithmic on both sides of 0 where values are large.
+    """
 
     label: str = "frequency (Hz)"
     scale: Scale = "log"
     limits: tuple[float, float] | None = None
+    ticks: Mapping[float, str] = field(default_factory=dict)
 
 
 FREQUENCY = Across()
@@ -96,7 +104,10 @@ FREQUENCY = Across()
 
 @dataclass(frozen=True)
 class Rule:
-    """Line across a panel, with a text at its end; an arrow at the edge if it is far outside."""
+    """Line across a panel, with a text at its end; an arrow at the edge if it is far outside.
+
+    With another end `to`, it is a band without text.
+    """
 
     at: float
     text: str = ""
@@ -105,6 +116,7 @@ class Rule:
     dashes: LineStyleType = (0, (4, 2))
     is_named: bool = True
     """Whether the text is shown also where the line is."""
+    to: float | None = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +143,8 @@ class Panel:
         Own horizontal axis; None for that of the next panel below which has one.
     rows
         Names of rows, from the top down, instead of a vertical axis.
+    beside
+        Texts of rows, right of the axes.
     paint
         Draws what is no line, on axes that have their limits.
     empty
@@ -156,6 +170,7 @@ class Panel:
     rules: Sequence[Rule] = ()
     across: Across | None = None
     rows: Sequence[str] = ()
+    beside: Sequence[str] = ()
     paint: Callable[[Axes], None] | None = None
     empty: str = ""
     left: float | None = None
@@ -174,8 +189,20 @@ class Panel:
         """Margins left and right, in."""
         left = max(0.24 + widest(self.rows), 0.3) if self.rows else LEFT
         names = [one.name for one in self.lines if named(one)] if self.ends else []
-        right = labels.room_for(names)
+        right = 0.15 + widest(self.beside) if self.beside else labels.room_for(names)
         return left if self.left is None else self.left, right if self.right is None else self.right
+
+
+def stems(start: ArrayLike, end: ArrayLike, colour: str, width: float = 0.8) -> list[Line]:
+    """Make lines of a width in points along rows, from the start to the end of each."""
+    ends = np.stack(np.broadcast_arrays(start, end), axis=1)
+    look: LineLook = {"linewidth": width, "zorder": 1.5, "solid_capstyle": "butt"}
+    return [Line(pair, [row, row], "_", colour, look) for row, pair in enumerate(ends)]
+
+
+def dashes_of(colours: Sequence[str]) -> list[LineStyleType]:
+    """Choose dashes by which lines of one colour differ."""
+    return [DASHES[colours[:n].count(own) % len(DASHES)] for n, own in enumerate(colours)]
 
 
 def named(line: Line) -> bool:
@@ -268,7 +295,7 @@ def draw(
                 axes.tick_params(which="both", labelbottom=owner[n] == n)
                 axis = rows[owner[n]][min(k, len(rows[owner[n]]) - 1)].across or across
                 alike = axis.label == (rows[owner[0]][0].across or across).label
-                panel, axis = _limit(place.panel, axis, first=n == k == 0, alike=alike)
+                panel, axis = _apply_limits(place.panel, axis, first=n == k == 0, alike=alike)
                 beside = [one[k] for one in group if k < len(one)]
                 _draw_panel(axes, panel, axis, beside, is_lowest=owner[n] == n)
                 _write_above(figure, place)
@@ -338,12 +365,8 @@ def _draw_panel(
     if panel.scale == "log":
         scales.label_plainly(axes.yaxis)
     drawn = [_draw_line(axes, line, panel.scale) for line in panel.lines]
-    if panel.rows:
-        axes.set_yticks(range(len(panel.rows)), [*panel.rows])
-        axes.set_ylim(len(panel.rows) - 0.5, -0.5)
-        axes.tick_params(axis="y", length=0)
-        axes.grid(visible=False, axis="y")
-    _limit_across(axes, axis, group)
+    _name_rows(axes, panel)
+    _scale_across(axes, axis, group)
     _limit_upright(axes, panel, drawn)
     if panel.paint:
         panel.paint(axes)
@@ -408,18 +431,34 @@ def _ordinates(values: Array, scale: Scale) -> Array:
     return 20 * np.log10(size) if scale == "db" else size
 
 
-def _limit(panel: Panel, axis: Across, *, first: bool, alike: bool) -> tuple[Panel, Across]:
-    """Apply the limits of `limited` where they are possible."""
+def _apply_limits(panel: Panel, axis: Across, *, first: bool, alike: bool) -> tuple[Panel, Across]:
+    """Apply the limits of `limited` to the axes that they are about."""
     x, y = _LIMITS.get()
-    if x and alike and (x[0] > 0 or axis.scale != "log"):
+    for option, given, scale in (("--x", x, axis.scale), ("--y", y, panel.scale)):
+        if given and given[0] <= 0 and scale == "log" and (alike if given is x else first):
+            problem = "is not on this logarithmic axis"
+            fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
+            raise InputError([fault])
+    if x and alike:
         axis = replace(axis, limits=x)
-    if y and first and (y[0] > 0 or panel.scale != "log"):
-        panel = replace(panel, limits=y)
-    return panel, axis
+    return replace(panel, limits=y) if y and first else panel, axis
 
 
-def _limit_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:
-    """Limit the horizontal axis to the lines of all panels that share it."""
+def _name_rows(axes: Axes, panel: Panel) -> None:
+    """Write the names of rows left of axes, and their texts on the right."""
+    if panel.rows:
+        axes.set_yticks(range(len(panel.rows)), [*panel.rows])
+        axes.set_ylim(len(panel.rows) - 0.5, -0.5)
+        axes.tick_params(axis="y", length=0)
+        axes.grid(visible=False, axis="y")
+    for row, text in enumerate(panel.beside):
+        look = {"fontsize": SMALL, "va": "center", "annotation_clip": False}
+        place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+        axes.annotate(text, (1, row), (4, 0), **place, **look)
+
+
+def _scale_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:
+    """Scale the horizontal axis; by default to the lines of all panels that share it."""
     if axis.limits is not None:
         axes.set_xlim(*axis.limits)
     elif not any(one.rows for one in group):
@@ -427,6 +466,11 @@ def _limit_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:
         x = x[np.isfinite(x) & ((x > 0) | (axis.scale != "log"))]
         if len(x) and x.min() < x.max():
             axes.set_xlim(x.min(), x.max())
+    if axis.scale == "signed":
+        scales.label_signed(axes)
+    if axis.ticks:
+        axes.set_xticks([*axis.ticks], [*axis.ticks.values()])
+        axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _limit_upright(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]]) -> None:
@@ -488,6 +532,10 @@ def _label_peaks(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]])
 
 def _draw_rule(axes: Axes, one: Rule) -> None:
     """Draw a line across; the axes are extended to it, or have its text with an arrow."""
+    if one.to is not None:
+        draw_band = axes.axvspan if one.vertical else axes.axhspan
+        draw_band(one.at, one.to, color=one.colour, alpha=0.45, linewidth=0, zorder=0.5)
+        return
     axis = axes.xaxis if one.vertical else axes.yaxis
     limit = axes.set_xlim if one.vertical else axes.set_ylim
     transform = axis.get_transform()
@@ -495,7 +543,8 @@ def _draw_rule(axes: Axes, one: Rule) -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         at = float(transform.transform(np.array([one.at]))[0])
     room, span = 0.05 * (high - low), high - low
-    if not low <= at <= high and low - REACH * span <= at <= high + REACH * span:
+    fixed = _LIMITS.get()[0 if one.vertical else 1]
+    if not (fixed or low <= at <= high) and low - REACH * span <= at <= high + REACH * span:
         low, high = min(low, at - room), max(high, at + room)
         limit(*transform.inverted().transform(np.array([low, high])))
     look = {"color": one.colour, "fontsize": SMALL, "textcoords": "offset points"}
@@ -544,17 +593,3 @@ def write_heading(figure: Figure, quantity: str, design: str) -> None:
     across = figure.get_figwidth()
     write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
     write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
-
-
-def set_margins(
-    figure: Figure,
-    left: float = LEFT,
-    right: float = 0.15,
-    top: float = HEAD + 0.08,
-    bottom: float = 0.45 + FOOT,
-    **between: float,
-) -> None:
-    """Set the margins of a figure in inches; `between` are `wspace` and `hspace`."""
-    across, up = figure.get_size_inches()
-    ends = {"left": left / across, "right": 1 - right / across}
-    figure.subplots_adjust(**ends, top=1 - top / up, bottom=bottom / up, **between)

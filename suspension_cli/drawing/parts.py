@@ -127,10 +127,9 @@ def _draw_spring(
 
 def _draw_foot(canvas: Canvas, point: Array, unit: float, look: Look) -> None:
     """Draw the ground under a point of the picture: a hatched bar."""
-    ends = point + 1.4 * unit * np.array([[-1.0, 0.0], [1.0, 0.0]])
-    canvas.line(ends, NOTE, 1.2, look.order + 0.4)
-    for start in np.linspace(ends[0], ends[1], 5):
-        canvas.line(np.stack([start, start - 0.6 * unit]), NOTE, 0.6, look.order + 0.4)
+    left, right = point + 1.4 * unit * np.array([[-1.0, 0.0], [1.0, 0.0]])
+    canvas.line([left, right], NOTE, 1.2, look.order + 0.4)
+    canvas.hatch(left - (0.0, 0.6 * unit), right, NOTE, look.order + 0.4)
 
 
 def _support_points(sketch: Sketch) -> Array:
@@ -171,12 +170,10 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
     low, high = support_box(sketch)
     if view.normal == 2:
         corner, opposite = view.see([[high[0], low[1], low[2]], [low[0], high[1], low[2]]])
-        wide, tall = opposite - corner
-        frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * (wide, tall)
-        canvas.line(corner + frame, NOTE, 0.6, 0.5)
-        for shift in np.arange(-wide, tall, (wide + tall) / 12)[1:]:
-            ends = np.array([max(-shift, 0.0), min(wide, tall - shift)])
-            canvas.line(corner + np.column_stack([ends, ends + shift]), PALE, 0.6, 0.5)
+        (left, foot), (right, top) = corner, opposite
+        frame = [[left, foot], [right, foot], [right, top], [left, top], [left, foot]]
+        canvas.line(frame, NOTE, 0.6, 0.5)
+        canvas.hatch(corner, opposite, PALE, 0.5)
         return
     points = np.unique(_support_points(sketch), axis=0)
     points = points[np.abs(points[:, 2] - low[2]) > 1e-9]
@@ -184,9 +181,7 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
         canvas.line(post, NOTE, 1.4, 0.6)
     (left, foot), (right, top) = view.see(low), view.see(high)
     canvas.line([[left, foot], [right, foot]], NOTE, 1.4, 0.7)
-    tall = abs(top - foot)
-    for start in np.linspace(left, right, max(round((right - left) / tall), 3) + 1)[:-1]:
-        canvas.line([[start, foot], [start + tall, top]], NOTE, 0.6, 0.5)
+    canvas.hatch([left, foot], [right, top], NOTE, 0.5)
 
 
 def draw_com_mark(canvas: Canvas, where: Array, radius: float, colour: ColorType) -> None:

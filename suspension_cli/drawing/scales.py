@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.ticker import Formatter, LogLocator, NullFormatter
+from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
 from suspension_cli.drawing.style import PALE, RAISED, format_raised
 
@@ -17,6 +17,10 @@ LONG = 3.0
 """Decades from which an axis beyond this range has powers of ten alone."""
 SHORT = ((0.6, (1, 1.5, 2, 3, 5, 7)), (2.0, (1, 2, 5)), (np.inf, (1,)))
 """Digits of the ticks of axes up to a length, decades."""
+SIGNED = 8.0
+"""Size of a value of either sign above which its axis is logarithmic."""
+NARROW = 1.5
+"""Width of such an axis that has room for powers of ten alone, in."""
 LOWEST_PHASE = -200.0
 """Lower end of axes of phases, degrees, so that a phase scattered about -180 stays together."""
 
@@ -26,6 +30,8 @@ class _Digits(LogLocator):
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
         low, high = sorted((max(vmin, 1e-300), max(vmax, 1e-300)))
+        if high < 2 * low:
+            return MaxNLocator(5).tick_values(low, high)
         digits = next(digits for most, digits in SHORT if np.log10(high / low) <= most)
         self.set_params(subs=digits, numticks=9)
         return super().tick_values(vmin, vmax)
@@ -50,6 +56,23 @@ def label_plainly(axis: Axis) -> None:
     axis.set_major_locator(_Digits())
     axis.set_major_formatter(_Plainly())
     axis.set_minor_formatter(NullFormatter())
+
+
+def label_signed(axes: Axes) -> None:
+    """Make a long horizontal axis logarithmic on both sides of 0: 0, 1, 2, 10, more powers."""
+    low, high = axes.get_xlim()
+    largest = max(-low, high)
+    if largest > SIGNED:
+        decades = np.log10(largest)
+        axes.set_xscale("symlog", linthresh=2.0, linscale=0.5 + 0.3 * decades)
+        powers = 10.0 ** np.arange(np.floor(decades), 0, -np.ceil(decades / 3))
+        narrow = axes.bbox.width / axes.figure.dpi < NARROW
+        digits = powers[:1] if narrow else np.append([1.0, 2.0], powers)
+        fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0))
+        for sizes, minor in ((digits, False), (fine, True)):
+            both = np.append(0.0, np.outer([-1, 1], sizes))
+            axes.set_xticks(both[(both >= low) & (both <= high)], minor=minor)
+    axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
 
 
 def rule(axes: Axes) -> None:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import warnings
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_hex, to_rgb, to_rgba
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.files.atomic import replace_file
@@ -34,6 +37,9 @@ MAX_PIXELS = 30_000
 
 PNG_LEVEL = 3
 """Level of compression of PNG: higher ones save a tenth of the size and double the time."""
+
+SMALL = 7.5
+"""Font size of labels, points."""
 
 INK = "#222222"
 """Colour of text and outlines."""
@@ -89,6 +95,9 @@ RC: dict[str, Any] = {
 }
 
 
+_RENDERER = RendererAgg(1, 1, 72)
+
+
 def house_style() -> AbstractContextManager[None]:
     """Context manager of the style in which figures are drawn and saved."""
     return matplotlib.rc_context(RC)  # type: ignore[arg-type]
@@ -139,13 +148,21 @@ def write_text(
     )
 
 
+@cache
+def text_width(text: str, size: float = SMALL) -> float:
+    """Width of a line of text, in."""
+    font = FontProperties(family=RC["font.family"], size=size)
+    return _RENDERER.get_text_width_height_descent(text, font, ismath="$" in text)[0] / 72
+
+
 def name_neglected(figure: Figure, choice: Choice) -> Figure:
-    """Write what the model neglects at the bottom of a figure, and return it."""
-    text = choice.neglected.partition(" (tolerance")[0]
-    across, up = figure.get_size_inches()
-    top, words = float(up) - 0.15, single_line(text, int(across / 0.057))
+    """Write what the model neglects at the bottom of a figure, where if it fits; return it."""
+    text = single_line(choice.neglected.partition(" (tolerance")[0])
+    across, up = map(float, figure.get_size_inches())
+    if text_width(text) > across - 0.1:
+        text = re.sub(r" in .*?(?=, |$)| \(.*\)", "", text)
     with house_style():
-        write_text(figure, float(across) - 0.05, top, words, 7.5, NOTE, side="right")
+        write_text(figure, across - 0.05, up - 0.15, text, SMALL, NOTE, side="right")
     return figure
 
 
@@ -190,6 +207,7 @@ class LineLook(TypedDict, total=False):
     markeredgecolor: str
     markerfacecolor: str
     fillstyle: Literal["full", "none"]
+    solid_capstyle: Literal["butt", "round"]
     zorder: float
 
 
@@ -198,11 +216,6 @@ def figure_of(axes: Axes) -> Figure:
     figure = axes.get_figure()
     assert isinstance(figure, Figure)
     return figure
-
-
-def with_opacity(colour: str, strength: float) -> tuple[float, float, float, float]:
-    """Give a colour an opacity between 0 and 1."""
-    return to_rgba(colour, min(max(strength, 0.0), 1.0))
 
 
 def single_line(text: str, most: int = 200) -> str:

@@ -50,6 +50,7 @@ BLADES = (
     "Thick lines ending at wires: cantilever blades, which point outwards from their clamps; where"
     " the design gives no length, it is schematic."
 )
+FILTERS = "Thick arcs: blades of filters, schematic, which carry the keystones."
 SPRINGS = "Zigzags: springs, each at its point; dotted, to the body (or support) that holds it."
 
 LEGS = "Thick bars between thin flexures: legs of an inverted pendulum."
@@ -82,7 +83,8 @@ def key(scene: Scene) -> list[str]:
     others = bool(kinds & {"link", "damper"} or springs.grounded.any())
     shown = (
         (BLADES, bool(scene.blades.label)),
-        (SPRINGS, bool(kinds - {"link", "damper"})),
+        (FILTERS, "blades" in kinds),
+        (SPRINGS, bool(kinds - {"link", "damper", "blades"})),
         (LEGS, bool(scene.struts.label)),
         (LINKS, others),
     )
@@ -90,8 +92,8 @@ def key(scene: Scene) -> list[str]:
 
 
 def listed(design: Design, scene: Scene) -> list[Table]:
-    """Tables below a drawing: stages, wires outside symmetric sets, imperfections."""
-    found = (stages(design, scene), wires(design, scene), flaws(design))
+    """Tables below a drawing: stages, wires outside symmetric sets, control, imperfections."""
+    found = (stages(design, scene), wires(design, scene), loops(design), flaws(design))
     return [table for table in found if table is not None]
 
 
@@ -170,6 +172,17 @@ def wires(design: Design, scene: Scene) -> Table | None:
     ends = (f"{end} {axis} (mm)" for end in ("upper", "lower") for axis in "xyz")
     heads = ("wire", *ends, "length (mm)", "tension (N)")
     return _first_rows(title, heads, rows)
+
+
+def loops(design: Design) -> Table | None:
+    """Table of the control loops of a design; None if there are none."""
+    rows = []
+    for loop in design.control.loop if design.control else ():
+        unit = "N m s/rad" if "torque" in loop.actuator else "N s/m"
+        law = "filter" if loop.damper is None else f"damper, {loop.damper:.4g} {unit}"
+        ends = (single_line(text, 30) for text in (loop.sensor, loop.actuator))
+        rows.append((single_line(loop.name, 20), *ends, law.replace("-", "−")))
+    return _first_rows("Local control (not drawn)", ("loop", "sensor", "actuator", "law"), rows)
 
 
 def flaws(design: Design) -> Table | None:

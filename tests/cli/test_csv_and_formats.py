@@ -6,10 +6,9 @@ import csv
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import suspension_cli as sus
-from suspension_cli.cli import plot
+from suspension_cli.drawing.panels import Across, Line, Panel, Rule, draw, limited
 from tests.support.commandline import assert_refused, run, written
 
 
@@ -102,15 +101,16 @@ def test_limits_that_make_no_sense(options, words, folder, tmp_path):
 
 def test_limits_of_one_quantity_leave_the_others():
     """The poles' frequencies get the limits, the time of the impulse response does not."""
-    figure = Figure()
-    first, second, third = figure.subplots(3)
-    for axes, label in ((first, "frequency (Hz)"), (second, "time (s)"), (third, "frequency (Hz)")):
-        axes.semilogx([0.1, 100], [1, 2])
-        axes.set_xlabel(label)
-    plot._set_limits(figure, (0.5, 5.0), None)
+    x, quantities = np.geomspace(0.1, 100, 20), ("frequency (Hz)", "time (s)", "frequency (Hz)")
+    lines = [Line(x, x)]
+    with limited((0.5, 5.0), (0.1, 50.0)):
+        drawn = [Panel("size (m)", lines, rules=[Rule(60.0)], across=Across(q)) for q in quantities]
+        figure = draw("Made up", "", drawn)
+    first, second, third = figure.axes
     assert first.get_xlim() == third.get_xlim() == (0.5, 5.0)
     assert second.get_xlim()[1] > 60
-    labels = {text.get_text() for text in first.get_xticklabels(which="minor")}
+    assert first.get_ylim() == (0.1, 50.0) != third.get_ylim()
+    labels = {text.get_text() for text in first.get_xticklabels()}
     assert {"0.5", "2", "5"} <= labels and "3" not in labels
 
 

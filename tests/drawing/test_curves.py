@@ -15,12 +15,12 @@ from suspension_cli.analyses.xcouple.picture import interpolate
 from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.added_points import add_points
-from suspension_cli.drawing.panels import set_margins
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, stage_colours
 from suspension_cli.linear.response import Response
 from suspension_cli.studies.job import Axis
 from tests.support.golden import CONFIGS
 from tests.support.legible import assert_legible, said
+from tools.margins import set_margins
 
 
 @pytest.fixture(scope="module")

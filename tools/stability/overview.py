@@ -18,7 +18,6 @@ from suspension_cli.drawing.style import (
     add_axes,
     new_figure,
     shorten,
-    with_opacity,
     write_text,
 )
 from tools.stability.row import BROKEN, SHIPPED, Row
@@ -147,7 +146,7 @@ def _draw_row(axes: Axes, n: int, row: Row) -> None:
         end, label = first_break(row, names)
         longest = max(progress(row, row.broken_at(name)) for name in names)
         if longest > end:
-            axes.barh(at, longest - end, THICK, end, color=with_opacity(colour, 0.25))
+            axes.barh(at, longest - end, THICK, end, color=(colour, 0.25))
         axes.barh(at, end, THICK, color=colour)
         if breaks(row, names):
             axes.plot(end, at, "x", color=INK, markersize=4.5, markeredgewidth=1.3, clip_on=False)
@@ -166,7 +165,7 @@ def _draw_key(figure: Figure) -> None:
         (0.0, 0.5, OURS, 1.0, "pendsus"),
     )
     for x, y, colour, strength, text in items:
-        axes.barh(y, 0.22, 0.5, x, color=with_opacity(colour, strength))
+        axes.barh(y, 0.22, 0.5, x, color=(colour, strength))
         axes.text(x + 0.29, y, text, va="center", size=7.8)
     axes.plot(2.55, 0.5, "x", color=INK, markersize=4.5, markeredgewidth=1.3)
     axes.text(2.74, 0.5, "breaks: method, value", va="center", size=7.8)

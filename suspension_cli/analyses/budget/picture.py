@@ -29,12 +29,10 @@ MOST = 99.0
 def draw(budgets: list[Budget], title: str) -> Figure:
     """Draw a panel per output, below a sentence on it."""
     drawn = [*dict.fromkeys(name for one in budgets for name in _drawn(one))]
+    colours = [PALETTE[n % len(PALETTE)] for n in range(len(drawn))]
     looks: dict[str, tuple[str, LineLook]] = {
-        name: (
-            PALETTE[n % len(PALETTE)],
-            {"linestyle": panels.DASHES[n // len(PALETTE) % len(panels.DASHES)], "linewidth": 0.9},
-        )
-        for n, name in enumerate(drawn)
+        name: (colour, {"linestyle": dashes, "linewidth": 0.9})
+        for name, colour, dashes in zip(drawn, colours, panels.dashes_of(colours), strict=True)
     }
     shown = [_panel(one, looks) for one in budgets]
     outputs = ", ".join(one.output for one in budgets)

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.compare.items import Curve, Quantity, curves_of
@@ -23,6 +22,7 @@ from suspension_cli.analyses.thermal import picture as thermal_picture
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
+    NOTE,
     PALE,
     PALETTE,
     LineLook,
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 MARKERS = ("o", "D", "s", "^", "v")
 """Markers of the items."""
-LARGE = 5.0
-"""Change in % above which the axis is logarithmic."""
 
 
 def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
@@ -57,33 +55,29 @@ def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
         for n in range(len(found.name))
     ]
     items = [n for n in range(len(found.name)) if np.isfinite(change[:, n]).any()]
+    rows = np.arange(len(shown))
+    lines = [Line(change[:, n], rows, found.name[n], *looks[n]) for n in items]
+    low, high = (end(change, axis=1, initial=0.0) for end in (np.nanmin, np.nanmax))
+    lines += panels.stems(low, high, PALE)
+    far = float(low.min(initial=0.0)), float(high.max(initial=0.0))
+    room = 0.07 * (far[1] - far[0]) or 0.05
 
-    def paint(axes: Axes) -> None:
-        for n in items:
-            rows, (colour, look) = np.arange(len(shown)), looks[n]
-            axes.hlines(rows, 0, change[:, n], color=colour, lw=0.6, alpha=0.5)
-            axes.plot(change[:, n], rows, color=colour, **look)
-        largest = float(np.nanmax(np.abs(change), initial=0.0))
-        if largest > LARGE:
-            axes.set_xscale("symlog", linthresh=1.0 if largest < 100 else 10.0)
-            axes.xaxis.set_major_formatter(lambda x, _: format_signed(x))
-        axes.axvline(0, color=PALE, lw=0.8, zorder=0)
-        axes.grid(visible=True, axis="y", color=PALE, linewidth=0.3)
-        axes.margins(x=0.07)
-
-    named = zip(labels, first, strict=True)
     panel = Panel(
+        lines=lines,
         height=ITEM * max(len(shown), 4),
-        rows=[f"{label}  {format_significant(f)} Hz" for label, f in named],
+        rows=[
+            f"{label}  {format_significant(f)} Hz" for label, f in zip(labels, first, strict=True)
+        ],
         key=[Line([], [], found.name[n], *looks[n]) for n in items if len(found.name) > 2],
-        paint=paint,
+        rules=[Rule(0.0, vertical=True, colour=NOTE, dashes="-")],
         right=0.2,
     )
     models = _model_line(found)
     base, *others = [single_line(name) for name in found.name]
     against = f"{', '.join(others)} against {base}{f' · {models}' if models else ''}"
     title = f"Mode frequencies: {_modes_title(found, change, labels)}"
-    across = Across(f"frequency relative to {shorten(base, 16)} (%)", "linear")
+    label = f"frequency relative to {shorten(base, 16)} (%)"
+    across = Across(label, "signed", (1.4 * far[0] - room, 1.4 * far[1] + room))
     return panels.draw(title, against, [panel], across)
 
 

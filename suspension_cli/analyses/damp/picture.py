@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.damp import control
@@ -109,8 +108,10 @@ def draw(
             "loop gain (dB)", nichols, TALL, limits=(-NEAR, NEAR),
             title=f"±{NEAR:g} dB around −1; dots: margins; dashed: |1 + L| = 1/2",
             rules=[Rule(0.0, dashes="-"), Rule(-180.0, vertical=True, dashes="-")],
-            across=Across("phase of the loop gain (degrees)", "linear", (NICHOLS, NICHOLS + 360)),
-            paint=_mark_quarter_turns,
+            across=Across(
+                "phase of the loop gain (degrees)", "linear", (NICHOLS, NICHOLS + 360),
+                {at: f"{at}".replace("-", "−") for at in range(-270, 91, 90)},
+            ),
         ),
     ]  # fmt: skip
     return panels.draw(_heading_text(damped), title, shown)
@@ -224,10 +225,6 @@ def _circle() -> Line:
     phase = curves.wrap(np.degrees(np.angle(circle)), NICHOLS)
     look: LineLook = {"linewidth": 0.7, "linestyle": "--"}
     return Line(phase, 20 * np.log10(np.abs(circle)), "_", NOTE, look)
-
-
-def _mark_quarter_turns(axes: Axes) -> None:
-    axes.set_xticks([-270, -180, -90, 0, 90])
 
 
 def _margins(

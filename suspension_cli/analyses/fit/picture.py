@@ -7,21 +7,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import blended_transform_factory
 
 from suspension_cli.analyses.fit.findings import short
 from suspension_cli.analyses.fit.result import Fit, ResponseFit
 from suspension_cli.design.paths import displayed_unit
-from suspension_cli.drawing import labels, panels
+from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     PALETTE,
     LineLook,
-    format_raised,
     single_line,
 )
 
@@ -30,8 +27,6 @@ if TYPE_CHECKING:
 
 INTERVAL = 1.959964
 """Half width of a 95 % interval of a normal distribution, standard deviations."""
-FAR = 8.0
-"""Residual (standard deviations) beyond which their axis is logarithmic."""
 HOLLOW: LineLook = {"markerfacecolor": "white"}
 BEFORE = Line(
     [], [], "before", PALETTE[1],
@@ -111,35 +106,16 @@ def _rows(
     """Make a panel of named rows with marks at multiples of a standard deviation."""
     most = float(np.abs(values[np.isfinite(values)]).max(initial=2.5))
 
-    def paint(axes: Axes) -> None:
-        rows = np.arange(len(names))
-        axes.axvspan(-INTERVAL, INTERVAL, color=PALE, alpha=0.45, linewidth=0)
-        start = values[:, 0] if len(marks) > 1 else np.zeros(len(rows))
-        axes.hlines(rows, start, values[:, -1], color=PALE, linewidth=0.8, zorder=1.5)
-        for column, mark in zip(values.T, marks, strict=True):
-            axes.plot(column, rows, color=mark.colour, label=mark.name, **mark.look)
-        axes.set_xlim(-1.15 * most, 1.15 * most)
-        if most > FAR:
-            decades = np.log10(most)
-            axes.set_xscale("symlog", linthresh=2.0, linscale=0.5 + 0.3 * decades)
-            powers = np.arange(np.ceil(decades), 0, -np.ceil(decades / 3))
-            tens = 10.0 ** powers[10.0**powers <= 2 * most]
-            both = np.array([[1.0], [-1.0]])
-            ticks = tens[:1] if beside else [1.0, 2.0, *tens]
-            axes.set_xticks([0.0, *(both * ticks).ravel()])
-            fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0)).ravel()
-            axes.set_xticks((both * fine).ravel(), minor=True)
-            axes.set_xlim(-2.2 * most, 2.2 * most)
-        axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
-        place = blended_transform_factory(axes.transAxes, axes.transData)
-        for row, text in enumerate(beside):
-            axes.text(1.03, row, text, transform=place, va="center", fontsize=labels.SMALL)
-
+    rows = np.arange(len(names))
+    lines = [Line(column, rows, one.name, one.colour, one.look)
+             for column, one in zip(values.T, marks, strict=True)]  # fmt: skip
+    start = values[:, 0] if len(marks) > 1 else 0.0 * values[:, 0]
+    lines += panels.stems(start, values[:, -1], PALE)
     return Panel(
-        height=max(ITEM * len(names) + 0.1, 0.5), rows=names, title=title, paint=paint,
-        key=[Line([], [], "95 %", PALE, {"linewidth": 6}), *marks],
-        right=labels.widest(beside) + 0.15 if beside else None,
-        rules=[Rule(0.0, "", True, NOTE, "-")], across=Across(label, "linear"),
+        lines=lines, height=max(ITEM * len(names) + 0.1, 0.5), rows=names, beside=beside,
+        title=title, key=[Line([], [], "95 %", PALE, {"linewidth": 6}), *marks],
+        rules=[Rule(-INTERVAL, "", True, PALE, to=INTERVAL), Rule(0.0, "", True, NOTE, "-")],
+        across=Across(label, "signed", (-1.3 * most, 1.3 * most)),
     )  # fmt: skip
 
 
@@ -191,15 +167,12 @@ def _function(found: ResponseFit, n: int, ratio: float, label: str) -> list[Pane
         Line(frequency, off.imag, "imaginary", PALETTE[2], cross),
     ]
 
-    def paint(axes: Axes) -> None:
-        axes.axhspan(-2, 2, color=PALE, linewidth=0, alpha=0.5)
-
     key = [*parts, Line([], [], "±2σ", PALE, {"linewidth": 6})]
     return [
         Panel(label, lines, 1.4, "log", limits, title),
         Panel(
-            "residual (σ)", parts, 0.65, limits=(-largest, largest), paint=paint, key=key,
-            across=Across(),
+            "residual (σ)", parts, 0.65, limits=(-largest, largest), key=key, across=Across(),
+            rules=[Rule(-2.0, colour=PALE, to=2.0)],
         ),
     ]  # fmt: skip
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,7 +13,7 @@ from suspension_cli.conventions import DOFS, WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, panels, parts, style
 from suspension_cli.drawing.canvas import Canvas, full_canvas
-from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, View
+from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Outline, Sketch, View
 from suspension_cli.drawing.parts import Look
 from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
 from suspension_cli.linear.eigenmodes import Modes, describe, place
@@ -36,6 +35,8 @@ AROUND = HEAD + (SHOWN + 1) * ROW + GAP
 """Height of a panel without its picture, in."""
 SMALL, LARGE = 5.5, 7.0
 """Font sizes of a panel and of its title, points."""
+THIN = 0.6
+"""Width of a wire, points."""
 LEAST = 0.02
 """Least fraction of kinetic energy that is written."""
 TOP = 0.66
@@ -172,7 +173,9 @@ def draw_panel(
 ) -> None:
     """Draw the title, the picture and the energies of a mode.
 
-    `corner` is the upper left corner, `size` the width and height of the picture, in.
+    `corner` is the upper left corner, `size` the width and height of the picture, in. The more
+    energy a body has, the stronger its colour. A cross through each body, and in a circle a mark on
+    the rim, show rotations.
     """
     (left, top), (width, tall), number = corner, size, panel.number
     colours = style.stage_colours(rest.scene.bodies.name)
@@ -186,7 +189,21 @@ def draw_panel(
         color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
     )
     top -= HEAD
-    draw_shape(canvas, (left, top), size, modes, panel, rest, frame, tuple(colours.values()), 0.6)
+    scale = min((width - 0.05) / frame.width, (tall - 0.06) / frame.height)
+    high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
+    middle = left + width / 2 - scale * (panel.low[0] + panel.high[0]) / 2
+    view = panel.view.at((middle, top - 0.03 - scale * high), scale)
+    grey = (PALE,) * len(rest.outlines)
+    still = Look(grey, ((PALE, 0.25),) * len(grey), PALE, THIN, 1)
+    energy = modes.energy[number].sum(-1)
+    strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
+    edge = tuple(colours.values())
+    fill = tuple(zip(edge, strength.tolist(), strict=True))
+    parts.draw_support(canvas, view, rest)
+    parts.draw_suspension(canvas, view, rest, still)
+    parts.draw_suspension(canvas, view, panel.sketch, Look(edge, fill, INK, THIN, 3))
+    for n, (body, colour) in enumerate(zip(rest.outlines, edge, strict=True), 1):
+        _mark_rotation(canvas, view, rest, panel.sketch, n, body, colour)
     top -= tall + ROW / 2
     canvas.text(
         left + width, top, panel.view.name, ha="right", color=NOTE, va="center", fontsize=SMALL
@@ -194,7 +211,26 @@ def draw_panel(
     _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
 
 
-def choose_view(modes: Modes, number: int, above: View) -> View:
+def _mark_rotation(
+    canvas: Canvas, view: View, rest: Sketch, moved: Sketch, n: int, body: Outline, colour: str
+) -> None:
+    """Draw a cross through a body, and in a circle a mark on the rim and where it was at rest."""
+    lines = []
+    for axis in {0, 1, 2} - {view.normal}:
+        arm = 0.3 * np.eye(3)[axis] * body.half
+        lines.append((moved, [-arm, arm], colour, THIN, {"order": 4}))
+    if body.axis == view.normal:
+        rim = np.eye(3)[0 if view.normal == 2 else 2] * body.half
+        dashed = {"order": 3.5, "dashes": (0, (2, 2))}
+        lines.append((rest, [0 * rim, rim], NOTE, 0.5, dashed))
+        lines.append((moved, [0 * rim, rim], colour, THIN, {"order": 4}))
+        lines.append((moved, [0.82 * rim, rim], colour, 3.4 * THIN, {"order": 4}))
+    for sketch, ends, ink, width, look in lines:
+        line = geometry.position_of(sketch.scene, sketch.pose, n, np.array(ends))
+        canvas.line(view.see(line), ink, width, **look)
+
+
+def choose_view(modes: Modes, number: int) -> View:
     """Choose the view that shows most of a mode's kinetic energy.
 
     Vertical motion shows in the side and in the face view.
@@ -206,7 +242,7 @@ def choose_view(modes: Modes, number: int, above: View) -> View:
     side = energy["x"] + energy["pitch"] + energy["z"]
     face = energy["y"] + energy["roll"] + energy["z"]
     if energy["yaw"] > 0.2 and energy["yaw"] + energy["x"] + energy["y"] > max(side, face):
-        return above
+        return ABOVE
     return SIDE if side >= face - 1e-9 else FACE
 
 
@@ -235,15 +271,11 @@ def _format_percent(fraction: float) -> str:
     return f"{percent:.1f} %"
 
 
-def make_panel(
-    modes: Modes, number: int, rest: Sketch, pose: Pose | None = None, view: View | None = None
-) -> Panel:
+def make_panel(modes: Modes, number: int, rest: Sketch, pose: Pose | None = None) -> Panel:
     """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
-    scene, bodies = rest.scene, rest.outlines
-    if view is None:
-        view = choose_view(modes, number, geometry.from_above(scene, bodies))
+    view = choose_view(modes, number)
     if pose is None:
-        pose = geometry.mode_pose(scene, modes.coordinate, modes.shape[number])
+        pose = geometry.mode_pose(rest.scene, modes.coordinate, modes.shape[number])
     sketch = replace(rest, pose=pose)
     (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
     heights = (z0,) if view.normal == 2 else (z0, z1)
@@ -258,54 +290,6 @@ def measure_frame(shown: list[Panel]) -> Frame:
     tops = [float(p.high[1]) if p.view.normal == 2 else high for p in shown]
     height = max(top - float(p.low[1]) for top, p in zip(tops, shown, strict=True))
     return Frame(max(float(p.high[0] - p.low[0]) for p in shown), height, high)
-
-
-def draw_shape(
-    canvas: Canvas,
-    corner: tuple[float, float],
-    size: tuple[float, float],
-    modes: Modes,
-    panel: Panel,
-    rest: Sketch,
-    frame: Frame,
-    colours: tuple[str, ...],
-    thick: float,
-) -> None:
-    """Draw the suspension at rest and displaced, at the scale and height of the frame.
-
-    `corner` and `size` are as of `draw_panel`. The more energy a body has, the stronger its colour;
-    wires are `thick` points wide. A cross through each body, and in a circle a mark on the rim,
-    show rotations.
-    """
-    scale = min((size[0] - 0.05) / frame.width, (size[1] - 0.06) / frame.height)
-    high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
-    origin = (
-        corner[0] + size[0] / 2 - scale * (panel.low[0] + panel.high[0]) / 2,
-        corner[1] - 0.03 - scale * high,
-    )
-    view = panel.view.at(origin, scale)
-    grey = (PALE,) * len(rest.outlines)
-    still = Look(grey, (style.with_opacity(PALE, 0.25),) * len(grey), PALE, thick, 1)
-    energy = modes.energy[panel.number].sum(-1)
-    strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
-    fill = tuple(map(style.with_opacity, colours, strength.tolist()))
-    parts.draw_support(canvas, view, rest)
-    parts.draw_suspension(canvas, view, rest, still)
-    parts.draw_suspension(canvas, view, panel.sketch, Look(colours, fill, INK, thick, 3))
-
-    def mark(n: int, sketch: Sketch, ends: Any, colour: str, width: float, **look: Any) -> None:
-        line = geometry.position_of(sketch.scene, sketch.pose, n, np.array(ends))
-        canvas.line(view.see(line), colour, width, **look)
-
-    for n, (body, colour) in enumerate(zip(rest.outlines, colours, strict=True), 1):
-        for axis in {0, 1, 2} - {view.normal}:
-            arm = 0.3 * np.eye(3)[axis] * body.half
-            mark(n, panel.sketch, [-arm, arm], colour, thick, order=4)
-        if body.axis == view.normal:
-            rim = np.eye(3)[0 if view.normal == 2 else 2] * body.half
-            mark(n, rest, [0 * rim, rim], NOTE, 0.5, order=3.5, dashes=(0, (2, 2)))
-            mark(n, panel.sketch, [0 * rim, rim], colour, thick, order=4)
-            mark(n, panel.sketch, [0.82 * rim, rim], colour, 3.4 * thick, order=4)
 
 
 def _draw_energies(

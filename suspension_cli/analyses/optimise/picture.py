@@ -13,18 +13,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 
 from suspension_cli.analyses.optimise.optimum import Optimum, relative_room
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
-from suspension_cli.drawing.labels import SMALL, widest
+from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Line, Panel
 from suspension_cli.drawing.style import (
-    INK,
     NOTE,
     PALETTE,
     RED,
+    SMALL,
     LineLook,
     format_raised,
     single_line,
@@ -108,8 +107,7 @@ def _panel(
         for x, row, side, text in notes:
             axes.annotate(
                 text, (x, row), (5 if side == "left" else -5, 0), textcoords="offset points",
-                ha=side, va="center", fontsize=SMALL, annotation_clip=False,
-                color=INK if text.endswith(" %") else NOTE,
+                ha=side, va="center", fontsize=SMALL, annotation_clip=False, color=NOTE,
             )  # fmt: skip
 
     height = panels.ITEM * max(len(names), 1)
@@ -150,16 +148,9 @@ def _frequencies(found: Optimum) -> Panel:
 def _fractions(found: Optimum) -> Panel:
     modes, (allowed, missed) = found.modes, _limits_of_modes(found, "1")
     ends = np.maximum([modes.fraction_before, modes.fraction_after], MIN_FRACTION)
-    across = Across("energy in top\nmass (%)", "log", (MIN_FRACTION, 1.0))
-    panel = _panel([""] * len(modes.name), ends, across, allowed, missed, left=0.15, right=0.2)
-
-    def paint(axes: Axes) -> None:
-        if panel.paint:
-            panel.paint(axes)
-        axes.set_xticks([1e-4, 1e-2, 1.0], ["≤0.01", "1", "100"])
-        axes.xaxis.set_minor_formatter(NullFormatter())
-
-    return replace(panel, paint=paint)
+    ticks = {1e-4: "≤0.01", 1e-2: "1", 1.0: "100"}
+    across = Across("energy in top\nmass (%)", "log", (MIN_FRACTION, 1.0), ticks)
+    return _panel([""] * len(modes.name), ends, across, allowed, missed, left=0.15, right=0.2)
 
 
 def _numbers(found: Optimum) -> Panel:
@@ -180,16 +171,15 @@ def _numbers(found: Optimum) -> Panel:
                 tail = f" {unit.replace('^2', '²')}" if x and unit else ""
                 notes.append((x, row, side, format_raised(factor * bound, 3) + tail))
     names = [_describe_change(*row) for row in table]
+    across = Across("", "linear", (0.0, 1.0), {0.0: "lower bound", 1.0: "upper"})
     panel = _panel(
-        names, ends, Across("", "linear", (0.0, 1.0)), np.where(both, [[0.0], [1.0]], np.nan), None,
-        notes, title="Numbers of the design between their bounds", left=0.74 + widest(names),
-        right=0.65,
+        names, ends, across, np.where(both, [[0.0], [1.0]], np.nan), None, notes,
+        title="Numbers of the design between their bounds", left=0.74 + widest(names), right=0.65,
     )  # fmt: skip
 
     def paint(axes: Axes) -> None:
         if panel.paint:
             panel.paint(axes)
-        axes.set_xticks([0.0, 1.0], ["lower bound", "upper"])
         axes.spines[["left", "bottom"]].set_visible(False)
         axes.tick_params(axis="y", pad=36)
         axes.tick_params(axis="x", length=0)
@@ -213,12 +203,12 @@ def _margins(found: Optimum, which: Int[np.ndarray, " row"]) -> Panel:
     shown = (least - 0.05 * (most - least), most + 0.05 * (most - least))
     allowed = np.stack([np.zeros(len(which)), np.full(len(which), np.nan)])
     texts = [f"{value:+.{0 if abs(value) >= 10 else 1}f} %" for value in values]
-    notes = [(shown[1], n, "left", text.replace("-", "−")) for n, text in enumerate(texts)]
     return _panel(
         [_name_limit(limits.name[n]) for n in which], ends,
         Across("margin (% of the limit)", "linear", shown), allowed,
-        np.array([before < -MET, ~limits.met[which]]), notes,
+        np.array([before < -MET, ~limits.met[which]]),
         title="Other limits: margin before and after", right=0.6,
+        beside=[text.replace("-", "−") for text in texts],
     )  # fmt: skip
 
 

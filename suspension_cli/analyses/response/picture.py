@@ -19,8 +19,6 @@ from suspension_cli.linear.response import Response
 from suspension_cli.models.choice import Transfer
 
 if TYPE_CHECKING:
-    from matplotlib.typing import LineStyleType
-
     from suspension_cli.analyses.analysis import Result
     from suspension_cli.drawing.added_points import Solve
     from suspension_cli.scene.arrays import Array
@@ -40,13 +38,15 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
     """
     pairs = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
     units = list(dict.fromkeys(response.unit[o][i] for o, i in pairs))
-    looks, many = _looks(response, pairs, stages), len(pairs) > 1
+    body, many = [body_of(output) for output in response.output], len(pairs) > 1
+    by_stage = stage_colours([*stages, *body])
+    colours = [by_stage[body[o]] for o, _ in pairs]
     lines = {
         (o, i): Line(
-            response.frequency, response.value[:, o, i], _name(response, o, i), looks[o, i][0],
-            {"linestyle": looks[o, i][1]},
+            response.frequency, response.value[:, o, i], _name(response, o, i), colour,
+            {"linestyle": dashes},
         )
-        for o, i in pairs
+        for (o, i), colour, dashes in zip(pairs, colours, panels.dashes_of(colours), strict=True)
     }  # fmt: skip
     kind: Scale = "db" if scale == "db" else "log"
     shown = []
@@ -66,20 +66,6 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
 def _name(response: Response, o: int, i: int) -> str:
     zero = "" if response.value[:, o, i].any() else " = 0 by symmetry"
     return f"{response.output[o]} / {response.input[i]}{zero}"
-
-
-def _looks(
-    response: Response, pairs: Sequence[tuple[int, int]], stages: Sequence[str]
-) -> dict[tuple[int, int], tuple[str, LineStyleType]]:
-    """Colour of each pair's output stage, and dashes that distinguish pairs of one colour."""
-    body = [body_of(output) for output in response.output]
-    colours = stage_colours([*stages, *body])
-    looks: dict[tuple[int, int], tuple[str, LineStyleType]] = {}
-    for o, i in pairs:
-        colour = colours[body[o]]
-        before = sum(one == colour for one, _ in looks.values())
-        looks[o, i] = colour, panels.DASHES[before % len(panels.DASHES)]
-    return looks
 
 
 def body_of(signal: str) -> str:

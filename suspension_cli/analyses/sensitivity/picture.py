@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
 from suspension_cli.design.imperfections import AXES, named, perturbed_part
 from suspension_cli.drawing import panels
-from suspension_cli.drawing.labels import SMALL, widest
+from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Panel
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
     PALE,
+    SMALL,
     format_raised,
     format_signed,
     shorten,
@@ -87,14 +88,11 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
         axes.set_yticks(np.arange(max(len(rows), 1) + 1) - 0.5, minor=True)
         axes.grid(visible=True, which="minor", color=PALE, linewidth=0.3)
         axes.tick_params(which="minor", length=0)
-        look = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-        look |= {"fontsize": SMALL, "annotation_clip": False}
-        for row, text in enumerate(changes):
-            axes.annotate(text, (1, row), (4, 0), va="center", **look)
-        axes.annotate("largest (%)", (1, -0.5), (4, 3), va="bottom", color=NOTE, **look)
+        look = {"textcoords": "offset points", "fontsize": SMALL, "color": NOTE}
+        axes.annotate("largest (%)", (1, 1), (4, 3), xycoords="axes fraction", **look)
 
     table = Panel(
-        height=CELL[1] * max(len(rows), 4), rows=names, paint=paint, left=left,
+        height=CELL[1] * max(len(rows), 4), rows=names, beside=changes, paint=paint, left=left,
         right=width - left - wide, across=Across("", "linear"), above=widest(results),
     )  # fmt: skip
     bar = partial(draw_bar, tints=tints)
@@ -130,9 +128,9 @@ def _name_result(found: Sensitivity, n: int) -> str:
 def _notes(found: Sensitivity, rest: Array, columns: int) -> list[str]:
     notes = [f"empty: less than {LEAST:g} %"]
     if len(rest):
-        notes.append(f"{len(rest)} more numbers change no result by more than {rest[0]:.2g} %")
+        notes.append(f"more numbers ({len(rest)}) change no result by more than {rest[0]:.2g} %")
     if len(found.result) > columns:
-        notes.append(f"{len(found.result) - columns} results that change less are left out")
+        notes.append(f"results that change less ({len(found.result) - columns}) are left out")
     if (found.nominal == 0).any():
         notes.append("dot: a result of 0, which changes")
     return notes

@@ -21,11 +21,13 @@ from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
+    SMALL,
     LineLook,
     figure_of,
     format_raised,
     single_line,
     stage_colours,
+    text_width,
 )
 from suspension_cli.studies.job import Axis
 
@@ -47,6 +49,8 @@ MOST_CROSSINGS = 5
 """Crossings marked at most."""
 LETTERS = "abcdefgh"
 """Names of crossings."""
+PALE = 0.7
+"""Place in the colour map above which contours are dark."""
 FREQUENCY = "frequency (Hz)"
 FAILED = {
     1: ("#f3d9c9", "slack"),
@@ -184,16 +188,14 @@ def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, Li
     most = max((swept.change[n] for n in modes), default=0.0)
     limit = min(MOVES, 0.3 * most)
     bodies = [_body(swept, n) for n in range(len(swept.result))]
-    colours = stage_colours([*stages, *bodies])
-    used: dict[str, int] = {}
-    looks: dict[int, tuple[str, LineStyleType]] = {}
-    for n, home in enumerate(swept.degree):
-        if home and not (swept.change[n] >= limit > 0 or len(modes) <= 3):
-            continue
-        colour = colours[bodies[n]]
-        number = used[colour] = used.get(colour, -1) + 1
-        looks[n] = colour, panels.DASHES[number % len(panels.DASHES)]
-    return looks
+    by_stage = stage_colours([*stages, *bodies])
+    changing = [
+        n for n, home in enumerate(swept.degree)
+        if not home or swept.change[n] >= limit > 0 or len(modes) <= 3
+    ]  # fmt: skip
+    colours = [by_stage[bodies[n]] for n in changing]
+    looks = zip(colours, panels.dashes_of(colours), strict=True)
+    return dict(zip(changing, looks, strict=True))
 
 
 def _limits(
@@ -235,10 +237,10 @@ def _paint(
             ends = axes.transData.transform([(low, 1), (high, 1)])[:, 0] / axes.figure.dpi
             if named:
                 place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
-                upright = np.ptp(ends) < labels.text_width(text) + 0.05
+                upright = np.ptp(ends) < text_width(text) + 0.05
                 box = {"facecolor": shade, "edgecolor": "none", "pad": 0.8}
                 axes.annotate(
-                    text, ((low + high) / 2, 0.02), **place, fontsize=labels.SMALL, color=NOTE,
+                    text, ((low + high) / 2, 0.02), **place, fontsize=SMALL, color=NOTE,
                     rotation=90 if upright else 0, bbox=box,
                 )  # fmt: skip
     points = [(at, one.frequency) for at, one in met]
@@ -274,66 +276,58 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
     x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in (first, second))
     ends = [(one.min(), one.max()) if len(one) > 1 else None for one in (x, y)]
     across = Across(_parameter_label(first, 34), scaled[0], ends[0])
-    paint = partial(_draw_map, swept=swept, value=value, n=n)
+    finite = np.ma.masked_invalid(value.T)
+    low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
+    wide = _is_wide(value) and low > 0
+    smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
+    high = max(high, low + (abs(low) or 1.0) * 1e-9)
+    norm = LogNorm(low, high) if wide else Normalize(low, high)
+    drawn = [*zip(swept.axes, swept.drawn[:2], strict=False)]
+
+    def paint(axes: Axes) -> None:
+        axes.grid(visible=False)
+        axes.set_facecolor("#eeeeee")
+        how = {"shading": "gouraud" if smooth else "nearest", "rasterized": True}
+        axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
+        if smooth:
+            _draw_contours(axes, x, y, finite, norm)
+        beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
+        bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
+        bar.set_label(_axis_label(swept, n), fontsize=SMALL)
+        bar.ax.tick_params(labelsize=SMALL)
+        if wide:
+            scales.label_plainly(bar.ax.yaxis)
+        if all(min(axis.values) <= at <= max(axis.values) for axis, at in drawn):
+            here = [at * axis.displayed_unit[1] for axis, at in drawn]
+            axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
+            axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0)
+
     return Panel(
         _parameter_label(second, 34), (), 2.0, scaled[1], ends[1], _title(swept, n),
         across=across, paint=paint, right=0.88,
     )  # fmt: skip
 
 
-def _draw_map(
-    axes: Axes, swept: SweepResult, value: Float[np.ndarray, "column row"], n: int
-) -> None:
-    x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in swept.axes[:2])
-    finite = np.ma.masked_invalid(value.T)
-    low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
-    wide = _is_wide(value) and low > 0
-    if high <= low:
-        high = low + (abs(low) or 1.0) * 1e-9
-    norm = LogNorm(low, high) if wide else Normalize(low, high)
-    axes.grid(visible=False)
-    axes.set_facecolor("#eeeeee")
-    if min(value.shape) > 1 and finite.count() and np.ptp(finite) > 1e-9 * abs(high):
-        _draw_surface(axes, x, y, finite, norm)
-    else:
-        axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
-    beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
-    bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
-    bar.set_label(_axis_label(swept, n), fontsize=labels.SMALL)
-    bar.ax.tick_params(labelsize=labels.SMALL)
-    if wide:
-        scales.label_plainly(bar.ax.yaxis)
-    drawn = [*zip(swept.axes, swept.drawn[:2], strict=False)]
-    if all(min(axis.values) <= at <= max(axis.values) for axis, at in drawn):
-        here = [at * axis.displayed_unit[1] for axis, at in drawn]
-        axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
-        axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0, label="as designed")
-
-
-def _draw_surface(
+def _draw_contours(
     axes: Axes,
     x: Float[np.ndarray, " column"],
     y: Float[np.ndarray, " row"],
     finite: Float[np.ndarray, "row column"],
     norm: Normalize,
 ) -> None:
-    """Draw smooth colours, and labelled contours at about six round numbers."""
+    """Draw labelled contours at about six round numbers."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
-    wide = isinstance(norm, LogNorm)
-    levels = (np.geomspace if wide else np.linspace)(low, high, 48)
-    levels[0], levels[-1] = low, high
-    drawn = axes.contourf(x, y, finite, levels=levels, norm=norm, cmap="viridis", extend="both")
-    drawn.set_rasterized(True)
-    drawn.set_edgecolor("face")
     digits = (1,) if high > 1e3 * low else (1, 2, 5)
+    wide = isinstance(norm, LogNorm)
     locator = LogLocator(subs=digits) if wide else MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
     found = np.asarray(locator.tick_values(low, high))
-    found = found[(found > low) & (found < high)]
-    round_numbers = found if len(found) else [(low + high) / 2]
-    lines = axes.contour(x, y, finite, levels=round_numbers, colors="white", linewidths=0.6)
-    write = partial(format_raised, digits=4)
+    place = np.ma.filled(norm(np.clip(found, low, high)), 0.0)
+    levels = found[(place > 0.04) & (place < 0.96)]  # others have no room for their label
+    inks = [INK if norm(level) > PALE else "white" for level in levels] or "white"
+    lines = axes.contour(x, y, finite, levels=levels, colors=inks, linewidths=0.6)
     paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths() if len(path)]
     middles = [(path[(len(path) - 1) // 2] + path[len(path) // 2]) / 2 for path in paths]
-    for text in axes.clabel(lines, fontsize=labels.SMALL, fmt=write, manual=middles):
-        box = text.get_window_extent()
-        text.set_visible(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1)
+    write, frame = partial(format_raised, digits=4), np.reshape(axes.bbox.extents, (2, 2))
+    for text in axes.clabel(lines, fontsize=SMALL, fmt=write, manual=middles):
+        box = np.reshape(text.get_window_extent().extents, (2, 2))
+        text.set_visible(bool((box[0] >= frame[0]).all() and (box[1] <= frame[1]).all()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,11 +17,10 @@ from suspension_cli.analyses.tolerance.summary import Spread, Summary
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
-from suspension_cli.drawing.style import PALE, PALETTE, single_line
+from suspension_cli.drawing.style import INK, PALE, PALETTE, LineLook, single_line
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Int
     from matplotlib.typing import LineStyleType
 
 MET, MISSED, CAUSE = PALETTE[0], PALETTE[1], PALETTE[2]
@@ -33,6 +32,8 @@ MAX_ROWS = 6
 """Largest number of modes, and of statics of one unit, shown."""
 LITTLE = 0.1
 """Spread over the largest below which a mode or static is not drawn."""
+BAR = 7.0
+"""Thickness of a bar, points."""
 BINS = 40
 DRAWN = (0.002, 0.998)
 """Quantiles between which histograms are drawn."""
@@ -137,41 +138,30 @@ def _histogram(
     )
 
 
-def _rows(
-    names: Sequence[str],
-    texts: Sequence[str],
-    label: str,
-    paint: Callable[[Axes, Int[np.ndarray, " row"]], object],
-) -> Panel:
-    """Make a panel with a name per row; `paint` draws on axes at the positions of the rows."""
-
-    def draw_rows(axes: Axes) -> None:
-        paint(axes, np.arange(len(names)))
-        axes.xaxis.set_major_locator(MaxNLocator(5))
-
+def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], label: str) -> Panel:
+    """Make a panel of lines in rows with names."""
     return Panel(
-        height=ITEM * max(len(names), 1), rows=[single_line(name, 26) for name in names],
-        left=NAMES, title=texts[0], remarks=texts[1:], paint=draw_rows,
-        across=Across(label, "linear"), rules=[Rule(0.0, "", True, dashes="-")],
+        lines=lines, height=ITEM * max(len(names), 1), rows=[single_line(n, 26) for n in names],
+        left=NAMES, title=texts[0], remarks=texts[1:], across=Across(label, "linear"),
+        rules=[Rule(0.0, "", True, dashes="-")],
     )  # fmt: skip
 
 
 def _causes(summary: Summary) -> list[Panel]:
     """Make the panel of the coupling's significant rank correlations or Sobol indices."""
     found, rank = summary.coupling.sobol, summary.signed.rank
-    # values, errors, colour, thickness
-    bars: list[tuple[Array, Array | None, str, float]]
     if found is not None:
         total, first, error = map(np.nan_to_num, (found.total, found.first, found.total_error))
-        bars = [(total, error, PALE, 0.7), (np.maximum(first, 0.0), None, CAUSE, 0.35)]
         top = strongest(np.maximum(total, 0.0), MAX_BARS, 0.005)
         names, label = [*summary.job.groups], "Sobol index (fraction of variance)"
         texts = [
             "Tolerances that cause the spread of the coupling",
             "green: alone; grey: with others, and its standard error",
         ]
+        lines = panels.stems(0.0, total[top], PALE, BAR)
+        lines += panels.stems(0.0, np.maximum(first[top], 0.0), CAUSE, BAR / 2)
+        lines += panels.stems(total[top] - error[top], total[top] + error[top], INK, 0.6)
     else:
-        bars = [(rank, None, CAUSE, 0.6)]
         every = strongest(rank, len(rank), summary.significant)
         top, more = every[:MAX_BARS], len(every) - MAX_BARS
         if not top:
@@ -183,13 +173,8 @@ def _causes(summary: Summary) -> list[Panel]:
             "Deviations that the coupling depends on most, with their sign",
             f"{rest} (below {size:.2g} in size)",
         ]
-
-    def paint(axes: Axes, rows: Int[np.ndarray, " row"]) -> None:
-        for values, errors, colour, thick in bars:
-            shown = None if errors is None else errors[top]
-            axes.barh(rows, values[top], thick, xerr=shown, color=colour, error_kw={"lw": 0.6})
-
-    return [_rows([names[n] for n in top], texts, label, paint)]
+        lines = panels.stems(0.0, rank[top], CAUSE, BAR)
+    return [_rows([names[n] for n in top], lines, texts, label)]
 
 
 def _frequencies(summary: Summary) -> list[Panel]:
@@ -228,10 +213,8 @@ def _spreads(
     if len(rest):
         texts.append(f"{len(rest)} others: {rest.max():.2g} {unit} or less between 5 and 95 %")
 
-    def paint(axes: Axes, rows: Int[np.ndarray, " row"]) -> None:
-        low, q1, middle, q3, high = quantiles[top][:, edges].T
-        axes.hlines(rows, low, high, color=MET, linewidth=1.0)
-        axes.hlines(rows, q1, q3, color=MET, linewidth=4.0)
-        axes.plot(middle, rows, "|", color="white", markersize=6)
-
-    return [_rows([names[n] for n in top], texts, f"{label} ({unit})", paint)]
+    low, q1, middle, q3, high = quantiles[top][:, edges].T
+    mark: LineLook = {"linestyle": "none", "marker": "|", "markersize": 6}
+    lines = [*panels.stems(low, high, MET, 1.0), *panels.stems(q1, q3, MET, 4.0)]
+    lines.append(Line(middle, np.arange(len(top)), "_", "white", mark))
+    return [_rows([names[n] for n in top], lines, texts, f"{label} ({unit})")]

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.tradeoff.result import Answer, Tradeoff, unit_of_time
 from suspension_cli.drawing import labels, panels
 from suspension_cli.drawing.panels import Across, Panel
-from suspension_cli.drawing.style import NOTE, PALE, PALETTE, with_opacity
+from suspension_cli.drawing.style import NOTE, PALE, PALETTE
 from suspension_cli.models.choice import TOLERANCE, percent
 from suspension_cli.models.registry import FILES
 
@@ -56,7 +56,7 @@ def _chart(answer: Answer, name: str) -> Panel:
         names |= {10.0**power: percent(10.0**power) for power in decades.tolist()}
         axes.set_yticks([*names], [*names.values()])
         axes.minorticks_off()
-        axes.axhspan(limits[0], TOLERANCE, color=with_opacity(PALE, 0.28), linewidth=0, zorder=0)
+        axes.axhspan(limits[0], TOLERANCE, color=(PALE, 0.28), linewidth=0, zorder=0)
         for option, x, y, colour in zip(options, time, shown, colours, strict=True):
             size = 8.5 if option == answer.best else 5
             axes.plot(x, y, "o", color=colour, clip_on=False, ms=size, zorder=4)

@@ -246,12 +246,14 @@ def _draw_table(
 
 
 def _shorten(names: Sequence[str]) -> tuple[list[str], str]:
-    """Separate the names of motions from a common body or support, if any.
+    """Separate the names of motions from a common body and point, or support, if any.
 
-    >>> _shorten(["test.x", "test.roll"])
-    (['x', 'roll'], 'test')
+    >>> _shorten(["test.x@0,0,0.001", "test.roll"])
+    (['x', 'roll'], 'test@0,0,0.001')
     """
-    bodies = {name.rpartition(".")[0] for name in names}
-    if len(bodies) > 1 or any("@" in name for name in names):
+    bodies = {name.partition("@")[0].rpartition(".")[0] for name in names}
+    points = {name.partition("@")[2] for name in names} - {""}
+    if len(bodies) > 1 or len(points) > 1:
         return [*names], ""
-    return [name.rpartition(".")[2] for name in names], bodies.pop()
+    short = [name.partition("@")[0].rpartition(".")[2] for name in names]
+    return short, "@".join([*bodies, *points])
