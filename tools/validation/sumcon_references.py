@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from suspension_cli.design.sumcon import convert
-from suspension_cli.design.sumcon.convert import table
-from suspension_cli.design.sumcon.save import read_list
 from suspension_cli.errors import InputError
 from suspension_cli.files.atomic import write_bytes
+from suspension_cli.importing import convert
+from suspension_cli.importing.convert import table
+from suspension_cli.importing.save import read_list
 from tools.tables import ROOT
 from tools.validation import undamped
 
