@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import faults, materials, units
-from suspension_cli.design.derive import com_positions, part_loss, set_geometry
+from suspension_cli.design.derive import add_keystones, com_positions, part_loss, set_geometry
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
@@ -311,7 +311,9 @@ def _negative(given: units.Matrix6 | None) -> str:
 
 def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:
     """Check that wires reach from end to end in their shape."""
-    position = com_positions(design) | dict.fromkeys((SUPPORT, GROUND), (0.0, 0.0, 0.0))
+    position = com_positions(add_keystones(design)) | dict.fromkeys(
+        (SUPPORT, GROUND), (0.0, 0.0, 0.0)
+    )
     if any(name not in position for name in link.between):
         return
     first, second = (position[name] for name in link.between)

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.conventions import DOFS
+from suspension_cli.conventions import AVOGADRO, DOFS
 from suspension_cli.design import demand, foton, imperfections, tables, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
@@ -105,6 +105,11 @@ class Gas(Table, frozen=True):
     temperature: units.Kelvin | None = key(
         "temperature of the gas in K; default that of [constants]"
     )
+
+    @property
+    def molecule(self) -> float:
+        """Mass of a molecule, kg."""
+        return self.molar_mass / AVOGADRO
 
 
 class Spring(Table, frozen=True):
