@@ -40,9 +40,9 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
     """List all faults of a design whose single values are valid.
 
-    Some of its stages may be those of a `sound` design from which it differs in numbers alone.
+    It may differ in numbers alone from a design with the `sound` stages.
     """
-    known = {id(stage) for stage in sound}
+    known = {id(stage) for stage in design.stage if stage in sound}
     tables = [*faults.tables(design, known=known)]
     found = [*faults.find_faults(tables), *_check_stages(design), *_check_materials(design)]
     found += _check_names(design, tables)

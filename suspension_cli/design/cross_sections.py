@@ -284,11 +284,8 @@ class Ribbon(Table, CrossSection, frozen=True):
         to 6/t for a thin ribbon.
         """
         w, t = max(self.depth), min(self.depth)
-        # tanh^2 = 1 - sech^2: the sum of 1/n^4 over odd n is pi^4/96, the rest decays as
-        # exp(-n pi w/t)
-        sech2 = sum(
-            math.cosh(min(n * math.pi * w / (2 * t), 300.0)) ** -2 / n**4 for n in range(1, 16, 2)
-        )
+        # tanh^2 = 1 - sech^2, and the sum of 1/n^4 over odd n is pi^4/96
+        sech2 = sum(4 * e / ((1 + e) ** 2 * n**4) for n, e in _decays(w / t))
         short = 64 * t**3 / math.pi**4 * (math.pi**4 / 96 - sech2)
         constant = rectangle_torsion(w, t)
         return (short + (8 * constant - w * short) / t) / constant
@@ -309,9 +306,7 @@ def rectangle_torsion(width: float, thickness: float) -> float:
     tanh)/n^5, which converges to rounding in a few terms.
     """
     t, w = sorted((width, thickness))
-    total = ODD_FIFTH - sum(
-        _one_less_tanh(n * math.pi * w / (2 * t)) / n**5 for n in range(1, 16, 2)
-    )
+    total = ODD_FIFTH - sum(2 * e / ((1 + e) * n**5) for n, e in _decays(w / t))
     return w * t**3 / 3 * (1 - 192 * t / (math.pi**5 * w) * total)
 
 
@@ -319,5 +314,6 @@ ODD_FIFTH = 31 * 1.0369277551433699 / 32
 """Sum of 1/n^5 over odd n: 31 zeta(5)/32."""
 
 
-def _one_less_tanh(x: float) -> float:
-    return 0.0 if x >= 300 else 2 / (math.exp(2 * x) + 1)
+def _decays(ratio: float) -> list[tuple[int, float]]:
+    """List odd n and exp(-2 x), x = n pi w/2t: 1 - tanh x and sech^2 x in small numbers."""
+    return [(n, math.exp(-n * math.pi * ratio)) for n in range(1, 16, 2)]

@@ -42,17 +42,16 @@ TINY = 1e-150
 precision (2e-308)."""
 
 
-def convert(raw: Raw, kind: type[T], known: Collection[int] = (), *, rules: bool = True) -> T:
+def convert(raw: Raw, kind: type[T], *, rules: bool = True) -> T:
     """Convert a parsed TOML document to a type of the file format.
 
-    Raises `InputError` with all faults of its values or, if these are valid, of its `rules`. Tables
-    that were converted before may be `known`, by their identities (`id`).
+    Raises `InputError` with all faults of its values or, if these are valid, of its `rules`.
     """
     try:
         document, refusal = msgspec.convert(raw, kind), ""
     except msgspec.ValidationError as error:
         document, refusal = None, str(error)
-    good = document is not None and _is_ordinary(raw, known)
+    good = document is not None and _is_ordinary(raw)
     found = [] if good else [*_walk(_schema(kind), raw, "")]
     if rules and document is not None and not found:
         found = [*find_faults(tables(document))]
@@ -108,7 +107,7 @@ def fault_of(table: Table, path: str, key: str, problem: str, remedy: str) -> Fa
     return Fault(".".join(filter(None, (path, key))), problem, remedy, shown)
 
 
-def _is_ordinary(value: Any, known: Collection[int]) -> bool:
+def _is_ordinary(value: Any) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
     Those are values of a free type that cannot be written to a file, a newline after a name, and
@@ -116,7 +115,7 @@ def _is_ordinary(value: Any, known: Collection[int]) -> bool:
     """
     if isinstance(value, (dict, list)):
         inside = value.values() if isinstance(value, dict) else value
-        return id(value) in known or all(_is_ordinary(item, known) for item in inside)
+        return all(map(_is_ordinary, inside))
     if isinstance(value, str):
         return not value.endswith("\n")
     return not isinstance(value, (int, float)) or value == 0 or TINY <= abs(value) < 2**63

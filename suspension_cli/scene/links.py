@@ -94,7 +94,7 @@ def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
 
 
 def of_links(design: Design, places: Places) -> list[Row]:
-    """List the links; the body of lower number is the upper one."""
+    """List the links and the dampers; the body of lower number is the upper one."""
     rows = []
     for link in design.link:
         first, second = (places.number[name] for name in link.between)
@@ -109,15 +109,9 @@ def of_links(design: Design, places: Places) -> list[Row]:
             "spectrum": spectrum,
         }
         rows.append(row | _ends(link, places))
-    return rows
-
-
-def of_dampers(design: Design, places: Places) -> list[Row]:
-    """List the dampers; the body of lower number is the upper one."""
-    rows = []
     for damper in design.damper:
-        row = {"label": f"{damper.name}.damper", "preload": np.zeros(6)}
-        rows.append(row | {"damping": damper_matrix(damper)} | _ends(damper, places))
+        row = {"label": f"{damper.name}.damper", "damping": damper_matrix(damper)}
+        rows.append(row | _ends(damper, places))
     return rows
 
 
