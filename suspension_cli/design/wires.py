@@ -282,22 +282,17 @@ class Wire(AnyWire, frozen=True):
     rules = (demand.excludes("natural_length", "tension"),)
 
 
-BladeLength = Annotated[
-    units.Length, doc(plausible=Plausible(10.0, "longer than any blade", serious=True))
-]
-BladeWidth = Annotated[units.Length, doc(plausible=Plausible(2.0, "wider than any blade"))]
+LONG = Plausible(10.0, "longer than any blade", serious=True)
+WIDE = Plausible(2.0, "wider than any blade")
+HEAVY = Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))
 BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker than any blade"))]
-TipMass = Annotated[
-    units.MassOrZero,
-    doc(plausible=Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))),
-]
 
 
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: BladeLength = key("length from the clamp to the tip, m")
-    base_width: BladeWidth = key("width at the clamp, m")
+    length: units.Length = key("length from the clamp to the tip, m", plausible=LONG)
+    base_width: units.Length = key("width at the clamp, m", plausible=WIDE)
     thickness: BladeThickness = key("thickness, m")
     shape_factor: float = key(
         "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10
@@ -319,7 +314,7 @@ class AnyBlade(Table, frozen=True):
         " another load it deflects and the pose is solved for; default: its load in the nominal"
         " pose or, if all wires of the stage have natural lengths, in the pose solved for"
     )
-    tip_mass: TipMass = key("mass that moves with one tip, kg", 0.0)
+    tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )
