@@ -20,7 +20,7 @@ from suspension_cli.design import checks, faults, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Raw, Table
-from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
 from suspension_cli.files import bounded, columns
 
 T = TypeVar("T", bound=Table)
@@ -345,11 +345,10 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
 
 def template(kind: str, name: str) -> str:
     """Return a starting design as TOML text, under a name; raises `InputError` if there is none."""
-    path = Path(__file__).parent / "templates" / f"{kind}.toml"
     if kind not in TEMPLATES:
-        remedy = faults.suggest(kind, list(TEMPLATES))
+        remedy = suggest(kind, list(TEMPLATES))
         raise InputError.of("kind", "is not a template", remedy, format_value(kind))
-    return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
+    return _renamed(Path(__file__).parent / "templates" / f"{kind}.toml", name)
 
 
 def make_name(stem: str, default: str = "imported") -> str:
@@ -370,14 +369,18 @@ def example(name: str) -> Source:
 
 def example_text(name: str, new_name: str) -> str:
     """Return a design of the program as TOML text, under a new name."""
-    text = _example(name).read_text(encoding="utf-8")
-    return re.sub(r'(?m)^name = ".*"', f'name = "{new_name}"', text, count=1)
+    return _renamed(_example(name), new_name)
+
+
+def _renamed(file: Path, name: str) -> str:
+    text = file.read_text(encoding="utf-8")
+    return re.sub(r'(?m)^name = ".*"', f'name = "{name}"', text, count=1)
 
 
 def _example(name: str) -> Path:
     known = examples()
     if name not in known:
-        remedy = faults.suggest(name, known)
+        remedy = suggest(name, known)
         raise InputError.of("example", "is not an example design", remedy, format_value(name))
     return EXAMPLES / f"{name}.toml"
 
