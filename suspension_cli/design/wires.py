@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
 
 from suspension_cli.design import demand, units
-from suspension_cli.design.cross_sections import CrossSection, Ribbon, Round
+from suspension_cli.design.cross_sections import CrossSection, circle, rectangle
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
 from suspension_cli.design.units import NAMES
 
-CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
-"""Cross-sections; each has its key in `AnyWire` and `WireSection`."""
-SHAPES = tuple(kind.key for kind in CROSS_SECTIONS)
-"""Keys of the cross-sections."""
+CROSS_SECTIONS: dict[str, Callable[[Any], CrossSection]] = {
+    "radius": lambda ends: circle(*(ends if isinstance(ends, list) else (ends, ends))),
+    "section": lambda ribbon: rectangle(ribbon.width, ribbon.thickness),
+}
+"""Cross-sections by their keys in `AnyWire` and `WireSection`."""
+SHAPES = tuple(CROSS_SECTIONS)
 
 TALL = Plausible(50.0, "larger than any suspension", serious=True)
 """Lengths and positions; mirror suspensions are up to about 10 m tall."""
@@ -24,6 +27,13 @@ Radii = Annotated[
 Steps = Annotated[
     int, doc("number of uniform steps that approximate a taper; 16 if not given", ge=1, le=256)
 ]
+
+
+class Ribbon(Table, frozen=True):
+    """A ribbon's rectangular cross-section: width along y, thickness along x."""
+
+    width: units.WireSize = key("width along y, m")
+    thickness: units.WireSize = key("thickness along x, m")
 
 
 class WireSection(Table, frozen=True):
@@ -202,8 +212,8 @@ class AnyWire(Table, frozen=True):
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
     """List the cross-sections that a table gives; a valid one gives at most one."""
-    given = ((kind, getattr(table, kind.key)) for kind in CROSS_SECTIONS)
-    return [kind.read(value) for kind, value in given if value is not None]
+    given = ((make, getattr(table, key)) for key, make in CROSS_SECTIONS.items())
+    return [make(value) for make, value in given if value is not None]
 
 
 SEPARATIONS = ("s", "s_upper", "s_lower")

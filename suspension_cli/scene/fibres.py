@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.cross_sections import circle
 from suspension_cli.design.derive import gravity_strength, part_loss, wire_signs
 from suspension_cli.design.links import Link
 from suspension_cli.design.losses import Bulk, Mechanism, mechanisms_of
@@ -191,7 +191,7 @@ def _part_loss(design: Design, label: str, part: AnyBlade | Spring | Link) -> Bl
     if isinstance(part, Link):
         assert part.strands is not None
         thickness = part.strands.diameter
-        shape = Round(thickness / 2, thickness / 2)
+        shape = circle(thickness / 2, thickness / 2)
     else:
         geometry = None if isinstance(part, Spring) else part.geometry
         thickness = part.thickness if geometry is None else geometry.thickness

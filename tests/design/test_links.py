@@ -146,7 +146,8 @@ def test_wires_below_a_keystone_end_where_it_hangs():
     hung = reader.replaced(tower, {"stage.filter.hangs_from": "platform-keystone"}).text
     strap = (
         '[[link]]\nname = "a"\nbetween = ["filter", "support"]\n[link.strands]\n'
-        'to = [0.1, 0.0, 0.0]\nmaterial = "aluminium"\ndiameter = 1e-3\nshape = "catenary"\nlength = {}\n'
+        'to = [0.1, 0.0, 0.0]\nmaterial = "aluminium"\ndiameter = 1e-3\nshape = "catenary"\n'
+        "length = {}\n"
     )
     height = -com_positions(tower.design)["filter"][2]
     reader.parse(hung + strap.format(height + 0.1))

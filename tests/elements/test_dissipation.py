@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.cross_sections import circle
 from suspension_cli.design.losses import Bulk
 from suspension_cli.design.schema import Gas
 from suspension_cli.elements import gas
@@ -21,7 +21,7 @@ SPLIT = np.linalg.inv(np.array(beam_mp.ALIKE, dtype=float))
 RNG = np.random.default_rng(9)
 MOTIONS = np.vstack([np.eye(4), RNG.normal(size=(2, 4)) + 1j * RNG.normal(size=(2, 4))])
 """w1, w1', w2, w2': each end alone, and all at once."""
-SHAPE = Round(2e-4, 2e-4)
+SHAPE = circle(2e-4, 2e-4)
 
 
 def wire(slenderness, angle, surrounded=None):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.cross_sections import circle
 from suspension_cli.elements import beam, bending, rod
 from suspension_cli.models.string import linear_model
 from suspension_cli.scene.fibres import compose
@@ -167,7 +167,7 @@ def test_limp_wires_without_mass_are_strings(seed):
             f,
             sections=tuple(
                 replace(
-                    s, rigidity=(t * l**2 / 1e14,) * 2, twisting=1e-9, shape=Round(5e-10, 5e-10)
+                    s, rigidity=(t * l**2 / 1e14,) * 2, twisting=1e-9, shape=circle(5e-10, 5e-10)
                 )
                 for s in f.sections
             ),

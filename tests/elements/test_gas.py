@@ -10,7 +10,7 @@ import pytest
 
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
 from suspension_cli.design.bodies import body_inertia
-from suspension_cli.design.cross_sections import Ribbon, Round
+from suspension_cli.design.cross_sections import circle, rectangle
 from suspension_cli.design.schema import Body, Gas
 from suspension_cli.elements import gas as drag
 
@@ -153,13 +153,13 @@ def test_wires_against_long_bodies():
         / long
     )
     np.testing.assert_allclose(
-        Round(2e-4, 2e-4).drag(*drag.surface_drag(AIR)), pole[[0, 1, 2, 5]], rtol=1e-8
+        circle(2e-4, 2e-4).drag(*drag.surface_drag(AIR)), pole[[0, 1, 2, 5]], rtol=1e-8
     )
     plate = (
         np.diag(drag.body_damping(Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0), AIR)) / long
     )
     np.testing.assert_allclose(
-        Ribbon(width=1e-3, thickness=1e-4).drag(*drag.surface_drag(AIR)),
+        rectangle(width=1e-3, thickness=1e-4).drag(*drag.surface_drag(AIR)),
         plate[[0, 1, 2, 5]],
         rtol=1e-8,
     )
