@@ -322,7 +322,7 @@ def import_sumcon(
     >>> sus.import_sumcon("save.m")
     <Design save: TM>
     """
-    from suspension_cli.design.sumcon import convert as sumcon
+    from suspension_cli.importing import convert as sumcon
 
     path = Path(convert.path(file, "file"))
     folder = None if tables is None else Path(convert.path(tables, "tables"))

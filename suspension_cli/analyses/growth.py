@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from suspension_cli.design import faults
 from suspension_cli.design.checks import find_active
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault
@@ -71,7 +72,7 @@ def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | N
     found = damped.solve(light)
     if found.stable:
         return None
-    parts = [fault for part, fault in find_active(design) if part.active]
+    parts = [fault for part, fault in find_active(design, faults.tables(design)) if part.active]
     keys = ", ".join(fault.key for fault in parts)
     remedy = f"make {keys} less negative, or damp this motion more"
     problem = "an active element makes the motion grow, so there is no steady state"

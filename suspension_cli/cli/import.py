@@ -41,8 +41,8 @@ def command(
     Example: pendsus import sumcon_PR3.m pr3.toml
     """
     from suspension_cli.cli.new import design_name, write_new
-    from suspension_cli.design.sumcon import convert
     from suspension_cli.errors import InputError
+    from suspension_cli.importing import convert
 
     own = design_name(name, Path(file or save).stem, "imported")
     folder = Path(tables) if tables else None

@@ -7,20 +7,20 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import faults, materials, units
-from suspension_cli.design.derive import com_positions, part_loss, set_geometry
+from suspension_cli.design.derive import add_keystones, com_positions, part_loss, set_geometry
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
 from suspension_cli.design.inverted_pendulum import leg_count
 from suspension_cli.design.links import Damper, Link, Strands
 from suspension_cli.design.losses import MECHANISMS
 from suspension_cli.design.schema import Design, Spring, Stage
-from suspension_cli.design.tables import keys_with
+from suspension_cli.design.tables import Table, keys_with
 from suspension_cli.design.wires import RADII, Clamp, Profile, Wire, WireSet, is_ring
 from suspension_cli.errors import Fault, format_key
 
@@ -40,18 +40,21 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
     """List all faults of a design whose single values are valid.
 
-    Some of its stages may be those of a `sound` design from which it differs in numbers alone.
+    It may differ in numbers alone from a design with the `sound` stages.
     """
-    known = {id(stage) for stage in sound}
-    found = [*faults.find_faults(design, known), *_check_stages(design), *_check_materials(design)]
-    found += _check_names(design, known)
+    known = {id(stage) for stage in design.stage if stage in sound}
+    tables = [*faults.tables(design, known=known)]
+    found = [*faults.find_faults(tables), *_check_stages(design), *_check_materials(design)]
+    found += _check_names(design, tables)
     for stage in design.stage:
         if id(stage) not in known:
             found += _check_suspension(stage, f"stage.{stage.name}")
     wrong = any(fault.key.startswith(("stage", "materials")) for fault in found)
     found += _check_links(design, placed=not wrong)
-    if not found:
-        found += _check_active(design, known)
+    for part, fault in () if found else find_active(design, tables):
+        if not part.active:
+            remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
+            found.append(replace(fault, remedy=remedy))
     for command in design.analysis:
         if command not in ANALYSES:
             key, remedy = f"analysis.{format_key(command)}", suggest(command, [*ANALYSES])
@@ -95,11 +98,11 @@ def _check_materials(design: Design) -> Iterator[Fault]:
                 yield fault_of(design.materials[name], path, key, problem, remedy)
 
 
-def _check_names(design: Design, sound: Collection[int]) -> Iterator[Fault]:
+def _check_names(design: Design, tables: Iterable[tuple[str, Table]]) -> Iterator[Fault]:
     """Check that parts which are named exist."""
     known = _known_names(design)
-    tables = {link.name for link in design.link if link.table is not None}
-    for path, table in faults.tables(design, known=sound):
+    tabulated = {link.name for link in design.link if link.table is not None}
+    for path, table in tables:
         stage = path.split(".")[1] if path.startswith("stage.") else ""
         for key, kind in keys_with(type(table), "names"):
             name, names = getattr(table, key), known.get(kind, known.get(f"{kind} {stage}", []))
@@ -108,7 +111,7 @@ def _check_names(design: Design, sound: Collection[int]) -> Iterator[Fault]:
                 if kind == "material":
                     remedy += " or define it as [materials.NAME]"
                 yield fault_of(table, path, key, f"names no {kind}", remedy)
-            elif kind == "link" and name in tables:
+            elif kind == "link" and name in tabulated:
                 problem = "names a link given by a table, whose stiffness does not scatter"
                 remedy = f"vary link.{name}.table.factor with --set or sweep"
                 yield fault_of(table, path, key, problem, remedy)
@@ -262,22 +265,11 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
             yield from _check_strands(design, link, link.strands, f"link.{link.name}.strands")
 
 
-def _check_active(design: Design, sound: Collection[int]) -> Iterator[Fault]:
-    """Check that springs, links and dampers take power from the motion, unless `active`."""
-    for table, fault in find_active(design, sound):
-        if not table.active:
-            remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
-            yield replace(fault, remedy=remedy)
-
-
 def find_active(
-    design: Design, passive: Collection[int] = ()
+    design: Design, tables: Iterable[tuple[str, Table]]
 ) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
-    """Find springs, links and dampers that give power to the motion, each with what does so.
-
-    Without those in tables known (by `id`) to be `passive`.
-    """
-    for path, part in faults.tables(design, known=passive):
+    """Find which of some tables of a design give power to the motion, each with what does so."""
+    for path, part in tables:
         if not isinstance(part, (Link, Damper, Spring)):
             continue
         if problem := _negative(part.damping):
@@ -319,7 +311,9 @@ def _negative(given: units.Matrix6 | None) -> str:
 
 def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:
     """Check that wires reach from end to end in their shape."""
-    position = com_positions(design) | dict.fromkeys((SUPPORT, GROUND), (0.0, 0.0, 0.0))
+    position = com_positions(add_keystones(design)) | dict.fromkeys(
+        (SUPPORT, GROUND), (0.0, 0.0, 0.0)
+    )
     if any(name not in position for name in link.between):
         return
     first, second = (position[name] for name in link.between)

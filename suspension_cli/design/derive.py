@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -151,6 +152,14 @@ def com_offset(stage: Stage) -> tuple[float, float, float]:
     return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))
 
 
+def with_bodies_above(design: Design) -> Iterator[tuple[Stage, str]]:
+    """List the stages of a design with its keystones, each with the name of what it hangs from."""
+    above = SUPPORT
+    for stage in design.stage:
+        yield stage, stage.hangs_from or above
+        above = stage.name
+
+
 def main_chain(design: Design) -> list[str]:
     """List the stages from the support to the mirror.
 
@@ -158,12 +167,8 @@ def main_chain(design: Design) -> list[str]:
     long, the one that the file lists first.
     """
     chains: dict[str, list[str]] = {SUPPORT: []}
-    above = SUPPORT
-    for stage in design.stage:
-        chains[stage.name] = [*chains[stage.hangs_from or above], stage.name]
-        if stage.filter is not None:
-            chains[stage.name + SUFFIX] = chains[stage.name]
-        above = stage.name
+    for stage, above in with_bodies_above(design):
+        chains[stage.name] = [*chains[above], stage.name]
     named = [chains[stage.name] for stage in design.stage if stage.mirror]
     return max(named or chains.values(), key=len)
 
@@ -176,12 +181,10 @@ def mirror(design: Design) -> str:
 def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
     """Compute the nominal COM of every stage from the suspension point, m."""
     found = {SUPPORT: (0.0, 0.0, 0.0)}
-    above = SUPPORT
-    for stage in design.stage:
-        x, y, z = found[stage.hangs_from or above]
+    for stage, above in with_bodies_above(design):
+        x, y, z = found[above]
         dx, dy, dz = com_offset(stage)
         found[stage.name] = (x + dx, y + dy, z + dz)
-        above = stage.name
     return found
 
 

@@ -11,14 +11,15 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from functools import cache
 from typing import Any, TypeVar
 
 import msgspec
 from msgspec import Struct
 
-from suspension_cli.design.tables import Raw, Schema, keys_with
+from suspension_cli.design import paths
+from suspension_cli.design.tables import Raw, Schema, Table, keys_with
 from suspension_cli.errors import Fault, InputError, format_key, format_value, suggest
 
 T = TypeVar("T")
@@ -41,28 +42,27 @@ TINY = 1e-150
 precision (2e-308)."""
 
 
-def convert(raw: Raw, kind: type[T], known: Collection[int] = (), *, rules: bool = True) -> T:
+def convert(raw: Raw, kind: type[T], *, rules: bool = True) -> T:
     """Convert a parsed TOML document to a type of the file format.
 
-    Raises `InputError` with all faults of its values or, if these are valid, of its `rules`. Tables
-    that were converted before may be `known`, by their identities (`id`).
+    Raises `InputError` with all faults of its values or, if these are valid, of its `rules`.
     """
     try:
         document, refusal = msgspec.convert(raw, kind), ""
     except msgspec.ValidationError as error:
         document, refusal = None, str(error)
-    good = document is not None and _is_ordinary(raw, known)
+    good = document is not None and _is_ordinary(raw)
     found = [] if good else [*_walk(_schema(kind), raw, "")]
     if rules and document is not None and not found:
-        found = [*find_faults(document)]
+        found = [*find_faults(tables(document))]
     if document is not None and not found:
         return document
     raise InputError(found or [Fault("", refusal, "see pendsus schema for the format")])
 
 
-def find_faults(document: object, known: Collection[int] = ()) -> Iterator[Fault]:
-    """Find what breaks the rules of any table of a document but the `known` ones, see `tables`."""
-    for path, table in tables(document, known=known):
+def find_faults(tables: Iterable[tuple[str, Table]]) -> Iterator[Fault]:
+    """Find what breaks the rules of some tables, each behind its key path."""
+    for path, table in tables:
         for key, problem, remedy in table.faults():
             yield fault_of(table, path, key, problem, remedy)
 
@@ -93,27 +93,21 @@ def tables(node: Any, path: str = "", known: Collection[int] = ()) -> Iterator[t
 def step(path: str, key: object, item: object = None) -> str:
     """Extend a key path by one level; members of a list go by name, else by number from 1."""
     if isinstance(key, int):
-        name = item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
+        name = paths.name_of(item)
         key = name if isinstance(name, str) and name else key + 1
     text = format_key(str(key))
     return f"{path}.{text}" if path else text
 
 
-def fault_of(table: object, path: str, key: str, problem: str, remedy: str) -> Fault:
+def fault_of(table: Table, path: str, key: str, problem: str, remedy: str) -> Fault:
     """Make a fault of a (dotted) key of the table at a path, or of the table, with its value."""
-    value: Any = table if key else None
-    for name in key.split("."):
-        if isinstance(value, list):
-            named = [item for item in value if getattr(item, "name", None) == name]
-            value = named[0] if named else value[int(name) - 1] if name.isdigit() else None
-        else:
-            value = getattr(value, name, None)
+    value: Any = paths.value_at(table, key) if key else None
     tables = isinstance(value[0] if isinstance(value, list) and value else value, Struct)
     shown = None if value is None or tables or problem == "missing" else format_value(value)
     return Fault(".".join(filter(None, (path, key))), problem, remedy, shown)
 
 
-def _is_ordinary(value: Any, known: Collection[int]) -> bool:
+def _is_ordinary(value: Any) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
     Those are values of a free type that cannot be written to a file, a newline after a name, and
@@ -121,7 +115,7 @@ def _is_ordinary(value: Any, known: Collection[int]) -> bool:
     """
     if isinstance(value, (dict, list)):
         inside = value.values() if isinstance(value, dict) else value
-        return id(value) in known or all(_is_ordinary(item, known) for item in inside)
+        return all(map(_is_ordinary, inside))
     if isinstance(value, str):
         return not value.endswith("\n")
     return not isinstance(value, (int, float)) or value == 0 or TINY <= abs(value) < 2**63

@@ -180,15 +180,15 @@ def _make(name: str, arguments: str) -> Filter:
         f0, q = numbers[:2]
         half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
         roots = (half + root, half - root)
-    if plane != "n":  # `pole` and `zero` have positive frequencies in every plane
-        roots = tuple(-root for root in roots)
     extra = numbers[least] if len(numbers) > least else 1.0
     zeros, poles = ((), roots) if name.startswith("pole") else (roots, ())
-    return _normalise(extra, zeros, poles, plane)
+    return _in_hertz(extra, zeros, poles, plane)
 
 
 def _zpk(zeros: Any, poles: Any, gain: Any, plane: str) -> Filter:
-    made = _normalise(_real(gain), _pair_roots(zeros), _pair_roots(poles), plane)
+    side = 1 if plane == "n" else -1  # `pole` and `zero` have positive frequencies in every plane
+    zeros, poles = (tuple(side * root for root in _pair_roots(some)) for some in (zeros, poles))
+    made = _in_hertz(_real(gain), zeros, poles, plane)
     for pole in made.poles:
         if pole.real < 0:
             problem = f"has a pole at {_write_root(-pole)} Hz in the right half plane, which grows"
@@ -240,14 +240,12 @@ def _pair_roots(value: Any) -> tuple[complex, ...]:
     return tuple(result)
 
 
-def _normalise(
+def _in_hertz(
     gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...], plane: str
 ) -> Filter:
-    """Convert roots and gain of a plane to those of `Filter`."""
+    """Convert the gain and the roots of a plane, positive in the left half plane."""
     if plane == "n":
         return Filter(gain * _normal(poles) / _normal(zeros), zeros, poles)
-    if plane == "f":
-        zeros, poles = (tuple(-root for root in roots) for roots in (zeros, poles))
-    else:
-        zeros, poles = (tuple(-root / (2 * math.pi) for root in roots) for roots in (zeros, poles))
+    if plane == "s":
+        zeros, poles = (tuple(root / (2 * math.pi) for root in roots) for roots in (zeros, poles))
     return Filter(gain * (2 * math.pi) ** (len(zeros) - len(poles)), zeros, poles)

@@ -8,13 +8,11 @@ from typing import Literal
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import demand, reader
 from suspension_cli.design.faults import suggest
-from suspension_cli.design.measured import Number, Positive
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.tables import Problems, Table, given, key
-from suspension_cli.design.units import Name
+from suspension_cli.design.units import Dof, Name, Number, Positive
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
-Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 
 
 LIMITS = ["at_least", "at_most", "equals"]

@@ -203,7 +203,8 @@ def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> typ
     for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
-        kind: Any = Annotated[distribution, doc(text + each)]
+        unit = item.unit.removeprefix("1")
+        kind: Any = Annotated[distribution, doc(text + each, unit, item.plausible)]
         # a table without its only quantity would say nothing
         keys[item.spread] = kind if len(rows) == 1 else Optional[kind]  # noqa: UP045
     return extend_table(base, keys)

@@ -125,11 +125,8 @@ def tops(legs: InvertedPendulum) -> list[tuple[float, float, float]]:
     if legs.points is not None:
         return list(legs.points)
     assert legs.count is not None and legs.radius is not None
-    found = []
-    for n in range(legs.count):
-        x, y = direction(legs.phase, n, legs.count)
-        found.append((legs.radius * x, legs.radius * y, legs.top))
-    return found
+    turns = (direction(legs.phase, n, legs.count) for n in range(legs.count))
+    return [(legs.radius * x, legs.radius * y, legs.top) for x, y in turns]
 
 
 def direction(phase: float, number: int, count: int) -> tuple[float, float]:

@@ -44,9 +44,7 @@ class StiffnessTable(Table, frozen=True):
         " angle in rad",
         "real-imaginary",
     )
-    axis: Literal["x", "y", "z", "roll", "pitch", "yaw"] | None = key(
-        "axis of a table of one axis; the others have no stiffness"
-    )
+    axis: units.Dof | None = key("axis of a table of one axis; the others have no stiffness")
     frequency: list[units.Frequency] = key("Hz, ascending", [])
     real: list[Series] = key("real part: for each axis a list over frequency, N/m or N m/rad", [])
     imaginary: list[Series] = key(

@@ -255,7 +255,7 @@ class Thermoelastic(Mechanism):
         import numpy as np
 
         depth = shape.depth[plane]
-        if depth <= 0:
+        if math.isinf(depth):
             return 0.0 * (np.asarray(omega) + temperature)
         capacity = self.density * self.heat_capacity
         strength = self.youngs_modulus * temperature / capacity

@@ -9,11 +9,8 @@ from msgspec import Meta
 
 from suspension_cli.design import demand, faults, reader, tables
 from suspension_cli.design.tables import Problems, Schema, Table, key
-from suspension_cli.design.units import Frequency, Stem
+from suspension_cli.design.units import Dof, Frequency, Number, Positive, Stem
 from suspension_cli.errors import format_value
-
-Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
-Positive = Annotated[float, Meta(gt=0, le=1e20)]
 
 
 class Mode(Table, frozen=True):
@@ -24,7 +21,7 @@ class Mode(Table, frozen=True):
     label: str | None = key(
         "as pendsus modes prints it with the model of the fit; default: the nearest mode"
     )
-    dof: list[Literal["x", "y", "z", "roll", "pitch", "yaw"]] | None = key(
+    dof: list[Dof] | None = key(
         "without a label: coordinates of which one must dominate the mode", min_length=1
     )
 
@@ -33,8 +30,6 @@ class Mode(Table, frozen=True):
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
 """Heading of a column of a text file, or its number from 1; name of a dataset or of a channel."""
-
-Factor = Annotated[float, Meta(ge=-1e20, le=1e20)]
 
 
 class TransferFunction(Table, frozen=True):
@@ -74,7 +69,7 @@ class TransferFunction(Table, frozen=True):
     averages: float | None = key(
         "number of averages; with the coherence, gives the uncertainty", ge=1, le=1e9
     )
-    gain: Factor = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
+    gain: Number = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
 
     rules = (demand.nonzero("gain"), demand.ascending("band"))
@@ -91,7 +86,7 @@ class Transducer(Table, frozen=True):
 
     name: str = key(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)
     signal: str = key("upper.x (sensor), upper.force_x (actuator)")
-    gain: Factor = key("reading over signal (a sensor), force over drive (an actuator)", 1.0)
+    gain: Number = key("reading over signal (a sensor), force over drive (an actuator)", 1.0)
     gain_uncertainty: float | None = key(
         "relative standard deviation; the gain is then fitted", gt=0, le=10
     )
@@ -103,8 +98,8 @@ class Transducer(Table, frozen=True):
     unit: str | None = key(
         "unit of the reading or the drive: V; default: SI unit of signal", max_length=20
     )
-    mix: dict[str, Factor] = key("other signals that the channel contains, and how much", {})
-    mix_uncertainty: dict[str, Annotated[float, Meta(gt=0, le=1e20)]] = key(
+    mix: dict[str, Number] = key("other signals that the channel contains, and how much", {})
+    mix_uncertainty: dict[str, Positive] = key(
         "standard deviations of entries of mix, which are then fitted from 0 or mix", {}
     )
 

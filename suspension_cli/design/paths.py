@@ -33,24 +33,27 @@ def member(items: Sequence[object], key: str) -> int | None:
     (1, 1)
     """
     for position, item in enumerate(items):
-        if _name(item) == key:
+        if name_of(item) == key:
             return position
     if key.isascii() and key.isdigit() and 1 <= int(key) <= len(items):
         return int(key) - 1
     return None
 
 
-def _name(item: object) -> object:
+def name_of(item: object) -> object:
+    """Name of a table, parsed or checked; None if it has none."""
     return item.get("name") if isinstance(item, dict) else getattr(item, "name", None)
 
 
-def value_at(document: Raw, path: str) -> Value:
-    """The value of a parsed document at a dotted path; None if there is none."""
+def value_at(document: Raw | Table, path: str) -> Value:
+    """Value of a parsed document or a table at a dotted path; None if there is none."""
     node: Value = document
     for key in path.split("."):
-        if isinstance(node, list):
+        if isinstance(node, (list, tuple)):
             place = member(node, key)
             node = None if place is None else node[place]
+        elif isinstance(node, msgspec.Struct):
+            node = getattr(node, key, None)
         else:
             node = node.get(key) if isinstance(node, dict) else None
     return node
@@ -71,7 +74,7 @@ def assign(document: Raw, keys: list[str], value: object, override: str) -> None
         if isinstance(node, list):
             place = member(node, key)
             if place is None:
-                names = [str(_name(item) or n) for n, item in enumerate(node, 1)]
+                names = [str(name_of(item) or n) for n, item in enumerate(node, 1)]
                 remedy = suggest(key, names)
                 raise InputError.of("--set", f"there is no {key!r} here", remedy, shown)
         elif not isinstance(node, dict):

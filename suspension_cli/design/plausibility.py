@@ -12,12 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import faults, foton, imperfections
+from suspension_cli.design import faults, foton
 from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
-from suspension_cli.design.derive import set_geometry
+from suspension_cli.design.derive import set_geometry, with_bodies_above
 from suspension_cli.design.faults import fault_of
-from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.schema import Design, Distribution, Stage
 from suspension_cli.design.tables import Plausible, declared, keys_with
 from suspension_cli.design.units import OSMIUM
 from suspension_cli.errors import Fault, format_value
@@ -65,19 +64,20 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
         for key, plausible in keys_with(type(table), "plausible"):
             unit = declared(type(table))[key].get("unit", "")
             found += _check_range(f"{path}.{key}", getattr(table, key), plausible, unit)
-    above, bodies = SUPPORT, {stage.name: stage.body for stage in design.stage}
-    for stage in design.stage:
+    bodies = {stage.name: stage.body for stage in design.stage}
+    for stage, above in with_bodies_above(design):
         path = f"stage.{stage.name}"
         found += _check_density(stage.body, f"{path}.body")
-        found += _check_attachments(stage, bodies.get(stage.hangs_from or above), path)
-        above = stage.name
-    return [*found, *_check_tolerance(design), *_check_planes(design)]
+        found += _check_attachments(stage, bodies.get(above), path)
+    return [*found, *_check_planes(design)]
 
 
 def _check_range(
     key: str, value: Any, plausible: Plausible, unit: str
 ) -> Iterator[ImplausibleNumber]:
-    """Report a number, or a list with numbers, outside its plausible range."""
+    """Report a number, a list with numbers, or a distribution outside its plausible range."""
+    if isinstance(value, Distribution):
+        value = value.normal or value.uniform
     if isinstance(value, (int, float, list, tuple)) and (sizes := [*_sizes(value)]):
         size = max(sizes)
         if problem := plausible.problem(size, unit):
@@ -164,18 +164,6 @@ def _check_point(
         remedy = Plausible(limits[worst], "").remedy(abs(point[worst]), "m, as the body's size")
         shown = format_value(point[worst])
         yield ImplausibleNumber(keys[worst], problem, remedy, shown, far[worst] > SERIOUS)
-
-
-def _check_tolerance(design: Design) -> Iterator[ImplausibleNumber]:
-    """Report scatter of builds that is larger than plausible imperfections."""
-    for part in imperfections.PARTS if design.tolerance is not None else ():
-        for n, item in enumerate(getattr(design.tolerance, part), 1):
-            for row in imperfections.scattered(part):
-                spread = getattr(item, row.spread)
-                if spread is not None:
-                    key, unit = f"tolerance.{part}.{n}.{row.spread}", row.unit.removeprefix("1")
-                    size = spread.normal or spread.uniform
-                    yield from _check_range(key, size, row.plausible, unit)
 
 
 def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:

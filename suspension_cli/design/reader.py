@@ -9,20 +9,18 @@ import hashlib
 import os
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, time
 from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
-import msgspec
-
 from suspension_cli.design import checks, faults, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
-from suspension_cli.design.schema import Design
+from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Raw, Table
-from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
 from suspension_cli.files import bounded, columns
 
 T = TypeVar("T", bound=Table)
@@ -149,54 +147,41 @@ def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
 
 @dataclass(frozen=True)
 class VariedDesign:
-    """A design whose numbers are varied; a stage without a change is checked once.
+    """A design whose numbers are varied, as a parsed document, and its stages, which are valid.
 
-    Attributes
-    ----------
-    raw, design
-        As given: the parsed document, and the design.
+    A stage without a change is not checked again.
     """
 
     raw: Raw
-    design: Design
+    stages: list[Stage]
 
     @staticmethod
     def of(text: str) -> VariedDesign:
         """Parse and check a design from TOML text."""
         raw = _parse(text)
         insert_files(raw, Path(), of_links=False)
-        return VariedDesign(raw, drop_keystones(convert(raw)))
+        return VariedDesign(raw, drop_keystones(convert(raw)).stage)
 
     def at(self, values: Mapping[str, float]) -> Design:
-        """The design with other numbers at dotted paths, which shares with others what is equal.
-
-        Raises `InputError` as `parse_with_overrides`.
-        """
+        """The design with other numbers at dotted paths; raises `InputError`."""
         raw = self.raw
         for path, value in values.items():
             keys = path.split(".")
             raw = paths.copied(raw, keys)
             paths.assign(raw, keys, float(value), f"{path}={value!r}")
-        sound = {*map(id, (*self.raw.values(), *self.raw["stage"]))}
-        whole = faults.convert(raw, Design, sound, rules=False)
-        known = self.design
-        same = [key for key in Design.__struct_fields__ if raw.get(key) is self.raw.get(key)]
-        parts = {key: getattr(known, key) for key in same}
-        given = zip(known.stage, whole.stage, raw["stage"], self.raw["stage"], strict=True)
-        parts["stage"] = [old if one is before else new for old, new, one, before in given]
-        result = msgspec.structs.replace(whole, **parts)
-        if found := checks.check_design(result, known.stage):
-            raise InputError(found)
-        return add_keystones(result)
+        return convert(raw, self.stages)
 
 
-def convert(raw: Raw) -> Design:
-    """Check a parsed document and convert it to a design; raises `InputError` with all faults."""
+def convert(raw: Raw, sound: Sequence[Stage] = ()) -> Design:
+    """Check a parsed document and convert it to a design; raises `InputError` with all faults.
+
+    Stages that equal one of the `sound` ones are not checked again.
+    """
     try:
         design = faults.convert(raw, Design, rules=False)
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
-    found = checks.check_design(design)
+    found = checks.check_design(design, sound)
     if found:
         raise InputError(found)
     return add_keystones(design)
@@ -360,11 +345,10 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
 
 def template(kind: str, name: str) -> str:
     """Return a starting design as TOML text, under a name; raises `InputError` if there is none."""
-    path = Path(__file__).parent / "templates" / f"{kind}.toml"
     if kind not in TEMPLATES:
-        remedy = faults.suggest(kind, list(TEMPLATES))
+        remedy = suggest(kind, list(TEMPLATES))
         raise InputError.of("kind", "is not a template", remedy, format_value(kind))
-    return path.read_text(encoding="utf-8").replace('name = "NAME"', f'name = "{name}"', 1)
+    return _renamed(Path(__file__).parent / "templates" / f"{kind}.toml", name)
 
 
 def make_name(stem: str, default: str = "imported") -> str:
@@ -385,14 +369,18 @@ def example(name: str) -> Source:
 
 def example_text(name: str, new_name: str) -> str:
     """Return a design of the program as TOML text, under a new name."""
-    text = _example(name).read_text(encoding="utf-8")
-    return re.sub(r'(?m)^name = ".*"', f'name = "{new_name}"', text, count=1)
+    return _renamed(_example(name), new_name)
+
+
+def _renamed(file: Path, name: str) -> str:
+    text = file.read_text(encoding="utf-8")
+    return re.sub(r'(?m)^name = ".*"', f'name = "{name}"', text, count=1)
 
 
 def _example(name: str) -> Path:
     known = examples()
     if name not in known:
-        remedy = faults.suggest(name, known)
+        remedy = suggest(name, known)
         raise InputError.of("example", "is not an example design", remedy, format_value(name))
     return EXAMPLES / f"{name}.toml"
 

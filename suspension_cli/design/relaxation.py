@@ -31,8 +31,6 @@ import numpy as np
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
 
-FLAT = 0.5
-"""Order n of a ribbon or blade."""
 FAST = 1e4
 """|x^2| beyond which the asymptotic series has all digits, and is quicker."""
 TERMS = 9
@@ -54,7 +52,7 @@ def relaxation(
         w h^2/D, with h half the depth of the section and D its diffusivity; complex for the
         analytic continuation.
     order
-        n: 1 of a round wire, `FLAT` of a ribbon.
+        n: 1 of a round wire, 0.5 of a ribbon or blade.
     """
     if np.iscomplexobj(phase):  # Im g = (g(i p) - g(-i p))/2i for real p, and so for all
         return (_moment(1j * phase, order) - _moment(-1j * phase, order)) / 2j

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.conventions import DOFS
+from suspension_cli.conventions import AVOGADRO, DOFS
 from suspension_cli.design import demand, foton, imperfections, tables, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.filters import Filter
@@ -105,6 +105,11 @@ class Gas(Table, frozen=True):
     temperature: units.Kelvin | None = key(
         "temperature of the gas in K; default that of [constants]"
     )
+
+    @property
+    def molecule(self) -> float:
+        """Mass of a molecule, kg."""
+        return self.molar_mass / AVOGADRO
 
 
 class Spring(Table, frozen=True):
@@ -301,7 +306,7 @@ class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
     frequency: units.Frequency
-    magnitude: units.Gain = key("|H| there, N/m (N m/rad); if negative, reverses the sign of H")
+    magnitude: units.Number = key("|H| there, N/m (N m/rad); if negative, reverses the sign of H")
 
 
 class NoiseSpectrum(Table, frozen=True):
@@ -349,7 +354,7 @@ class Loop(Table, frozen=True):
     damper: float | None = key(
         "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
     )
-    gain: units.Gain | None = key(
+    gain: units.Number | None = key(
         "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
         " times Hz^(number of poles - number of zeros)"
     )
@@ -509,7 +514,7 @@ class Requirement(Table, frozen=True):
         " a response OUTPUT/INPUT:FREQUENCY",
         max_length=200,
     )
-    band: list[units.Gain] | None = key("least and largest value", min_length=2, max_length=2)
+    band: list[units.Number] | None = key("least and largest value", min_length=2, max_length=2)
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
-from suspension_cli.design.cross_sections import CrossSection, Round
+from suspension_cli.design.cross_sections import CrossSection, taper
 from suspension_cli.design.wires import Profile, Wire, WireSection, WireSet, cross_sections
 
 STEPS = 16
@@ -127,7 +127,8 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
 def _steps(piece: WireSection, length: float, material: str | None) -> list[Stretch]:
     name = piece.material or material
     if isinstance(piece.radius, list):
-        shapes = Round.read(piece.radius).steps(STEPS if piece.steps is None else piece.steps)
+        upper, lower = piece.radius
+        shapes = taper(upper, lower, STEPS if piece.steps is None else piece.steps)
     else:
         shapes = cross_sections(piece)
     return [Stretch(length / len(shapes), name, shape) for shape in shapes]

@@ -69,7 +69,9 @@ Conductivity = Annotated[float, doc("", "S/m", ge=1e4, le=1e12)]
 Corner = Annotated[float, doc("", "Hz", gt=0, le=1e6)]
 Saturation = Annotated[float, doc("", "1", gt=-0.5, lt=0.5)]
 MassCoupling = Annotated[float, doc("", "kg", ge=-1e6, le=1e6)]
-Gain = Annotated[float, Meta(ge=-1e20, le=1e20)]
+Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
+Positive = Annotated[float, Meta(gt=0, le=1e20)]
+Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 Kelvin = Annotated[float, doc("temperature in K", "K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,

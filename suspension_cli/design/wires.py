@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
 
 from suspension_cli.design import demand, units
-from suspension_cli.design.cross_sections import CrossSection, Ribbon, Round
+from suspension_cli.design.cross_sections import CrossSection, circle, rectangle
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
 from suspension_cli.design.units import NAMES
 
-CROSS_SECTIONS: tuple[type[CrossSection], ...] = (Round, Ribbon)
-"""Cross-sections; each has its key in `AnyWire` and `WireSection`."""
-SHAPES = tuple(kind.key for kind in CROSS_SECTIONS)
-"""Keys of the cross-sections."""
+CROSS_SECTIONS: dict[str, Callable[[Any], CrossSection]] = {
+    "radius": lambda ends: circle(*(ends if isinstance(ends, list) else (ends, ends))),
+    "section": lambda ribbon: rectangle(ribbon.width, ribbon.thickness),
+}
+"""Cross-sections by their keys in `AnyWire` and `WireSection`."""
+SHAPES = tuple(CROSS_SECTIONS)
 
 TALL = Plausible(50.0, "larger than any suspension", serious=True)
 """Lengths and positions; mirror suspensions are up to about 10 m tall."""
@@ -24,6 +27,13 @@ Radii = Annotated[
 Steps = Annotated[
     int, doc("number of uniform steps that approximate a taper; 16 if not given", ge=1, le=256)
 ]
+
+
+class Ribbon(Table, frozen=True):
+    """A ribbon's rectangular cross-section: width along y, thickness along x."""
+
+    width: units.WireSize = key("width along y, m")
+    thickness: units.WireSize = key("thickness along x, m")
 
 
 class WireSection(Table, frozen=True):
@@ -202,8 +212,8 @@ class AnyWire(Table, frozen=True):
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
     """List the cross-sections that a table gives; a valid one gives at most one."""
-    given = ((kind, getattr(table, kind.key)) for kind in CROSS_SECTIONS)
-    return [kind.read(value) for kind, value in given if value is not None]
+    given = ((make, getattr(table, key)) for key, make in CROSS_SECTIONS.items())
+    return [make(value) for make, value in given if value is not None]
 
 
 SEPARATIONS = ("s", "s_upper", "s_lower")
@@ -282,22 +292,17 @@ class Wire(AnyWire, frozen=True):
     rules = (demand.excludes("natural_length", "tension"),)
 
 
-BladeLength = Annotated[
-    units.Length, doc(plausible=Plausible(10.0, "longer than any blade", serious=True))
-]
-BladeWidth = Annotated[units.Length, doc(plausible=Plausible(2.0, "wider than any blade"))]
+LONG = Plausible(10.0, "longer than any blade", serious=True)
+WIDE = Plausible(2.0, "wider than any blade")
+HEAVY = Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))
 BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker than any blade"))]
-TipMass = Annotated[
-    units.MassOrZero,
-    doc(plausible=Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))),
-]
 
 
 class BladeGeometry(Table, frozen=True):
     """A tapered cantilever blade clamped at its base, loaded at its tip."""
 
-    length: BladeLength = key("length from the clamp to the tip, m")
-    base_width: BladeWidth = key("width at the clamp, m")
+    length: units.Length = key("length from the clamp to the tip, m", plausible=LONG)
+    base_width: units.Length = key("width at the clamp, m", plausible=WIDE)
     thickness: BladeThickness = key("thickness, m")
     shape_factor: float = key(
         "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10
@@ -319,7 +324,7 @@ class AnyBlade(Table, frozen=True):
         " another load it deflects and the pose is solved for; default: its load in the nominal"
         " pose or, if all wires of the stage have natural lengths, in the pose solved for"
     )
-    tip_mass: TipMass = key("mass that moves with one tip, kg", 0.0)
+    tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from suspension_cli.design.schema import Gas
 from suspension_cli.elements import beam, gas, joined_sections, loss, resting, rod
 from suspension_cli.elements.joined_sections import Joined
-from suspension_cli.scene.composition import Fibre, Gas, Section
+from suspension_cli.scene.composition import Fibre, Section
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -25,13 +25,13 @@ import math
 import numpy as np
 
 from suspension_cli.conventions import BOLTZMANN
-from suspension_cli.design.schema import Body
+from suspension_cli.design.schema import Body, Gas
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import Gas
 
 
 def surface_drag(gas: Gas) -> tuple[float, float]:
     """Drag per area and velocity of a surface in normal and in tangential motion, N s/m^3."""
+    assert gas.temperature is not None
     along = gas.pressure * math.sqrt(gas.molecule / (2 * math.pi * BOLTZMANN * gas.temperature))
     return (2 + math.pi / 2) * along, along
 

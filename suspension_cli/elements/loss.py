@@ -5,13 +5,11 @@ All are finite at zero frequency. `omega` is in rad/s, not negative, or complex 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.cross_sections import CrossSection
-from suspension_cli.design.relaxation import FLAT, relaxation
+from suspension_cli.design.cross_sections import plate
 from suspension_cli.scene.composition import BladeLoss, Section
 
 if TYPE_CHECKING:
@@ -108,39 +106,8 @@ def blade_angle(
     """
     if blade.losses is None:
         return blade.angle + 0.0 * np.asarray(omega)
-    shape, result = blade.shape or Plate(blade.thickness), 0.0 * np.asarray(omega)
+    shape, result = blade.shape or plate(blade.thickness), 0.0 * np.asarray(omega)
     for own in blade.losses:
         angle, coefficient = own.bending(shape, 0, omega, blade.temperature), own.coefficient(1.0)
         result = result + (angle if coefficient is None else angle * coefficient[0] ** 2)
     return result
-
-
-@dataclass(frozen=True)
-class Plate(CrossSection):
-    """Cross-section of a blade, much wider than thick, for its losses in bending.
-
-    The strain e ~ y at its surface is that of its two faces: mu S/V = 2 (t/2)^2/(t^3/12) = 6/t.
-
-    Attributes
-    ----------
-    thickness : float
-        m; 0 if unknown: no surface loss.
-    """
-
-    thickness: float
-
-    @property
-    def depth(self) -> tuple[float, float]:
-        """Thickness in the plane of bending, m."""
-        return self.thickness, 0.0
-
-    def bending_ratio(self, plane: int) -> float:
-        """6/t, 1/m."""
-        del plane
-        return 6 / self.thickness if self.thickness > 0 else 0.0
-
-    def relaxation(
-        self, phase: Inexact[np.ndarray, "*frequency"] | complex
-    ) -> Inexact[np.ndarray, "*frequency"]:
-        """Thermoelastic loss angle over its strength."""
-        return relaxation(phase, FLAT)

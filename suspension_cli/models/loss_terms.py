@@ -170,11 +170,12 @@ def gas_terms(
             matrix[..., rows, rows] = (
                 turn @ own[half : half + 3, half : half + 3] @ np.swapaxes(turn, -1, -2)
             )
-        assert scene.fibres is not None and scene.fibres.gas is not None
+        gas = scene.fibres and scene.fibres.gas
+        assert gas is not None and gas.temperature is not None
         terms.append(
             LossTerm(
                 f"{scene.bodies.name[n]}.gas",
-                scene.fibres.gas.temperature,
+                gas.temperature,
                 adapted.apply(matrix),
                 lambda omega: omega,
                 elastic=False,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from suspension_cli.design.cross_sections import CrossSection
 from suspension_cli.design.losses import Mechanism
+from suspension_cli.design.schema import Gas
 from suspension_cli.scene.arrays import Array
 
 
@@ -110,25 +111,6 @@ class BladeLoss:
 
 
 @dataclass(frozen=True)
-class Gas:
-    """Residual gas around the suspension.
-
-    Attributes
-    ----------
-    pressure
-        Pa.
-    molecule
-        Mass of a molecule, kg.
-    temperature
-        K.
-    """
-
-    pressure: float
-    molecule: float
-    temperature: float
-
-
-@dataclass(frozen=True)
 class Fibres:
     """Composition of all wires and blades of a scene, and the gas around them.
 
@@ -140,6 +122,8 @@ class Fibres:
         In the order of `Scene.blades`.
     spring
         Springs of known material; others have the loss angle of `Scene.springs`.
+    gas
+        With its temperature, if there is any.
     temperature
         Where the design gives no other, K.
     """

@@ -66,12 +66,12 @@ class Members:
 
     @staticmethod
     def of(design: Design, other: Members | None = None) -> Members:
-        """List the members of a design; those of stages that an `other` one shares are its own."""
+        """List the members of a design; those of stages that equal an `other` one's are its own."""
         places = Places.of(design)
         wires: list[list[Row]] = []
         blades: list[list[Row]] = []
         same = other is not None and all(
-            getattr(other.design, key) is getattr(design, key) for key in ("materials", "constants")
+            getattr(other.design, key) == getattr(design, key) for key in ("materials", "constants")
         )
         for n in range(1, len(design.stage) + 1):
             first = sum(map(len, blades))
@@ -83,7 +83,7 @@ class Members:
             blades.append(own[1])
         struts, bars = links.legs(design, places)
         springs = links.of_stages(design, places) + links.of_links(design, places)
-        springs = links.between(springs + links.of_dampers(design, places), places)
+        springs = links.between(springs, places)
         return Members(design, places, wires, blades, struts, bars, springs)
 
     def _has(self, n: int, design: Design, places: Places, first: int) -> bool:
@@ -91,7 +91,7 @@ class Members:
         own = self.design.stage
         return (
             n <= len(own)
-            and own[n - 1] is design.stage[n - 1]
+            and own[n - 1] == design.stage[n - 1]
             and self.places.parent[n] == places.parent[n]
             and bool((self.places.offset[n] == places.offset[n]).all())
             and sum(map(len, self.blades[: n - 1])) == first
@@ -245,43 +245,38 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
 
 def _wires_of(design: Design, stage: Stage, offset: Array) -> Iterator[Row]:
     """List the wires of a stage; their `blade` is numbered within the stage."""
-    table = stage.wires
-    if table is None:
-        names = [blade.name for blade in stage.blade]
-        for wire in stage.wire:
-            span = offset + wire.lower - wire.upper
-            length = float(np.sqrt(span @ span))
-            row = _elastic(design, wire, wire.natural_length or length)
-            tension = wire.tension or 0.0
-            if wire.natural_length is not None:
-                tension = row["stiffness"] * (length - wire.natural_length)
-            yield row | {
-                "upper_point": wire.upper,
-                "lower_point": wire.lower,
-                "span": span,
-                "length": length,
-                "tension": tension,
-                "fixed": wire.tension is not None,
-                "natural": wire.natural_length is not None,
-                "blade": -1 if wire.blade is None else names.index(wire.blade),
-            }
-        return
-    shape, same = set_geometry(table), _elastic(design, table, table.l)
-    for number, (upper, lower) in enumerate(shape.ends):
-        span = np.array([lower[0] - upper[0], lower[1] - upper[1], -shape.height])
-        blade = -1
-        if stage.blades is not None:
-            shared = stage.blades.count < shape.count
-            blade = number if not shared else int(stage.blades.count == 2 and upper[1] < 0)
-        yield same | {
-            "upper_point": (*upper, -shape.d_upper),
-            "lower_point": (*lower, shape.d),
+    equal = None if stage.wires is None else _elastic(design, stage.wires, stage.wires.l)
+    for wire, upper, lower, blade in _ends_of(stage):
+        span = offset + lower - upper
+        length = float(np.sqrt(span @ span))
+        natural, tension = getattr(wire, "natural_length", None), getattr(wire, "tension", None)
+        row = equal or _elastic(design, wire, natural or length)
+        stretched = 0.0 if natural is None else row["stiffness"] * (length - natural)
+        yield row | {
+            "upper_point": upper,
+            "lower_point": lower,
             "span": span,
-            "length": np.sqrt(span @ span),
-            "fixed": False,
-            "natural": False,
+            "length": length,
+            "tension": tension or stretched,
+            "fixed": tension is not None,
+            "natural": natural is not None,
             "blade": blade,
         }
+
+
+def _ends_of(stage: Stage) -> Iterator[tuple[WireSet | Wire, Array, Array, int]]:
+    """List the wires of a stage with their ends, and the blade of each, -1 for none."""
+    names = [blade.name for blade in stage.blade]
+    for wire in stage.wire:
+        blade = -1 if wire.blade is None else names.index(wire.blade)
+        yield wire, np.array(wire.upper), np.array(wire.lower), blade
+    if stage.wires is not None:
+        shape, count = set_geometry(stage.wires), stage.blades.count if stage.blades else 0
+        for number, (upper, lower) in enumerate(shape.ends):
+            # one blade for all, two for the sides of y, or one for each
+            blade = number if count == shape.count else int(count == 2 and upper[1] < 0)
+            ends = np.array([*upper, -shape.d_upper]), np.array([*lower, shape.d])
+            yield stage.wires, *ends, blade if count else -1
 
 
 def _elastic(design: Design, table: WireSet | Wire, length: float) -> Row:

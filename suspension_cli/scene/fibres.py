@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 
-from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.cross_sections import circle
 from suspension_cli.design.derive import gravity_strength, part_loss, wire_signs
 from suspension_cli.design.links import Link
 from suspension_cli.design.losses import Bulk, Mechanism, mechanisms_of
@@ -18,7 +18,7 @@ from suspension_cli.design.sections import Stretch, stretches
 from suspension_cli.design.wires import AnyBlade, Clamp, EndTemperatures, Wire, WireSet, is_ring
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, Row
-from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Gas, Section
+from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Section
 from suspension_cli.scene.expand import Members
 
 POISSON = 0.3
@@ -66,10 +66,8 @@ def compose(design: Design) -> Fibres:
     for link in design.link:
         if link.made_of is not None and link.loss_angle is None:
             springs.append(loss(f"{link.name}.link", link))
-    gas = design.gas and Gas(
-        design.gas.pressure,
-        design.gas.molar_mass / AVOGADRO,
-        design.gas.temperature or ambient,
+    gas = design.gas and msgspec.structs.replace(
+        design.gas, temperature=design.gas.temperature or ambient
     )
     return Fibres(tuple(wires), tuple(blades), gas, ambient, tuple(springs))
 
@@ -193,7 +191,7 @@ def _part_loss(design: Design, label: str, part: AnyBlade | Spring | Link) -> Bl
     if isinstance(part, Link):
         assert part.strands is not None
         thickness = part.strands.diameter
-        shape = Round(thickness / 2, thickness / 2)
+        shape = circle(thickness / 2, thickness / 2)
     else:
         geometry = None if isinstance(part, Spring) else part.geometry
         thickness = part.thickness if geometry is None else geometry.thickness

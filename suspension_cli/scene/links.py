@@ -42,7 +42,7 @@ from suspension_cli.design.inverted_pendulum import (
     leg_statics,
     tops,
 )
-from suspension_cli.design.links import Damper, Link, Strands
+from suspension_cli.design.links import Damper, EddyCurrent, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault
 from suspension_cli.scene import strands
@@ -94,7 +94,7 @@ def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
 
 
 def of_links(design: Design, places: Places) -> list[Row]:
-    """List the links; the body of lower number is the upper one."""
+    """List the links and the dampers; the body of lower number is the upper one."""
     rows = []
     for link in design.link:
         first, second = (places.number[name] for name in link.between)
@@ -109,15 +109,9 @@ def of_links(design: Design, places: Places) -> list[Row]:
             "spectrum": spectrum,
         }
         rows.append(row | _ends(link, places))
-    return rows
-
-
-def of_dampers(design: Design, places: Places) -> list[Row]:
-    """List the dampers; the body of lower number is the upper one."""
-    rows = []
     for damper in design.damper:
-        row = {"label": f"{damper.name}.damper", "preload": np.zeros(6)}
-        rows.append(row | {"damping": damper_matrix(damper)} | _ends(damper, places))
+        row = {"label": f"{damper.name}.damper", "damping": damper_matrix(damper)}
+        rows.append(row | _ends(damper, places))
     return rows
 
 
@@ -136,54 +130,22 @@ def _ends(table: Link | Damper, places: Places) -> Row:
 def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
     """Damping (6, 6) of a damper at its point, N s/m, N m s/rad."""
     magnet = damper.eddy_current
-    if magnet is None:
-        return matrix(damper.damping)
+    return matrix(damper.damping) if magnet is None else eddy_damping(magnet)
+
+
+def eddy_damping(magnet: EddyCurrent) -> Inexact[np.ndarray, "6 6"]:
+    """Damping (6, 6) at a magnet along the dipole's axis and, by a plate, across it, N s/m."""
     moment = magnet.moment
     if moment is None:
         assert magnet.remanence is not None and magnet.volume is not None
         moment = magnet.remanence * magnet.volume / MU_0
-    return magnet.count * eddy_damping(
-        magnet.shape,
-        "xyz".index(magnet.axis),
-        moment,
-        magnet.conductivity,
-        magnet.thickness,
-        magnet.gap,
-    )
-
-
-def axial_eddy_damping(
-    shape: str, moment: float, conductivity: float, thickness: float, gap: float
-) -> float:
-    """Damping (N s/m) of motion along the dipole's axis.
-
-    Parameters
-    ----------
-    shape : {"plate", "tube"}
-    moment
-        A m^2.
-    conductivity
-        S/m.
-    thickness, gap
-        Thickness of the plate or the tube's wall; distance to the plate, or inner radius, m.
-
-    Examples
-    --------
-    >>> round(axial_eddy_damping("plate", 1.0, 5.8e7, 5e-3, 10e-3), 3)
-    0.321
-    """
-    depth = 1 / gap**3 - 1 / (gap + thickness) ** 3
-    strength = MU_0**2 * moment**2 * conductivity * depth
-    return strength / (64 * np.pi) if shape == "plate" else 15 * strength / 1024
-
-
-def eddy_damping(
-    shape: str, axis: int, moment: float, conductivity: float, thickness: float, gap: float
-) -> Inexact[np.ndarray, "6 6"]:
-    """Damping (6, 6) at the magnet along the dipole's axis and, by a plate, across it, N s/m."""
-    along = axial_eddy_damping(shape, moment, conductivity, thickness, gap)
-    across = along / 2 if shape == "plate" else 0.0 * along
-    return np.diag([along if n == axis else across for n in range(3)] + [0.0 * along] * 3)
+    depth = 1 / magnet.gap**3 - 1 / (magnet.gap + magnet.thickness) ** 3
+    strength = magnet.count * MU_0**2 * moment**2 * magnet.conductivity * depth
+    along, across = 15 * strength / 1024, 0.0
+    if magnet.shape == "plate":
+        along = strength / (64 * np.pi)
+        across = along / 2
+    return np.diag([along if axis == magnet.axis else across for axis in "xyz"] + [0.0] * 3)
 
 
 def link_stiffness(

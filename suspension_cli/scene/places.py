@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import GROUND, SUPPORT
-from suspension_cli.design.derive import com_offset
+from suspension_cli.conventions import GROUND
+from suspension_cli.design.derive import com_offset, com_positions, with_bodies_above
 from suspension_cli.design.schema import Design
 
 if TYPE_CHECKING:
@@ -39,15 +39,11 @@ class Places:
     @classmethod
     def of(cls, design: Design) -> Places:
         """The places of the bodies of a design."""
-        number, parent = {SUPPORT: 0, GROUND: 0}, [0]
-        for n, stage in enumerate(design.stage, 1):
-            number[stage.name] = n
-            parent.append(n - 1 if stage.hangs_from is None else number[stage.hangs_from])
-        offset = np.array([(0.0, 0.0, 0.0), *(com_offset(stage) for stage in design.stage)])
-        position = offset.copy()
-        for n, above in enumerate(parent[1:], 1):
-            position[n] += position[above]
-        return cls(number, parent, offset, position)
+        position = com_positions(design)
+        number = {name: n for n, name in enumerate(position)} | {GROUND: 0}
+        parent = [0, *(number[above] for _, above in with_bodies_above(design))]
+        offset = np.array([(0.0, 0.0, 0.0), *map(com_offset, design.stage)])
+        return cls(number, parent, offset, np.array([*position.values()]))
 
     def between(self, upper: int, lower: int) -> Float[np.ndarray, " 3"]:
         """COM of one body from that of another, m."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from suspension_cli.design import reader
+from suspension_cli.design.derive import com_positions
 from suspension_cli.errors import InputError
 
 STAGES = """[design]
@@ -137,3 +138,18 @@ def test_table_from_a_file(tmp_path: Path) -> None:
         with pytest.raises(InputError) as raised:
             reader.read(design)
         assert expected in str(raised.value) and "link.a.table.file" in str(raised.value)
+
+
+def test_wires_below_a_keystone_end_where_it_hangs():
+    """A stage that names the keystone from which it hangs, joined to the support by a wire."""
+    tower = reader.example("tower")
+    hung = reader.replaced(tower, {"stage.filter.hangs_from": "platform-keystone"}).text
+    strap = (
+        '[[link]]\nname = "a"\nbetween = ["filter", "support"]\n[link.strands]\n'
+        'to = [0.1, 0.0, 0.0]\nmaterial = "aluminium"\ndiameter = 1e-3\nshape = "catenary"\n'
+        "length = {}\n"
+    )
+    height = -com_positions(tower.design)["filter"][2]
+    reader.parse(hung + strap.format(height + 0.1))
+    with pytest.raises(InputError, match="is too short"):
+        reader.parse(hung + strap.format(height))

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.cross_sections import circle
 from suspension_cli.design.losses import Bulk
+from suspension_cli.design.schema import Gas
 from suspension_cli.elements import gas
 from suspension_cli.elements.dynamic_wire import TautWire
-from suspension_cli.scene.composition import Fibre, Gas, Section
+from suspension_cli.scene.composition import Fibre, Section
 from tests.support import beam_mp
 
 LENGTH, TENSION, MASS = 0.6, 100.0, 5e-3
@@ -20,7 +21,7 @@ SPLIT = np.linalg.inv(np.array(beam_mp.ALIKE, dtype=float))
 RNG = np.random.default_rng(9)
 MOTIONS = np.vstack([np.eye(4), RNG.normal(size=(2, 4)) + 1j * RNG.normal(size=(2, 4))])
 """w1, w1', w2, w2': each end alone, and all at once."""
-SHAPE = Round(2e-4, 2e-4)
+SHAPE = circle(2e-4, 2e-4)
 
 
 def wire(slenderness, angle, surrounded=None):
@@ -72,7 +73,7 @@ def test_each_half_loses_by_its_curvature(slenderness, angle, omega):
 @pytest.mark.parametrize(("angle", "pressure"), [(1e-5, 1e-3), (1e-3, 10.0), (1e-9, 1e2)])
 def test_gas_takes_its_part(angle, pressure, omega):
     """omega^2 Im(mu) times the integral of |w|^2; with bending, all that the ends lose."""
-    around = Gas(pressure, 4.65e-26, 290.0)
+    around = Gas(pressure=pressure, molar_mass=0.028, temperature=290.0)
     strand = wire(50.0, angle, around)
     drag = SHAPE.drag(*gas.surface_drag(around))[0]
     rigidity, (upper, lower, moved) = integrals(strand, drag, omega)

@@ -10,12 +10,11 @@ import pytest
 
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
 from suspension_cli.design.bodies import body_inertia
-from suspension_cli.design.cross_sections import Ribbon, Round
-from suspension_cli.design.schema import Body
+from suspension_cli.design.cross_sections import circle, rectangle
+from suspension_cli.design.schema import Body, Gas
 from suspension_cli.elements import gas as drag
-from suspension_cli.scene.composition import Gas
 
-AIR = Gas(pressure=1e-5, molecule=0.028 / AVOGADRO, temperature=300.0)
+AIR = Gas(pressure=1e-5, molar_mass=0.028, temperature=300.0)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -36,7 +35,7 @@ def test_coefficients_from_the_maxwell_distribution():
         )
         return arriving + count * leaving
 
-    unit = Gas(pressure=1.0, molecule=1.0, temperature=1.0 / BOLTZMANN)
+    unit = Gas(pressure=1.0, molar_mass=AVOGADRO, temperature=1.0 / BOLTZMANN)
     found_normal, found_along = drag.surface_drag(unit)
     assert found_normal == pytest.approx(float(mpmath.diff(normal, 0)), rel=1e-9)
     assert found_along == pytest.approx(
@@ -154,13 +153,13 @@ def test_wires_against_long_bodies():
         / long
     )
     np.testing.assert_allclose(
-        Round(2e-4, 2e-4).drag(*drag.surface_drag(AIR)), pole[[0, 1, 2, 5]], rtol=1e-8
+        circle(2e-4, 2e-4).drag(*drag.surface_drag(AIR)), pole[[0, 1, 2, 5]], rtol=1e-8
     )
     plate = (
         np.diag(drag.body_damping(Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0), AIR)) / long
     )
     np.testing.assert_allclose(
-        Ribbon(width=1e-3, thickness=1e-4).drag(*drag.surface_drag(AIR)),
+        rectangle(width=1e-3, thickness=1e-4).drag(*drag.surface_drag(AIR)),
         plate[[0, 1, 2, 5]],
         rtol=1e-8,
     )

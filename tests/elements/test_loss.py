@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from suspension_cli.design.cross_sections import CrossSection, Ribbon, Round, rectangle_torsion
+from suspension_cli.design.cross_sections import CrossSection, circle, rectangle, rectangle_torsion
 from suspension_cli.design.losses import Bulk, Mechanism, Thermoelastic
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Section
@@ -28,11 +28,11 @@ OMEGA = np.concatenate([[0.0], 2 * np.pi * np.logspace(-3, 5, 33)])
 
 
 def wire(diameter: float = 4e-4, losses: tuple[Mechanism, ...] = SILICA) -> Section:
-    return section(Round(diameter / 2, diameter / 2), losses)
+    return section(circle(diameter / 2, diameter / 2), losses)
 
 
 def ribbon(thickness: float, width: float, losses: tuple[Mechanism, ...] = SILICA) -> Section:
-    return section(Ribbon(thickness=thickness, width=width), losses)
+    return section(rectangle(thickness=thickness, width=width), losses)
 
 
 def section(shape: CrossSection, losses: tuple[Mechanism, ...]) -> Section:

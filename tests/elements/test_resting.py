@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections import Ribbon, Round
+from suspension_cli.design.cross_sections import circle, rectangle
 from suspension_cli.elements import resting
 from suspension_cli.scene.composition import Section
 from tests.support import beam_mp
@@ -22,7 +22,7 @@ STEPS = {
 
 
 def wire(steps, rigidity, twisting=3e-6):
-    shape = Round(1e-4, 1e-4)
+    shape = circle(1e-4, 1e-4)
     return tuple(
         Section(
             share, (rigidity * own, 2 * rigidity * own), 1e4, twisting * own, 0.0, 0.0, shape, ()
@@ -55,7 +55,7 @@ def test_stiffness_in_many_digits(steps, rigidity):
 def test_both_planes_of_a_ribbon(steps):
     own = wire(steps, 1e-4)
     turned = [replace(part, rigidity=part.rigidity[::-1]) for part in own]
-    flat = tuple(replace(part, shape=Ribbon(width=1e-3, thickness=1e-4)) for part in own)
+    flat = tuple(replace(part, shape=rectangle(width=1e-3, thickness=1e-4)) for part in own)
     found, _ = resting.resistance(flat, 0.4, 20.0)
     for bend, part in zip(found, (own, tuple(turned)), strict=True):
         np.testing.assert_allclose(bend, resting.resistance(part, 0.4, 20.0)[0][0], rtol=1e-14)

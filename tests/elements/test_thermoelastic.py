@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections import Ribbon, Round
+from suspension_cli.design.cross_sections import circle, rectangle
 from suspension_cli.design.losses import Thermoelastic
 from suspension_cli.design.relaxation import relaxation
 from suspension_cli.elements import loss
@@ -56,7 +56,9 @@ def of_heat(phase: float, *, is_round: bool) -> float:
 
 
 def section(depth: float, *, is_round: bool) -> Section:
-    shape = Round(depth / 2, depth / 2) if is_round else Ribbon(thickness=depth, width=3 * depth)
+    shape = (
+        circle(depth / 2, depth / 2) if is_round else rectangle(thickness=depth, width=3 * depth)
+    )
     return Section(1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, shape, (STEEL,))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from suspension_cli.design.cross_sections import Round
+from suspension_cli.design.cross_sections import circle
 from suspension_cli.design.losses import Bulk
 from suspension_cli.elements.dynamic_wire import Fibre, TautWire
 from suspension_cli.scene.composition import Section
@@ -146,7 +146,7 @@ def round_section(radius: float, length: float) -> Section:
         gj,
         2200 * size,
         4400 * inertia,
-        Round(radius, radius),
+        circle(radius, radius),
         STUFF,
     )
 

@@ -13,7 +13,7 @@ from scipy import integrate
 
 from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections import Round, rectangle_torsion
+from suspension_cli.design.cross_sections import circle, rectangle_torsion
 from suspension_cli.design.derive import part_loss, wire_loss, wire_stiffness
 from suspension_cli.design.losses import Bulk, Thermoelastic
 from suspension_cli.design.reader import convert, read
@@ -208,7 +208,7 @@ def test_step_of_a_taper(a, b):
     def mean(power):
         return integrate.quad(lambda s: (a + (b - a) * s) ** power, 0, 1, epsabs=0, epsrel=1e-12)[0]
 
-    step = Round(a, b)
+    step = circle(a, b)
     assert math.pi / step.area == pytest.approx(mean(-2), rel=1e-10)
     assert math.pi / 4 / step.moments[0] == pytest.approx(mean(-4), rel=1e-10)
     assert math.pi / 2 / step.torsion == pytest.approx(mean(-4), rel=1e-10)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from suspension_cli.design.links import EddyCurrent
 from suspension_cli.rotations import cross_matrix
 from suspension_cli.scene import links, strands
 
@@ -121,14 +122,19 @@ def test_eddy_currents_dissipate_the_power_of_the_damper() -> None:
         value, _ = quad(lambda z: sigma * field(rho, z) ** 2, -0.3, 0.3, points=[0], limit=200)
         return value * 2 * np.pi * rho
 
+    def damping(shape: Any, thickness: float) -> Any:
+        magnet = EddyCurrent(
+            shape=shape, axis="z", conductivity=sigma, thickness=thickness, gap=g, moment=m
+        )
+        return np.diag(links.eddy_damping(magnet))
+
     for shape, power in (("plate", plate), ("tube", tube)):
         expected, _ = quad(power, g, g + t)
-        found = links.axial_eddy_damping(shape, m, sigma, t, g)
-        assert found == pytest.approx(expected, rel=1e-6)
-    thin = links.axial_eddy_damping("tube", m, sigma, 1e-7, g)
-    assert thin == pytest.approx(45 * mu**2 * m**2 * sigma * 1e-7 / (1024 * g**4), rel=1e-4)
+        assert damping(shape, t)[2] == pytest.approx(expected, rel=1e-6)
+    assert damping("tube", 1e-7)[2] == pytest.approx(
+        45 * mu**2 * m**2 * sigma * 1e-7 / (1024 * g**4), rel=1e-4
+    )
     # across the axis over a sheet: E = v x B less a potential that keeps the currents in the sheet;
     # Saslow (1992): at low velocity 3 mu_0 m^2 / (32 pi h^4) v mu_0 sigma t / 4
-    matrix = links.eddy_damping("plate", 2, m, sigma, 1e-7, g)
     saslow = 3 * mu * m**2 / (32 * np.pi * g**4) * mu * sigma * 1e-7 / 4
-    assert np.diag(matrix)[:2] == pytest.approx(saslow, rel=1e-4)
+    assert damping("plate", 1e-7)[:2] == pytest.approx(saslow, rel=1e-4)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from suspension_cli.design.sumcon import convert
 from suspension_cli.errors import InputError
+from suspension_cli.importing import convert
 from tests.support.commandline import run
 from tools.validation import undamped
 

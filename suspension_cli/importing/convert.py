@@ -15,7 +15,9 @@ import numpy as np
 
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
-from suspension_cli.design.sumcon.bodies import (
+from suspension_cli.errors import InputError, attribute_faults_to
+from suspension_cli.files import bounded
+from suspension_cli.importing.bodies import (
     GRAVITY,
     Body,
     Wire,
@@ -29,9 +31,7 @@ from suspension_cli.design.sumcon.bodies import (
     turned_matrix,
     word,
 )
-from suspension_cli.design.sumcon.save import Tables, read_tables
-from suspension_cli.errors import InputError, attribute_faults_to
-from suspension_cli.files import bounded
+from suspension_cli.importing.save import Tables, read_tables
 
 RIGID = 1e9
 """Stiffness of what SUMCON takes as rigid, N/m or N m/rad."""

@@ -12,9 +12,9 @@ import numpy as np
 
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import convert
-from suspension_cli.design.sumcon.save import Tables
 from suspension_cli.design.wires import WireSet
 from suspension_cli.errors import InputError
+from suspension_cli.importing.save import Tables
 
 GRAVITY = 9.81
 LONGEST_BENDS = 0.45
