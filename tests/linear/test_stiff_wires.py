@@ -10,7 +10,6 @@ import pytest
 
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal import solve as thermal
-from suspension_cli.analyses.tolerance import solve as random_builds
 from suspension_cli.analyses.tolerance.solve import RandomBuilds, follow_modes
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
@@ -155,12 +154,11 @@ def test_batches_of_builds(ratio, tip_mass, level):
 def test_modes_of_batches(ratio, tip_mass, monkeypatch):
     """`tolerance` finds the modes of a design without imperfections, from one matrix in doubles."""
     design = geo(ratio, tip_mass=tip_mass)
-    for module in (random_builds, jobs):
-        monkeypatch.setattr(module, "parse", lambda _: design)
+    monkeypatch.setattr(jobs, "parse", lambda _: design)
     job = RandomBuilds(f"{ratio} {tip_mass}", 1, 0, None)
     found = builds.balance(stack_scenes([expand(design)] * 2), design)
-    alone, shape, keep = random_builds._solve_nominal(job.text, job.level)
-    squared = follow_modes(found, shape, keep)
+    alone = eigenmodes.spectrum(jobs.nominal_system(job.text, job.level))
+    squared = follow_modes(found, alone.shape)
     # A heavy tip on a nearly rigid wire stays a coordinate, whose stiffness is the sum of both:
     # some roundings (2e-16) of it, 12e-16 of the ratio with the worst library.
     lost = 5e-15 * ratio if tip_mass else 0.0

@@ -251,7 +251,9 @@ def test_batches_are_single_designs(model):
     first = raw["stage"][0]
     path, mass = f"stage.{first['name']}.body.mass", first["body"]["mass"]
     values = np.array([mass, 1.05 * mass])
-    batches = variants.balanced(design.text, {path: values}, model, allow_unstable=True)
+    batches = variants.balanced(
+        variants.designs_at(design.text, {path: values}), model, allow_unstable=True
+    )
     count = 0
     for found, here in batches:
         back = found.model.basis

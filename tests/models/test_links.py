@@ -414,7 +414,7 @@ def test_batches_of_builds_see_links_and_ground() -> None:
     values = np.array([20.0, 40.0, 100.0])
     frequency = np.array([0.2, 1.7])
     names = (("ground.x", "support.x", "test~reaction.force_x"), ("test.x", "test~reaction.pitch"))
-    for found, here in variants.balanced(text, {path: values}, "string"):
+    for found, here in variants.balanced(variants.designs_at(text, {path: values}), "string"):
         known = signals.bodies_with_signals(found.model)
         inputs = [signals.parse_input(name, known) for name in names[0]]
         outputs = [signals.parse_output(name, known) for name in names[1]]

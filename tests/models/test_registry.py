@@ -41,7 +41,7 @@ def test_a_batch_is_its_designs(model):
     text, values = CASE.read_text(), np.array([0.3, 0.4, 0.5])
     path = "stage.test.wires.l"
     reached = []
-    for found, here in variants.balanced(text, {path: values}, model.name):
+    for found, here in variants.balanced(variants.designs_at(text, {path: values}), model.name):
         assert (found.status == 0).all()
         for place, point in enumerate(here):
             alone = model.system(variants.overridden(text, {path: values[point]}))

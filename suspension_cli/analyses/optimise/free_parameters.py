@@ -125,9 +125,15 @@ class FreeDesign:
         reader.apply_overrides(raw, paths.symmetric_settings(self.values(fraction)))
         return reader.write_toml(raw)
 
+    @cached_property
+    def _varied(self) -> reader.VariedDesign:
+        return reader.VariedDesign.of(self.text)
+
     def design(self, fraction: Float[np.ndarray, " number"]) -> Design:
         """Parsed design; raises `InputError` if it is invalid."""
-        return reader.parse(self.toml(fraction))
+        numbers = self.values(fraction).items()
+        twins = paths.twins
+        return self._varied.at({path: value for name, value in numbers for path in twins(name)})
 
     def design_if_valid(self, fraction: Float[np.ndarray, " number"]) -> Design | None:
         """Parsed design; None if it is invalid."""

@@ -60,7 +60,7 @@ class SensitivityAnalysis(Analysis):
         """Differentiate every result with respect to every number."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.sensitivity import solve as sensitivity
-        from suspension_cli.linear import eigenmodes, named_results, signals
+        from suspension_cli.linear import named_results
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -76,11 +76,7 @@ class SensitivityAnalysis(Analysis):
         model = model_choice.stable_system(
             source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
-        requested = named_results.parse(
-            list(setting["results"]) or [named_results.ALL],
-            eigenmodes.solve(model.constant),
-            signals.bodies_with_signals(model),
-        )
+        requested = named_results.of_system(setting["results"], model)
         found = sensitivity.solve(source.text, requested, choice.level)
         model_choice.warn_of_neglected(source, choice, run.log, registry.SCENE_MODELS)
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]

@@ -10,7 +10,6 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.tolerance.quantities import RATIO, SIGNED, STATIC, Quantity, parse
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.statistics import (
@@ -242,7 +241,7 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
         job=job,
         limit=limit,
         good=int((status == builds.GOOD).sum()),
-        failures=count_failures(status),
+        failures=builds.count_failures(status),
         modes=[own for one, own in spreads.items() if one.column == "frequency"],
         coupling=spreads[RATIO],
         static=[own for one, own in spreads.items() if one.column == "static"],

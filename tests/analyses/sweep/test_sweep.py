@@ -20,7 +20,7 @@ from suspension_cli.linear import (
     signals,
 )
 from suspension_cli.models import closed_form, registry
-from suspension_cli.studies import variants
+from suspension_cli.studies import builds, variants
 from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
 from tests.support.golden import CONFIGS
 
@@ -98,7 +98,7 @@ def test_batches_of_designs_are_those_designs(case):
     text = file.read_text()
     grid = {path: np.array(column) for path, column in grid.items()}
     seen = []
-    for found, here in variants.balanced(text, grid, level):
+    for found, here in variants.balanced(variants.designs_at(text, grid), level):
         assert (found.status == 0).all()
         solved = batch_modes.solve(found.model)
         np.testing.assert_allclose(
@@ -127,7 +127,7 @@ def test_batches_of_designs_are_those_designs(case):
                 signals.parse_input("support.x", ("support",)),
                 7.0,
             )
-            assert sweep.evaluate_ratio(found, ratio)[n] == pytest.approx(
+            assert builds.responses(found, [ratio])[n, 0] == pytest.approx(
                 response.solve(alone, np.array([7.0]), [ratio.input], [ratio.over]).value[0, 0, 0],
                 rel=1e-8,
             )
@@ -149,7 +149,7 @@ def test_springs_of_a_batch_are_those_of_each_design():
         f"stage.{blades}.blades.loss_angle": [0.0, 0.0, 0.0, 0.0, 0.1],
     }
     grid, text = {path: np.array(column) for path, column in grid.items()}, reader.write_toml(raw)
-    batches = list(variants.balanced(text, grid, "string"))
+    batches = list(variants.balanced(variants.designs_at(text, grid), "string"))
     assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
     for found, here in batches:
         for n, point in enumerate(here.tolist()):
@@ -180,9 +180,8 @@ def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
         "stage.upper.wires.l": [0.3, 0.3, 0.3, 0.3, 0.35],
         "stage.upper.body.mass": [3.0, 3.5, 3.0, 3.0, 3.0],
     }
-    batches = list(
-        variants.balanced(text, {path: np.array(column) for path, column in grid.items()}, level)
-    )
+    arrays = {path: np.array(column) for path, column in grid.items()}
+    batches = list(variants.balanced(variants.designs_at(text, arrays), level))
     assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
     for found, here in batches:
         for n, point in enumerate(here.tolist()):
@@ -199,7 +198,7 @@ def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
             expected = response.solve(alone, np.array([0.71]), [ratio.input], [ratio.over]).value[
                 0, 0, 0
             ]
-            assert sweep.evaluate_ratio(found, ratio)[n] == pytest.approx(expected, rel=1e-9)
+            assert builds.responses(found, [ratio])[n, 0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_modes_are_followed_through_a_crossing(tmp_path):
