@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design import paths, reader
+from suspension_cli.design import reader
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand, is_as_drawn
 from suspension_cli.errors import InputError
@@ -35,11 +35,6 @@ if TYPE_CHECKING:
 
 TOGETHER = 128
 """Designs that are in memory at once."""
-
-
-def overridden(text: str, values: dict[str, float]) -> Design:
-    """Parse a design with numbers replaced at dotted paths."""
-    return reader.parse_with_overrides(text, paths.settings(values))
 
 
 def scenes(

@@ -128,13 +128,9 @@ class RandomBuilds(Job):
 
     def find(self, requirement: Requirement) -> Quantity:
         """Find the quantity of a requirement; that of a response has no place yet."""
-        name, key = requirement.quantity, requirement.key
-        return find(name, key, self.nominal, self.scene.bodies.name, self.signalling)
-
-    @cached_property
-    def signalling(self) -> tuple[str, ...]:
-        """Bodies with signals."""
-        return signals.bodies_with_signals(registry.STRING.system(self.design))
+        known = signals.bodies_with_signals(nominal_system(self.text, registry.STRING.name))
+        stages = self.scene.bodies.name
+        return find(requirement.quantity, requirement.key, self.nominal, stages, known)
 
     @cached_property
     def groups(self) -> tuple[str, ...]:

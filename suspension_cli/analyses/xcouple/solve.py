@@ -14,7 +14,6 @@ import numpy as np
 from suspension_cli.analyses.analysis import Settings
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.imperfections import swept
-from suspension_cli.equilibrium import hanging
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import ATTRIBUTE, AXES, Contents, in_unit, pack_fields
@@ -26,7 +25,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies import builds, variants
+from suspension_cli.studies import builds, sampling, variants
 from suspension_cli.studies.builds import OUTCOME, Builds, Column, ColumnValues
 from suspension_cli.studies.job import Axis, Product, ends_and_middle
 
@@ -170,21 +169,13 @@ def impose(
 
     The scene has no batch axes, or the builds along its first axis.
     """
+    changes: list[sampling.Change] = []
     for part, number in (("wire", question.wire), ("body", question.body)):
-        amounts: dict[str, np.ndarray] = {}
         for name, value in values.items():
             item, axis = PARAMETERS[name]
-            if item.part != part:
-                continue
-            if not item.vector:
-                amounts[item.name] = value
-            elif axis is None:
-                amounts[item.name] = value[:, None] * np.ones(3)
-            else:
-                amounts.setdefault(item.name, np.zeros((len(value), 3)))[:, axis] = value
-        if amounts:
-            scene = hanging.impose(scene, part, number, amounts, question.hold)
-    return scene
+            if item.part == part:
+                changes.append((item, number, question.hold, axis, value - item.neutral))
+    return sampling.impose(scene, changes)
 
 
 def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:

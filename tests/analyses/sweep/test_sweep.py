@@ -22,6 +22,7 @@ from suspension_cli.linear import (
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import builds, variants
 from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
+from tests.support.designs import overridden
 from tests.support.golden import CONFIGS
 
 SINGLE = CONFIGS / "husman2000" / "table1-case2.toml"
@@ -109,9 +110,7 @@ def test_batches_of_designs_are_those_designs(case):
             atol=1e-12,
         )
         for n, point in enumerate(here.tolist()):
-            design = variants.overridden(
-                text, {path: column[point] for path, column in grid.items()}
-            )
+            design = overridden(text, {path: column[point] for path, column in grid.items()})
             alone = registry.by_name(level).system(design)
             expected = eigenmodes.solve(alone)
             np.testing.assert_allclose(
@@ -154,7 +153,7 @@ def test_springs_of_a_batch_are_those_of_each_design():
     for found, here in batches:
         for n, point in enumerate(here.tolist()):
             values = {path: column[point] for path, column in grid.items()}
-            alone = registry.STRING.system(variants.overridden(text, values)).constant
+            alone = registry.STRING.system(overridden(text, values)).constant
             own = found.model.select(np.array([n])).constant
             for matrix in ("stiffness", "damping", "complete"):
                 one, other = (
@@ -186,7 +185,7 @@ def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
     for found, here in batches:
         for n, point in enumerate(here.tolist()):
             alone = registry.by_name(level).system(
-                variants.overridden(text, {path: column[point] for path, column in grid.items()})
+                overridden(text, {path: column[point] for path, column in grid.items()})
             )
             ratio = named_results.Ratio(
                 "",
@@ -328,7 +327,7 @@ def test_results_by_name(tmp_path):
         (names[3], "rad/m"),
     ]
     model = registry.by_name(answer["fidelity"]).system(
-        variants.overridden(TRIPLE.read_text(), {"stage.test.wires.t2": 0.09})
+        overridden(TRIPLE.read_text(), {"stage.test.wires.t2": 0.09})
     )
     known = signals.bodies_with_signals(model)
     outputs = [signals.parse_output(name, known) for name in ("test.pitch", "test.x")]
@@ -636,7 +635,7 @@ def test_points_are_runs_of_their_own(level, tmp_path):
     )
     for n, d in enumerate((1e-3, 2e-3)):
         model = registry.by_name(level).system(
-            variants.overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d})
+            overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d})
         )
         known = signals.bodies_with_signals(model)
         shaken = response.solve(
