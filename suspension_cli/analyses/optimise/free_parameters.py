@@ -73,17 +73,13 @@ class FreeDesign:
         items = [*self.goals.free, *self.goals.equal]
         return np.array([[one.lower, one.upper] for one in items], dtype=float).T
 
-    def _scaled(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Fractions of numbers, or of their logarithms where the search is logarithmic."""
-        log = np.array([item.scale == "log" for item in self.goals.free])
-        rows = np.array([number, *self.bounds[:, : len(log)]])
-        here, low, high = np.log(rows, out=rows, where=log)
-        return (here - low) / (high - low)
-
     @cached_property
     def begin(self) -> Float[np.ndarray, " number"]:
-        """Fractions of the starting design."""
-        return self._scaled(self.start)
+        """Fractions of the starting design, in logarithms where the search is logarithmic."""
+        log = np.array([item.scale == "log" for item in self.goals.free])
+        rows = np.array([self.start, *self.bounds[:, : len(log)]])
+        here, low, high = np.log(rows, out=rows, where=log)
+        return (here - low) / (high - low)
 
     def values(self, fraction: Float[np.ndarray, " number"]) -> dict[str, float]:
         """Free numbers at fractions of the ranges, then dependent ones, by dotted path."""
