@@ -581,16 +581,9 @@ def only_one(values: list[Document], name: str) -> Document:
 
 def reading_all(ask: Callable[..., Run], files: Sequence[str]) -> list[Run]:
     """Read several designs; report at once the faults of all, and equal names."""
-    from suspension_cli.errors import join_errors
+    from suspension_cli.errors import gather
 
-    runs, errors = [], []
-    for file in files:
-        try:
-            runs.append(ask(file))
-        except InputError as error:
-            errors.append(error)
-    if errors:
-        raise join_errors(errors)
+    runs = gather(ask, files)
     demand_distinct_names([run.source for run in runs])
     return runs
 

@@ -117,35 +117,25 @@ class SensitivityAnalysis(Analysis):
             "change of each result by 1 mm, 1 mrad or 1 % of each number, in % of the result (in"
             " its unit if it is 0):",
         ]
+        units = ["" if unit == "1" else unit for unit in found.unit]
+        steps, numbers = found.step_unit, list(enumerate(found.parameter))
         for start in range(0, len(found.result), across):
             here = range(start, min(start + across, len(found.result)))
-            lines += [
-                "",
-                *(
-                    f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g}"
-                    f" {found.unit[n] if found.unit[n] != '1' else ''}".rstrip()
-                    for n in here
-                ),
-            ]
+            columns, lines = {"": "", "value": " ", "per": " "}, [*lines, ""]
+            for n in here:
+                line = f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g} {units[n]}"
+                lines.append(line.rstrip())
+                columns[f"[{n + 1}]\n{units[n] if absolute[n] else '%'}"] = "+.3f"
             rows = [
                 (
                     name,
-                    format_with_unit(name, value),
-                    f"1 {unit}",
-                    *(_cell(row[n], absolute[n]) for n in here),
+                    format_with_unit(name, found.value[k]),
+                    f"1 {steps[k]}",
+                    *(_cell(change[k, n], absolute[n]) for n in here),
                 )
-                for name, value, unit, row, some in zip(
-                    found.parameter,
-                    found.value,
-                    found.step_unit,
-                    change,
-                    shown[:, here],
-                    strict=True,
-                )
-                if some.any()
+                for k, name in numbers
+                if shown[k, here].any()
             ]
-            columns = {"": "", "value": " ", "per": " "}
-            columns |= {f"[{n + 1}]\n{_unit(found, n)}": "+.3f" for n in here}
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
@@ -156,11 +146,6 @@ class SensitivityAnalysis(Analysis):
 
         drawn = picture.draw(result.data, result.subtitle, result.design.perturbation)
         return {"": style.name_neglected(drawn, result.choice)}
-
-
-def _unit(found: Sensitivity, number: int) -> str:
-    own = found.unit[number]
-    return "%" if found.nominal[number] else "" if own == "1" else own
 
 
 def _cell(value: float, absolute: bool) -> float | str:

@@ -16,12 +16,12 @@ from suspension_cli.analyses.tolerance.quantities import (
     RATIO,
     Quantity,
     Requirement,
-    each,
     find,
     of_modes,
     of_stages,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings
+from suspension_cli.errors import gather
 from suspension_cli.linear import batch_modes, eigenmodes, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
@@ -109,7 +109,7 @@ class RandomBuilds(Job):
     def ratios(self) -> tuple[Ratio, ...]:
         """Named responses and couplings that requirements limit."""
         named = [one for one in self.requirements if "/" in one.quantity]
-        found = [one.ratio for one in each(self.find, named)]
+        found = [one.ratio for one in gather(self.find, named)]
         return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
 
     @cached_property
@@ -117,7 +117,7 @@ class RandomBuilds(Job):
         """Quantity of each requirement; raises `InputError` if the model has none of that name."""
         return tuple(
             replace(one, place=(self.ratios.index(one.ratio),)) if one.ratio else one
-            for one in each(self.find, self.requirements)
+            for one in gather(self.find, self.requirements)
         )
 
     @property
