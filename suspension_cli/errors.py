@@ -7,8 +7,12 @@ into its exit code: 2 for `InputError`, 130 after Ctrl-C, else 1.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
+
+Given = TypeVar("Given")
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -119,6 +123,19 @@ def join_errors(errors: list[InputError]) -> InputError:
     whole = InputError([fault for error in errors for fault in error.faults])
     whole.args = ("\n".join(str(error) for error in errors),)
     return whole
+
+
+def gather(function: Callable[[Given], Found], items: Iterable[Given]) -> list[Found]:
+    """Call a function for each of some items; raises `InputError` with the faults of all."""
+    found, errors = [], []
+    for item in items:
+        try:
+            found.append(function(item))
+        except InputError as error:
+            errors.append(error)
+    if errors:
+        raise join_errors(errors)
+    return found
 
 
 def format_value(value: object, depth: int = 0) -> str:

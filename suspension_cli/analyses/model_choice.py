@@ -109,15 +109,12 @@ def named_results(
     texts: list[str] | tuple[str, ...],
 ) -> Callable[[LinearSystem], Several]:
     """The results of these names as quantity of interest; all modes if there are none."""
-    from suspension_cli.linear import eigenmodes, named_results, signals
+    from suspension_cli.linear import eigenmodes, named_results
     from suspension_cli.models.choice import Several
 
     def request(system: LinearSystem) -> Several:
         found = eigenmodes.solve(system.constant)
-        names = list(texts) or [named_results.ALL]
-        return Several(
-            named_results.parse(names, found, signals.bodies_with_signals(system)), found
-        )
+        return Several(named_results.of_system(texts, system), found)
 
     return request
 

@@ -10,13 +10,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.linear import signals
+from suspension_cli.linear import eigenmodes, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
 
 ALL = "modes"
 """Name that stands for all modes."""
@@ -56,12 +58,13 @@ class Ratio:
     @property
     def unit(self) -> str:
         """Unit of the ratio."""
-        below = self.under or self.input
-        return (
-            "1"
-            if self.over.unit == below.unit
-            else f"{self.over.unit}/{below.unit}".replace("/N m", "/(N m)")
-        )
+        return quotient_unit(self.over, self.under or self.input)
+
+
+def quotient_unit(over: Signal, under: Signal) -> str:
+    """Unit of the ratio of two signals, ``m/(N m)``."""
+    same = over.unit == under.unit
+    return "1" if same else f"{over.unit}/{under.unit}".replace("/N m", "/(N m)")
 
 
 Scalar = Mode | Ratio
@@ -74,6 +77,12 @@ def labels(modes: Modes) -> list[str]:
         label if plain.count(label) == 1 else f"{label}#{plain[: n + 1].count(label)}"
         for n, label in enumerate(plain)
     ]
+
+
+def of_system(texts: Sequence[str], system: LinearSystem) -> tuple[Scalar, ...]:
+    """Parse the names of results of a linear system; all modes if there are none."""
+    modes, known = eigenmodes.solve(system.constant), signals.bodies_with_signals(system)
+    return parse(list(texts) or [ALL], modes, known)
 
 
 def parse(

@@ -330,7 +330,7 @@ def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np
         changes = np.where(b > 0, np.abs(np.sqrt(np.abs(a) / np.where(b > 0, b, 1.0)) - 1), 0.0)
         if old.stable != new.stable:
             changes[0] = np.inf
-    if _has_wire_mass(refined) and not _has_wire_mass(simple):
+    if has_wire_mass(refined) and not has_wire_mass(simple):
         changes = changes + _shifts_by_wire_mass(new, refined)
     return new, changes
 
@@ -387,10 +387,11 @@ def _described(change: float, label: str, refined: LinearSystem) -> tuple[float,
     """Return the change of a mode with its label, or if it is infinite the reason."""
     if np.isfinite(change):
         return change, label
-    if _has_wire_mass(refined):
+    if has_wire_mass(refined):
         return change, f"{label} is near or above the first violin mode"
     return change, f"it decides whether {label} is stable"
 
 
-def _has_wire_mass(model: LinearSystem) -> bool:
+def has_wire_mass(model: LinearSystem) -> bool:
+    """Whether wires have mass, so that modes include violin modes."""
     return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)

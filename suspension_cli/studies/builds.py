@@ -6,6 +6,7 @@ are computed with it by rounding alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,9 @@ from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
+from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes
+from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
@@ -64,9 +67,26 @@ class Column:
     units: str
     axes: tuple[str, ...] = ()
 
+    def blank(self, count: int) -> np.ndarray:
+        """Values for `count` points that are invalid or not yet computed."""
+        value = {"u1": IMPOSSIBLE, "i2": -1, "c16": NOTHING}.get(self.dtype, np.nan)
+        return np.full((count, *self.shape), value, dtype=self.dtype)
+
 
 ColumnValues = dict[str, np.ndarray]
 """Values of points, along the first axis, by the names of columns."""
+OUTCOME = (
+    Column("residual", "f8", (), "1"),
+    Column("status", "u1", (), "1"),
+    Column("slack_wire", "i2", (), "1"),
+)
+"""Datasets that tell whether builds hang, see `Builds`."""
+
+
+def response_columns(ratios: Sequence[Ratio]) -> tuple[Column, ...]:
+    """Describe the dataset of some responses; none without any."""
+    unit = common_unit((one.unit for one in ratios), "response_unit")
+    return (Column("response", "c16", (len(ratios),), unit, ("response_name",)),) if ratios else ()
 
 
 @dataclass(frozen=True)
@@ -237,6 +257,39 @@ def transfer(
             none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
             result[none, :, o, i] = 0.0
     return result
+
+
+def responses(builds: Builds, ratios: Sequence[Ratio]) -> Complex[np.ndarray, "build response"]:
+    """Evaluate responses, or ratios of two, at one frequency each; SI, NaN where a build failed."""
+    found = np.empty((len(builds.status), len(ratios)), dtype=complex)
+    for n, ratio in enumerate(ratios):
+        outputs = [ratio.over] if ratio.under is None else [ratio.over, ratio.under]
+        values = transfer(builds, np.array([ratio.frequency]), [ratio.input], outputs)[:, 0, :, 0]
+        found[:, n] = values[:, 0] if ratio.under is None else divide(values[:, 0], values[:, 1])
+    return found
+
+
+def divide(
+    over: Complex[np.ndarray, "*shape"], under: Complex[np.ndarray, "*shape"]
+) -> Complex[np.ndarray, "*shape"]:
+    """Divide complex responses; exactly 0 where a symmetry makes `over` vanish."""
+    with np.errstate(all="ignore"):
+        return np.where((over == 0) & (np.abs(under) > 0), 0.0, over / under)
+
+
+def count_failures(
+    status: Int[np.ndarray, "*build"], meaning: tuple[str, ...] = STATUS
+) -> dict[str, int]:
+    """Count builds by reason of failure.
+
+    >>> count_failures(np.zeros(3, dtype=int))
+    {}
+    """
+    return {
+        reason: int((status == code).sum())
+        for code, reason in enumerate(meaning)
+        if code != GOOD and (status == code).any()
+    }
 
 
 def forbidden(

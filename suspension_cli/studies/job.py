@@ -12,11 +12,13 @@ import numpy as np
 
 from suspension_cli.design import reader
 from suspension_cli.design.imperfections import swept
-from suspension_cli.design.paths import displayed_unit, settings, unit_of
+from suspension_cli.design.paths import DISPLAYED, displayed_unit, settings, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import nominal
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.files.declared import dim_name
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies.builds import Column, ColumnValues
 
@@ -84,6 +86,12 @@ def expand(text: str) -> Scene:
     return nominal.expand(parse(text))
 
 
+@lru_cache(maxsize=8)
+def nominal_system(text: str, level: str) -> LinearSystem:
+    """Build the linear system of a design in the model of that name."""
+    return registry.by_name(level).system(parse(text))
+
+
 @dataclass(frozen=True)
 class Axis:
     """A swept parameter and its values.
@@ -102,8 +110,15 @@ class Axis:
 
     @property
     def displayed_unit(self) -> tuple[str, float]:
-        """Unit in which the values are displayed, and the factor to it."""
+        """Unit in which the values are displayed, "" for factors, and the factor to it."""
+        if self.name in swept():
+            return DISPLAYED.get(self.unit, ("", 1.0))
         return displayed_unit(self.name, float(np.max(np.abs(self.values))))
+
+    def describe(self, value: float) -> str:
+        """Write a value in that unit, for figures: ``−2 mm``."""
+        unit, factor = self.displayed_unit
+        return f"{value * factor:.4g} {unit}".rstrip().replace("-", "−")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from scipy.stats.qmc import Sobol
 
 RANDOM, SOBOL = "random", "sobol"
-METHODS = (RANDOM, SOBOL)
 """Names of the methods of sampling."""
 REPLICATES = 8
 """Number of scrambled sequences, and of batches from which errors of Sobol indices follow."""

@@ -6,7 +6,7 @@ row of one stream of uniform numbers, whichever builds are drawn with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, Part, scattered
 from suspension_cli.design.schema import Design, Distribution
-from suspension_cli.equilibrium.hanging import impose
+from suspension_cli.equilibrium import hanging
 from suspension_cli.errors import InputError
 from suspension_cli.scene import imperfections
 from suspension_cli.scene.scene import Scene
@@ -130,30 +130,36 @@ def deviations(
     return result
 
 
+Change = tuple[Imperfection, int, str, int | None, np.ndarray]
+"""An imperfection of builds: which, the number of its wire or body, what is kept (`hold`), the axis
+(None: all), and its deviations from neutral."""
+
+
 def imperfect(
     scene: Scene, chosen: tuple[ScatteredNumber, ...], values: Float[np.ndarray, "build factor"]
 ) -> Scene:
-    """Apply deviations to a scene; the builds become its first axis.
+    """Apply random deviations to a scene; the builds become its first axis."""
+    factors = zip(chosen, values.T, strict=True)
+    changes = [(one.imperfection, one.number, one.hold, one.axis, own) for one, own in factors]
+    # a wire is trimmed first
+    changes.sort(key=lambda change: change[2] == "natural-length")
+    return impose(scene, changes, SMALLEST)
 
-    Deviations of one number by several tables add.
+
+def impose(scene: Scene, changes: Iterable[Change], least: float = 0.0) -> Scene:
+    """Apply imperfections to a scene in their order; the builds become its first axis.
+
+    Deviations of one number add. Factors are at least `least`.
     """
     table: dict[tuple[str, int, str], dict[Imperfection, np.ndarray]] = {}
-    for n, factor in enumerate(chosen):
-        row = factor.imperfection
-        here = table.setdefault((row.part, factor.number, factor.hold), {})
-        amount = here.setdefault(row, np.zeros((len(values), 3 if row.vector else 1)))
-        amount[:, factor.axis] += values[:, n]
-    # a wire is trimmed first
-    for key in sorted(table, key=lambda key: key[2] == "natural-length"):
-        part, number, hold = key
-        amounts = {row.name: _amount(row, errors) for row, errors in table[key].items()}
-        scene = impose(scene, part, number, amounts, hold)
+    for row, number, hold, axis, deviation in changes:
+        here = table.setdefault((row.part, number, hold), {})
+        amount = here.setdefault(row, np.zeros((len(deviation), 3 if row.vector else 1)))
+        amount[:, slice(None) if axis is None else [axis]] += deviation[:, None]
+    for (part, number, hold), rows in table.items():
+        amounts = {}
+        for row, amount in rows.items():
+            value = np.maximum(1.0 + amount, least) if row.relative else amount
+            amounts[row.name] = value if row.vector else value[:, 0]
+        scene = hanging.impose(scene, part, number, amounts, hold)
     return scene
-
-
-def _amount(
-    row: Imperfection, errors: Float[np.ndarray, "build axis"]
-) -> Float[np.ndarray, " build"] | Float[np.ndarray, "build 3"]:
-    """Convert deviations to values of an imperfection."""
-    values = np.maximum(1.0 + errors, SMALLEST) if row.relative else errors
-    return values if row.vector else values[:, 0]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design import paths, reader
+from suspension_cli.design import reader
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand, is_as_drawn
 from suspension_cli.errors import InputError
@@ -37,11 +37,6 @@ TOGETHER = 128
 """Designs that are in memory at once."""
 
 
-def overridden(text: str, values: dict[str, float]) -> Design:
-    """Parse a design with numbers replaced at dotted paths."""
-    return reader.parse_with_overrides(text, paths.settings(values))
-
-
 def scenes(
     text: str, values: dict[str, Float[np.ndarray, " point"]], level: str = registry.STRING.name
 ) -> Iterator[tuple[Scene, Design, Int[np.ndarray, " place"]]]:
@@ -60,8 +55,8 @@ def scenes(
     here : array
         Numbers of the points. Points with an invalid design are in no batch.
     """
-    rows, pick = np.unique(np.stack(list(values.values()), axis=1), axis=0, return_inverse=True)
-    designs = _parse_valid(text, tuple(values), rows)
+    rows, pick = np.unique(np.stack([*values.values()], axis=1), axis=0, return_inverse=True)
+    designs = designs_at(text, dict(zip(values, rows.T, strict=True)))
     for numbers, scene, design in alike(designs, level):
         place = np.full(len(rows), -1)
         place[numbers] = np.arange(len(numbers))
@@ -70,15 +65,15 @@ def scenes(
         yield stack.select_scenes(scene, number[here]), design, here
 
 
-def _parse_valid(
-    text: str, names: Iterable[str], rows: Float[np.ndarray, "design number"]
+def designs_at(
+    text: str, values: dict[str, Float[np.ndarray, " point"]]
 ) -> Iterator[Design | None]:
-    """Parse a design with the numbers of each row; None where it is invalid."""
+    """Parse the designs given by values at dotted paths; None where one is invalid."""
     varied = reader.VariedDesign.of(text)
-    for row in rows.tolist():
+    for row in np.stack([*values.values()], axis=1).tolist():
         design = None
         with contextlib.suppress(InputError):
-            design = varied.at(dict(zip(names, row, strict=True)))
+            design = varied.at(dict(zip(values, row, strict=True)))
         yield design
 
 
@@ -129,23 +124,19 @@ def solved(designs: Sequence[Design | None], level: str) -> Iterator[tuple[list[
 
 
 def balanced(
-    text: str,
-    values: dict[str, Float[np.ndarray, " point"]],
-    level: str,
-    *,
-    allow_unstable: bool = False,
+    designs: Iterable[Design | None], level: str, *, allow_unstable: bool = False
 ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
-    """Balance the designs given by values at dotted paths, and build their linear models.
+    """Balance designs, and build their linear models, in any model.
 
-    Yields builds, with the points as first axis of the linear model, and the numbers of the points.
-    Mirror symmetries are used. Arguments as of `scenes`, but any model; if `allow_unstable`, an
-    unstable equilibrium has status `builds.GOOD`.
+    Yields builds, with the designs as first axis of the linear model, and the places of these.
+    Mirror symmetries are used. If `allow_unstable`, an unstable equilibrium has status
+    `builds.GOOD`.
     """
     model = registry.by_name(level)
     if not model.supports_builds:
-        yield from _balanced_designs(text, values, model, allow_unstable)
+        yield from _balanced_symmetric(designs, model, allow_unstable)
         return
-    for scene, design, here in scenes(text, values, level):
+    for places, scene, design in alike(designs, level):
         flags = is_mirror_symmetric(scene)
         for mirrors in np.unique(flags, axis=0):
             some = (flags == mirrors).all(-1)
@@ -153,27 +144,22 @@ def balanced(
             found = builds.balance(
                 part, design, level=level, allow_unstable=allow_unstable, split=True
             )
-            yield found, here[some]
+            yield found, np.array(places)[some]
 
 
-def _balanced_designs(
-    text: str,
-    values: dict[str, Float[np.ndarray, " point"]],
-    model: Model,
-    allow_unstable: bool,
+def _balanced_symmetric(
+    designs: Iterable[Design | None], model: Model, allow_unstable: bool
 ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
     """Build batches of symmetric designs of one key; their nominal pose is the equilibrium."""
     kinds: dict[Hashable, list[tuple[int, Design]]] = {}
-    rows = np.stack(list(values.values()), axis=1)
-    for n, design in enumerate(_parse_valid(text, tuple(values), rows)):
-        if design is None or model.unsuitable(design):
-            continue
-        key = model.batch_key(design)
-        kinds.setdefault(n if key is None else key, []).append((n, design))
+    for n, design in enumerate(designs):
+        if design is not None and not model.unsuitable(design):
+            key = model.batch_key(design)
+            kinds.setdefault(n if key is None else key, []).append((n, design))
     for members in kinds.values():
-        designs, count = [design for _, design in members], len(members)
-        position = np.array([nominal_positions(design) for design in designs])
-        system = surrounded(model.batch(designs), designs[0], position)
+        alike, count = [design for _, design in members], len(members)
+        position = np.array([nominal_positions(design) for design in alike])
+        system = surrounded(model.batch(alike), alike[0], position)
         status = np.full(count, builds.GOOD, dtype=np.uint8)
         if not allow_unstable:
             status[batch_modes.grows(system)] = builds.UNSTABLE

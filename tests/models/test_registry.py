@@ -15,6 +15,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.choice import Frequencies, Systems, choose
 from suspension_cli.models.registry import Choice
 from suspension_cli.studies import variants
+from tests.support.designs import overridden
 from tests.support.paths import CONFIGS
 
 CASE = CONFIGS / "husman2000" / "table1-case3.toml"
@@ -41,10 +42,10 @@ def test_a_batch_is_its_designs(model):
     text, values = CASE.read_text(), np.array([0.3, 0.4, 0.5])
     path = "stage.test.wires.l"
     reached = []
-    for found, here in variants.balanced(text, {path: values}, model.name):
+    for found, here in variants.balanced(variants.designs_at(text, {path: values}), model.name):
         assert (found.status == 0).all()
         for place, point in enumerate(here):
-            alone = model.system(variants.overridden(text, {path: values[point]}))
+            alone = model.system(overridden(text, {path: values[point]}))
             assert found.model.stiffness[place] == pytest.approx(
                 alone.stiffness, rel=1e-9, abs=1e-9 * np.abs(alone.stiffness).max()
             )

@@ -5,8 +5,15 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from suspension_cli.design.reader import template
+from suspension_cli.design import paths
+from suspension_cli.design.reader import parse_with_overrides, template
 from tests.support.commandline import KINDS
+
+
+def overridden(text, values):
+    """A design with numbers replaced at dotted paths, by itself."""
+    return parse_with_overrides(text, paths.settings(values))
+
 
 TEXTS = {kind: template(kind, kind) for kind in KINDS}
 """The templates as TOML text."""

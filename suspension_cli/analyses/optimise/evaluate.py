@@ -19,7 +19,6 @@ from suspension_cli.analyses.check.statics import Statics
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.analyses.optimise.mode_families import Families, solve_modes
 from suspension_cli.analyses.optimise.quantities import Requirements, interpret
-from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.design import checks
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Perturbation
@@ -93,18 +92,23 @@ class Evaluator:
         return Evaluator(freed, wanted, families, model, string.name, string.name)
 
     def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " value"]:
-        """Evaluate one design, as `logs`; raises `InputError` if it is invalid."""
-        found = Results(self, [self.freed.design(fraction)], self.follow(fraction))
-        return self.logs(found, fraction[None])[0]
+        """Evaluate one design, as `logs`."""
+        return self.logs(fraction[None], self.follow(fraction))[0]
 
     def logs(
-        self, results: Results, fractions: Float[np.ndarray, "design number"]
+        self,
+        fractions: Float[np.ndarray, "design number"],
+        shapes: Array | None,
+        *,
+        around: bool = False,
     ) -> Float[np.ndarray, "design value"]:
         """Logarithms of quantities, then margins of the bounds of dependent numbers.
 
-        Below a floor logarithms are continued linearly in the square, to unstable modes.
+        Below a floor logarithms are continued linearly in the square, to unstable modes. `shapes`
+        and `around` are as in `Results`; NaN for an invalid design.
         """
-        value = results.values
+        designs = [self.freed.design_if_valid(one) for one in fractions]
+        value = Results(self, designs, shapes, around).values
         squared = value * np.abs(value)
         least = np.maximum(squared, self._floors)
         with np.errstate(invalid="ignore"):  # infinite ratios of responses
@@ -115,13 +119,14 @@ class Evaluator:
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:
         """Squares of quantities below which their logarithms continue linearly."""
-        lowest = np.full(len(self.requirements.quantities), LINEAR_BELOW_HZ / LINEAR_BELOW)
-        for n, item in enumerate(self.requirements.quantities):
-            asked = [one.value for one in self.requirements.limits if one.quantity == n]
-            lowest[n] = min(asked, default=lowest[n])
-            if item.unit != "Hz":
-                lowest[n] = TINY
-        return (LINEAR_BELOW * lowest) ** 2
+        limits, known = self.requirements.limits, LINEAR_BELOW_HZ / LINEAR_BELOW
+        lowest = [
+            min((one.value for one in limits if one.quantity == n), default=known)
+            if item.unit == "Hz"
+            else TINY
+            for n, item in enumerate(self.requirements.quantities)
+        ]
+        return (LINEAR_BELOW * np.array(lowest)) ** 2
 
     def follow(
         self, fraction: Float[np.ndarray, " number"], steps: int = PATH_STEPS
@@ -148,9 +153,7 @@ class Evaluator:
         """
         steps = STEP * np.eye(len(fraction))
         line = np.array([*(fraction + steps), *(fraction - steps), fraction])
-        designs = [self.freed.design_if_valid(one) for one in line]
-        found = Results(self, designs, self.follow(fraction), around=True)
-        *sides, middle = self.logs(found, line)
+        *sides, middle = self.logs(line, self.follow(fraction), around=True)
         above, below = np.array(sides).reshape(2, len(steps), -1)
         above = np.where(np.isnan(above), 2 * middle - below, above)
         below = np.where(np.isnan(below), 2 * middle - above, below)
@@ -223,7 +226,7 @@ class Results:
         """Magnitude of a response, or of a ratio of two, with further imperfections."""
         value = np.full(len(self.designs), np.nan)
         for places, found in self._balanced(perturbation, self.evaluator.responses):
-            value[places] = np.abs(evaluate_ratio(found, ratio))
+            value[places] = np.abs(builds.responses(found, [ratio])[:, 0])
         return value
 
     def stress(self, part: str, place: int) -> Float[np.ndarray, " design"]:
@@ -248,25 +251,25 @@ class Results:
         Squares of shapes are fractions of the kinetic energy, as in `batch_modes.Spectrum`. A
         design with another number of modes cannot be compared, and has none.
         """
-        bodies = 6 * len(self.evaluator.system.body)
-        count, level = self.evaluator.families.size.sum(), registry.by_name(self.evaluator.modes)
+        bodies, count = 6 * len(self.evaluator.system.body), self.evaluator.families.size.sum()
         squared = np.full((len(self.designs), count), np.nan)
         shape = np.full((len(self.designs), count, bodies), np.nan)
+        level, own = registry.by_name(self.evaluator.modes), slice(6, 6 + bodies)
         if level.has_wire_mass and not self.around:
             for n, design in enumerate(self.designs):
                 with contextlib.suppress(InputError):
-                    model = None if design is None else level.system(design)
-                    found = None if model is None else solve_modes(model)
-                    if model is not None and found is not None and len(found.shape) == count:
-                        root = np.linalg.cholesky(model.mass[6 : 6 + bodies, 6 : 6 + bodies])
+                    model = design and level.system(design)
+                    found = model and solve_modes(model)
+                    if model and found and len(found.shape) == count:
+                        root = np.linalg.cholesky(model.mass[own, own])
                         squared[n], shape[n] = found.omega_squared, found.shape[:, :bodies] @ root
             return squared, shape
         for places, batch in self._balanced((), level.name):
             solved, good = batch_modes.solve(batch.model), batch.status == builds.GOOD
             if solved.omega_squared.shape[1] == count:
-                own = np.array(places)[good]
-                squared[own] = solved.omega_squared[good]
-                shape[own] = solved.shape[good, :, :bodies]
+                here = np.array(places)[good]
+                squared[here] = solved.omega_squared[good]
+                shape[here] = solved.shape[good, :, :bodies]
         return squared, shape
 
     @cached_property
@@ -300,15 +303,14 @@ class Results:
 
     @cached_property
     def _statics(self) -> list[Statics | None]:
-        return [one and _solve_statics(one) for one in self.designs]
+        """Loads of each design."""
+        found: list[Statics | None] = [None] * len(self.designs)
+        for n, design in enumerate(self.designs):
+            with contextlib.suppress(InputError):
+                found[n] = design and statics.solve(design)
+        return found
 
 
 def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:
     """Add imperfections to those of a design."""
     return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
-
-
-def _solve_statics(design: Design) -> Statics | None:
-    with contextlib.suppress(InputError):
-        return statics.solve(design)
-    return None

@@ -73,17 +73,13 @@ class FreeDesign:
         items = [*self.goals.free, *self.goals.equal]
         return np.array([[one.lower, one.upper] for one in items], dtype=float).T
 
-    def _scaled(self, number: Float[np.ndarray, " number"]) -> Float[np.ndarray, " number"]:
-        """Fractions of numbers, or of their logarithms where the search is logarithmic."""
-        log = np.array([item.scale == "log" for item in self.goals.free])
-        rows = np.array([number, *self.bounds[:, : len(log)]])
-        here, low, high = np.log(rows, out=rows, where=log)
-        return (here - low) / (high - low)
-
     @cached_property
     def begin(self) -> Float[np.ndarray, " number"]:
-        """Fractions of the starting design."""
-        return self._scaled(self.start)
+        """Fractions of the starting design, in logarithms where the search is logarithmic."""
+        log = np.array([item.scale == "log" for item in self.goals.free])
+        rows = np.array([self.start, *self.bounds[:, : len(log)]])
+        here, low, high = np.log(rows, out=rows, where=log)
+        return (here - low) / (high - low)
 
     def values(self, fraction: Float[np.ndarray, " number"]) -> dict[str, float]:
         """Free numbers at fractions of the ranges, then dependent ones, by dotted path."""
@@ -125,9 +121,15 @@ class FreeDesign:
         reader.apply_overrides(raw, paths.symmetric_settings(self.values(fraction)))
         return reader.write_toml(raw)
 
+    @cached_property
+    def _varied(self) -> reader.VariedDesign:
+        return reader.VariedDesign.of(self.text)
+
     def design(self, fraction: Float[np.ndarray, " number"]) -> Design:
         """Parsed design; raises `InputError` if it is invalid."""
-        return reader.parse(self.toml(fraction))
+        numbers = self.values(fraction).items()
+        twins = paths.twins
+        return self._varied.at({path: value for name, value in numbers for path in twins(name)})
 
     def design_if_valid(self, fraction: Float[np.ndarray, " number"]) -> Design | None:
         """Parsed design; None if it is invalid."""

@@ -17,9 +17,9 @@ from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models.choice import has_wire_mass
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -81,11 +81,6 @@ class Families:
         place = pair_by_overlap(self.energy(energy)[:, slots])
         own = np.where(place >= 0, slots[place], -1)
         return [np.flatnonzero(own == family) for family in range(len(self.size))]
-
-
-def has_wire_mass(model: LinearSystem) -> bool:
-    """Whether wires have mass, so that modes include violin modes."""
-    return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
 
 
 def solve_modes(model: LinearSystem) -> Modes:

@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.optimise.evaluate import Evaluator
-from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -89,7 +88,7 @@ class Search:
 
     def __init__(self, evaluator: Evaluator) -> None:
         self.evaluator, self.freed, goals = evaluator, evaluator.freed, evaluator.freed.goals
-        self._values: dict[bytes, Array | None] = {}
+        self._points: dict[bytes, Point | None] = {}
         self._slopes: dict[bytes, Array] = {}
         wanted, bounds = evaluator.requirements, int(self.freed.bounded.sum())
         rows = [
@@ -106,27 +105,30 @@ class Search:
         maximise = goals.prefer == "margin" and not self._weight.any()
         self._shares_margin = maximise & ~self._equal & (limit >= 0)
 
-    def know(self, fraction: Float[np.ndarray, " number"], values: Array) -> None:
-        """Take the values of a design, which are NaN if it is invalid."""
-        self._values[fraction.tobytes()] = values if np.isfinite(values).all() else None
+    def know(self, fraction: Float[np.ndarray, " number"], values: Array) -> Point | None:
+        """Make the point of a design with these values; None if one is NaN: the design is invalid.
+
+        The point is kept.
+        """
+        point = None
+        if np.isfinite(values).all():
+            margin = self._sign * (values[self._place] - self._target) - self._kept
+            away = fraction - self.freed.begin
+            objective = float(self._weight @ values if self._weight.any() else away @ away / 2)
+            if self._shares_margin.any():
+                objective = float(np.max(-margin[self._shares_margin]))
+            outside = float(np.max(-margin[self.limit < 0], initial=0.0))
+            point = Point(fraction, margin, objective, outside)
+        self._points[fraction.tobytes()] = point
+        return point
 
     def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
         """Evaluate a point; None without a valid design."""
-        if fraction.tobytes() not in self._values:
-            try:
-                self.know(fraction, self.evaluator.at(fraction))
-            except (InputError, np.linalg.LinAlgError):
-                self.know(fraction, np.array([np.nan]))
-        values = self._values[fraction.tobytes()]
-        if values is None:
-            return None
-        margin = self._sign * (values[self._place] - self._target) - self._kept
-        away = fraction - self.freed.begin
-        objective = float(self._weight @ values if self._weight.any() else away @ away / 2)
-        if self._shares_margin.any():
-            objective = float(np.max(-margin[self._shares_margin]))
-        outside = float(np.max(-margin[self.limit < 0], initial=0.0))
-        return Point(fraction, margin, objective, outside)
+        if fraction.tobytes() in self._points:
+            return self._points[fraction.tobytes()]
+        with contextlib.suppress(np.linalg.LinAlgError):
+            return self.know(fraction, self.evaluator.at(fraction))
+        return None
 
     def _gradients(self, point: Point) -> tuple[Array, Array]:
         """Differentiate the margins and the objective of a point."""

@@ -151,11 +151,8 @@ def _choose_starts(
     freed, search = evaluator.freed, Search(evaluator)
     how: dict[str, Any] = {"seed": seed}
     samples = qmc.Sobol(len(freed.begin), **how).random(SAMPLES)
-    designs = [freed.design_if_valid(fraction) for fraction in samples]
-    results = Results(evaluator, designs, evaluator.follow(freed.begin, steps=1))
-    for fraction, log in zip(samples, evaluator.logs(results, samples), strict=True):
-        search.know(fraction, log)
-    found = [search.point(fraction) for fraction in samples]
+    logs = evaluator.logs(samples, evaluator.follow(freed.begin, steps=1))
+    found = map(search.know, samples, logs)
     good = [point for point in found if point is not None]
     return [point.fraction for point in sorted(good, key=lambda point: point.worst)[:count]]
 

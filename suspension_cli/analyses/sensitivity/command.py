@@ -60,7 +60,7 @@ class SensitivityAnalysis(Analysis):
         """Differentiate every result with respect to every number."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.sensitivity import solve as sensitivity
-        from suspension_cli.linear import eigenmodes, named_results, signals
+        from suspension_cli.linear import named_results
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -76,11 +76,7 @@ class SensitivityAnalysis(Analysis):
         model = model_choice.stable_system(
             source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
-        requested = named_results.parse(
-            list(setting["results"]) or [named_results.ALL],
-            eigenmodes.solve(model.constant),
-            signals.bodies_with_signals(model),
-        )
+        requested = named_results.of_system(setting["results"], model)
         found = sensitivity.solve(source.text, requested, choice.level)
         model_choice.warn_of_neglected(source, choice, run.log, registry.SCENE_MODELS)
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
@@ -121,35 +117,25 @@ class SensitivityAnalysis(Analysis):
             "change of each result by 1 mm, 1 mrad or 1 % of each number, in % of the result (in"
             " its unit if it is 0):",
         ]
+        units = ["" if unit == "1" else unit for unit in found.unit]
+        steps, numbers = found.step_unit, list(enumerate(found.parameter))
         for start in range(0, len(found.result), across):
             here = range(start, min(start + across, len(found.result)))
-            lines += [
-                "",
-                *(
-                    f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g}"
-                    f" {found.unit[n] if found.unit[n] != '1' else ''}".rstrip()
-                    for n in here
-                ),
-            ]
+            columns, lines = {"": "", "value": " ", "per": " "}, [*lines, ""]
+            for n in here:
+                line = f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g} {units[n]}"
+                lines.append(line.rstrip())
+                columns[f"[{n + 1}]\n{units[n] if absolute[n] else '%'}"] = "+.3f"
             rows = [
                 (
                     name,
-                    format_with_unit(name, value),
-                    f"1 {unit}",
-                    *(_cell(row[n], absolute[n]) for n in here),
+                    format_with_unit(name, found.value[k]),
+                    f"1 {steps[k]}",
+                    *(_cell(change[k, n], absolute[n]) for n in here),
                 )
-                for name, value, unit, row, some in zip(
-                    found.parameter,
-                    found.value,
-                    found.step_unit,
-                    change,
-                    shown[:, here],
-                    strict=True,
-                )
-                if some.any()
+                for k, name in numbers
+                if shown[k, here].any()
             ]
-            columns = {"": "", "value": " ", "per": " "}
-            columns |= {f"[{n + 1}]\n{_unit(found, n)}": "+.3f" for n in here}
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
@@ -160,11 +146,6 @@ class SensitivityAnalysis(Analysis):
 
         drawn = picture.draw(result.data, result.subtitle, result.design.perturbation)
         return {"": style.name_neglected(drawn, result.choice)}
-
-
-def _unit(found: Sensitivity, number: int) -> str:
-    own = found.unit[number]
-    return "%" if found.nominal[number] else "" if own == "1" else own
 
 
 def _cell(value: float, absolute: bool) -> float | str:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.optimise.mode_families import has_wire_mass, solve_modes
-from suspension_cli.analyses.sweep.solve import evaluate_ratio
+from suspension_cli.analyses.optimise.mode_families import solve_modes
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.models import registry
+from suspension_cli.models.choice import has_wire_mass
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import derivatives, parameters
+from suspension_cli.studies import builds, derivatives, parameters
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.derivatives import frequency_rates, mode_matrix
 from suspension_cli.studies.parameters import natural_step
@@ -136,8 +136,8 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
 
     def evaluate(found: Builds) -> Array:
         matrix = mode_matrix(found, modes, massive=massive).reshape(-1, count**2)
-        values = [evaluate_ratio(found, ratio) for ratio in ratios]
-        return np.column_stack([matrix, *values, derivatives.flat_matrices(found)])
+        values = builds.responses(found, ratios)
+        return np.hstack([matrix, values, derivatives.flat_matrices(found)])
 
     around = derivatives.differentiate(design, numbers, level, evaluate)
     matrix = np.real(around.central[:, : count**2]).reshape(-1, count, count)

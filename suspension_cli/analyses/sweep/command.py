@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import InputError, format_value
 
@@ -76,7 +77,7 @@ class SweepAnalysis(Analysis):
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.sweep import solve as sweep
         from suspension_cli.analyses.sweep.solve import ParameterSweep
-        from suspension_cli.linear import eigenmodes, named_results, signals
+        from suspension_cli.linear import named_results
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -84,20 +85,17 @@ class SweepAnalysis(Analysis):
         unstable = setting["allow_unstable"]
         simplest = registry.choose(source.design, setting["fidelity"])
 
-        def on(level: str, names: list[str]) -> ParameterSweep:
+        def on(level: str, names: Sequence[str] = setting["results"]) -> ParameterSweep:
             system = registry.by_name(level).system(source.design)
-            found = eigenmodes.solve(system.constant)
-            known = signals.bodies_with_signals(system)
-            results = named_results.parse(names, found, known)
+            results = named_results.of_system(names, system)
             return ParameterSweep(source.text, over, level, results, unstable)
 
-        names = list(setting["results"]) or [named_results.ALL]
         try:
-            first = on(simplest.level, names)
+            first = on(simplest.level)
         except InputError:  # another model may have a mode of this label
             if setting["fidelity"] != registry.AUTO:
                 raise
-            first = on(simplest.level, [named_results.ALL])
+            first = on(simplest.level, [])
         follows = len(first.ratios) < len(first.results)
         if follows and simplest.model.has_wire_mass:
             remedy = "take beam, or ask for responses alone"
@@ -111,8 +109,7 @@ class SweepAnalysis(Analysis):
             sweep.result_change(first),
             setting["tolerance"],
         )
-        job = on(choice.level, names)
-        model = choice.model.system(source.design)
+        job = on(choice.level)
         run.log.detail(f"{run.name}: {choice.line}")
         warnings.warn_implausible(run.design, run.log)
         result = sweeping.fill(
@@ -120,7 +117,7 @@ class SweepAnalysis(Analysis):
             self,
             job,
             choice,
-            sweep.describe(job, model),
+            sweep.describe(job),
             lambda part: sweep.complete(part, job),
         )
         found: SweepResult = result.data
@@ -140,16 +137,10 @@ class SweepAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return axes and results, first axis first; null for an unstable mode or failed point."""
         answer: SweepResult = result.data
-        results = [
-            {
-                "name": name,
-                "unit": answer.unit[n],
-                "nominal": plain(answer.nominal[n]),
-                "values": plain(answer.value[..., n]),
-            }
-            for n, name in enumerate(answer.result)
-        ]
-        swept = [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes]
+        results = table(answer, "name=result unit nominal")
+        for n, row in enumerate(results):
+            row["values"] = plain(answer.value[..., n])
+        swept = table(answer.axes, "name values")
         return {"axes": swept, "results": results, "failures": answer.failures}
 
     def text(self, result: Result) -> str:
@@ -159,16 +150,12 @@ class SweepAnalysis(Analysis):
         answer: SweepResult = result.data
         rows = []
         for n, name in enumerate(answer.result):
-            value, where = answer.value[..., n], "nowhere on the grid"
+            value, where, ends = answer.value[..., n], "nowhere on the grid", (None, None)
             if np.isfinite(value).any():
                 top = np.unravel_index(int(np.nanargmax(value)), value.shape)
-                where = ", ".join(
-                    f"{axis.name} = {axis.values[k]:.4g}"
-                    for axis, k in zip(answer.axes, top, strict=True)
-                )
+                at = zip(answer.axes, top, strict=True)
+                where = ", ".join(f"{axis.name} = {axis.values[k]:.4g}" for axis, k in at)
                 ends = np.nanmin(value), np.nanmax(value)
-            else:
-                ends = None, None
             rows.append((answer.nominal[n], *ends, answer.unit[n], name, where))
         columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
         columns |= {"unit": "", "result": "", "where it is largest": ""}

@@ -77,7 +77,7 @@ def draw(
     value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
     if value.ndim == 3:
         kept = [
-            f"{axis.name} = {_with_unit(axis, axis.values[at])}"
+            f"{axis.name} = {axis.describe(axis.values[at])}"
             for axis, at in zip(swept.axes[2:], rest, strict=True)
         ]
         return _draw_maps(swept, value, " · ".join([*kept, title]))
@@ -97,11 +97,6 @@ def _is_wide(values: Float[np.ndarray, "*shape"]) -> bool:
     """Whether the largest and smallest positive values differ by more than `LOG_RATIO`."""
     positive = values[np.isfinite(values) & (values > 0)]
     return bool(positive.size and positive.max() > LOG_RATIO * positive.min())
-
-
-def _with_unit(axis: Axis, value: float) -> str:
-    unit, factor = axis.displayed_unit
-    return f"{value * factor:.4g} {unit}".rstrip().replace("-", "−")
 
 
 def _parameter_label(axis: Axis, most: int) -> str:
@@ -167,7 +162,7 @@ def _draw_lines(
             name = swept.result[n] if ends else _title(swept, n)
             look: LineLook = {"linestyle": looks[n][1], "linewidth": 1.4}
             lines.append(Line(x, value[:, n], name, looks[n][0], look))
-        rules, text = [], f"as designed: {_with_unit(first, swept.drawn[0])}"
+        rules, text = [], f"as designed: {first.describe(swept.drawn[0])}"
         if min(first.values) <= swept.drawn[0] <= max(first.values):
             at = swept.drawn[0] * first.displayed_unit[1]
             rules.append(Rule(at, "" if shown else text, vertical=True))

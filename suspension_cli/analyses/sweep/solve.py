@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
-from suspension_cli.analyses.growth import find_growth
 from suspension_cli.design.reader import parse
+from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import (
@@ -28,14 +27,12 @@ from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
-from suspension_cli.linear.response import solve
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Several, Systems
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.builds import Builds, Column, ColumnValues
-from suspension_cli.studies.job import Axis, Product, ends_and_middle
+from suspension_cli.studies.builds import Column, ColumnValues
+from suspension_cli.studies.job import Axis, Product, ends_and_middle, nominal_system
 from suspension_cli.studies.sweep_file import Fill
 
 if TYPE_CHECKING:
@@ -66,64 +63,35 @@ class ParameterSweep(Product):
 
         `value`, `rank` and `overlap` are filled in by `result.complete`.
         """
-        count = len(self.nominal.omega_squared)
-        found = [
-            Column(
-                "value",
-                "f8",
-                (len(self.results),),
-                common_unit((item.unit for item in self.results), "unit"),
-                ("result",),
-            ),
+        count, width = self.nominal_shape.shape
+        unit = common_unit((item.unit for item in self.results), "unit")
+        modes = (
+            Column("omega_squared", "f8", (count,), "rad^2/s^2", ("mode_number",)),
+            Column("shape", "f4", (count, width), "1", ("mode_number", "coordinate")),
+            Column("rank", "i2", (count,), "1", ("mode",)),
+            Column("overlap", "f8", (count,), "1", ("mode",)),
+        )
+        return (
+            Column("value", "f8", (len(self.results),), unit, ("result",)),
             Column("status", "u1", (), "1"),
-        ]
-        if self.ratios:
-            found.append(
-                Column(
-                    "response",
-                    "c16",
-                    (len(self.ratios),),
-                    common_unit((item.unit for item in self.ratios), "response_unit"),
-                    ("response_name",),
-                )
-            )
-        if len(self.ratios) < len(self.results):
-            found += [
-                Column("omega_squared", "f8", (count,), "rad^2/s^2", ("mode_number",)),
-                Column(
-                    "shape",
-                    "f4",
-                    (count, len(self.nominal.coordinate)),
-                    "1",
-                    ("mode_number", "coordinate"),
-                ),
-                Column("rank", "i2", (count,), "1", ("mode",)),
-                Column("overlap", "f8", (count,), "1", ("mode",)),
-            ]
-        return tuple(found)
+            *builds.response_columns(self.ratios),
+            *(modes if len(self.ratios) < len(self.results) else ()),
+        )
 
     @property
     def ratios(self) -> tuple[Ratio, ...]:
         """Responses and couplings among the results."""
         return tuple(result for result in self.results if isinstance(result, Ratio))
 
-    @cached_property
-    def _model(self) -> LinearSystem:
-        """Nominal system, without the frequency-dependent terms.
-
-        Modes and coordinates do not need these terms, which cannot be pickled.
-        """
-        return replace(registry.by_name(self.level).system(self.design), terms=())
-
-    @cached_property
+    @property
     def nominal(self) -> Modes:
         """Modes of the nominal design; results are named by their labels."""
-        return eigenmodes.solve(self._model)
+        return eigenmodes.solve(nominal_system(self.text, self.level))
 
-    @cached_property
+    @property
     def nominal_shape(self) -> Float[np.ndarray, "mode coordinate"]:
         """Shapes of the nominal modes, as in `batch_modes.Spectrum`."""
-        return batch_modes.solve(self._model).shape
+        return eigenmodes.spectrum(nominal_system(self.text, self.level)).shape
 
     def check(self) -> None:
         """Raise `InputError` if a path does not exist or its values give no valid design."""
@@ -131,14 +99,19 @@ class ParameterSweep(Product):
 
     def compute(self, start: int, stop: int) -> ColumnValues:
         """Compute the `columns` of points start to stop - 1."""
-        values = self.values(start, stop)
-        result = {column.name: blank_values(column, stop - start) for column in self.columns}
+        designs = variants.designs_at(self.text, self.values(start, stop))
+        return self.compute_designs(designs, stop - start)
+
+    def compute_designs(self, designs: Iterable[Design | None], count: int) -> ColumnValues:
+        """Compute the `columns` of `count` designs."""
+        result = {column.name: column.blank(count) for column in self.columns}
+        nominal = nominal_system(self.text, self.level)
         for found, here in variants.balanced(
-            self.text, values, self.level, allow_unstable=self.allow_unstable
+            designs, self.level, allow_unstable=self.allow_unstable
         ):
             same = (
-                found.model.coordinate == self._model.coordinate
-                and (found.model.massless == self._model.massless).all()
+                found.model.coordinate == nominal.coordinate
+                and (found.model.massless == nominal.massless).all()
             )
             result["status"][here] = found.status if same else OTHER_COORDINATES
             if not same:
@@ -148,55 +121,14 @@ class ParameterSweep(Product):
                 solved = batch_modes.solve(found.model.constant.select(np.flatnonzero(solvable)))
                 result["omega_squared"][here[solvable]] = solved.omega_squared
                 result["shape"][here[solvable]] = solved.shape
-            for n, ratio in enumerate(self.ratios):
-                result["response"][here, n] = evaluate_ratio(found, ratio)
+            if "response" in result:
+                result["response"][here] = builds.responses(found, self.ratios)
         return result
 
 
 def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
     """Whether builds have an equilibrium on taut wires, stable or not, from their status."""
     return (status == builds.GOOD) | (status == builds.UNSTABLE)
-
-
-def evaluate_ratio(found: Builds, ratio: Ratio) -> Complex[np.ndarray, " build"]:
-    """Evaluate a response, or a ratio of two, for a batch of builds, SI."""
-    outputs = [ratio.over] + ([] if ratio.under is None else [ratio.under])
-    with np.errstate(all="ignore"):
-        value = builds.transfer(found, np.array([ratio.frequency]), [ratio.input], outputs)[
-            :, 0, :, 0
-        ]
-        if ratio.under is None:
-            return value[:, 0]
-        return divide(value[:, 0], value[:, 1])
-
-
-def divide(
-    over: Complex[np.ndarray, "*shape"], under: Complex[np.ndarray, "*shape"]
-) -> Complex[np.ndarray, "*shape"]:
-    """Divide complex responses; exactly 0 where a symmetry makes `over` vanish."""
-    with np.errstate(all="ignore"):
-        return np.where((over == 0) & (np.abs(under) > 0), 0.0, over / under)
-
-
-def blank_values(column: Column, count: int) -> np.ndarray:
-    """Values of a column for `count` points that are invalid or not yet computed."""
-    blank = {"u1": builds.IMPOSSIBLE, "i2": -1, "c16": builds.NOTHING}.get(column.dtype, np.nan)
-    return np.full((count, *column.shape), blank, dtype=column.dtype)
-
-
-def count_failures(
-    status: Int[np.ndarray, "*build"], meaning: tuple[str, ...] = builds.STATUS
-) -> dict[str, int]:
-    """Count builds by reason of failure.
-
-    >>> count_failures(np.zeros(3, dtype=int))
-    {}
-    """
-    return {
-        reason: int((status == code).sum())
-        for code, reason in enumerate(meaning)
-        if code != builds.GOOD and (status == code).any()
-    }
 
 
 def evaluate_results(
@@ -211,21 +143,18 @@ def evaluate_results(
     there of each nominal mode, or -1. `response` are the responses among the results, in their
     order.
     """
-    columns, responses = [], 0
+    sizes = iter(() if response is None else np.moveaxis(np.abs(response), -1, 0))
+    columns = []
     for result in results:
         if isinstance(result, Mode):
             assert rank is not None and omega_squared is not None
-            place = rank[..., result.number]
-            squared = np.take_along_axis(
-                omega_squared, np.maximum(place, 0)[..., None].astype(np.intp), -1
-            )[..., 0]
-            columns.append(
-                np.sqrt(np.where((place < 0) | ~(squared >= 0), np.nan, squared)) / (2 * np.pi)
-            )
+            place = rank[..., result.number, None].astype(np.intp)
+            squared = np.take_along_axis(omega_squared, np.maximum(place, 0), -1)
+            known = (place >= 0) & (squared >= 0)
+            frequency = np.sqrt(np.where(known, squared, np.nan)) / (2 * np.pi)
+            columns.append(frequency[..., 0])
         else:
-            assert response is not None
-            columns.append(np.abs(response[..., responses]))
-            responses += 1
+            columns.append(next(sizes))
     return np.stack(columns, axis=-1)
 
 
@@ -285,7 +214,7 @@ class SweepResult:
     @property
     def failures(self) -> dict[str, int]:
         """Number of failed points by reason."""
-        return count_failures(self.status, STATUS)
+        return builds.count_failures(self.status, STATUS)
 
     @property
     def change(self) -> Float[np.ndarray, " result"]:
@@ -306,10 +235,7 @@ def nominal_parameters(job: ParameterSweep) -> tuple[float, ...]:
 
     raw = tomllib.loads(job.text)
     given = [value_at(raw, axis.name) for axis in job.axes]
-    return tuple(
-        float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else np.nan
-        for value in given
-    )
+    return tuple(float(one) if type(one) in (int, float) else np.nan for one in given)
 
 
 def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
@@ -320,7 +246,7 @@ def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
     )
 
 
-def describe(job: ParameterSweep, model: LinearSystem) -> Fill:
+def describe(job: ParameterSweep) -> Fill:
     """Write what a results file has besides the columns: axes, names and nominal results."""
     given = {
         "axes": job.axes,
@@ -329,7 +255,7 @@ def describe(job: ParameterSweep, model: LinearSystem) -> Fill:
         "result": tuple(item.text for item in job.results),
         "unit": tuple(item.unit for item in job.results),
         "degree": tuple(_home(job, item) for item in job.results),
-        "nominal": nominal_results(job, model),
+        "nominal": nominal_results(job),
         "overlap": 1.0,
         "status_meaning": STATUS,
     }
@@ -347,30 +273,16 @@ def _home(job: ParameterSweep, item: Scalar) -> str:
     return ".".join(job.nominal.home[item.number]) if isinstance(item, Mode) else ""
 
 
-def nominal_results(job: ParameterSweep, model: LinearSystem) -> Float[np.ndarray, " result"]:
-    """Evaluate the results of the nominal design; `model` has its frequency-dependent terms.
+def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
+    """Evaluate the results of the nominal design.
 
     Without a steady state, responses are NaN unless the job allows it.
     """
-    steady = not job.ratios or job.allow_unstable
-    steady = steady or not find_growth(parse(job.text), registry.by_name(job.level), model)
-    return np.array(
-        [
-            job.nominal.frequency[item.number]
-            if isinstance(item, Mode)
-            else _magnitude(model, item)
-            if steady
-            else np.nan
-            for item in job.results
-        ]
-    )
-
-
-def _magnitude(model: LinearSystem, item: Ratio) -> float:
-    outputs = [item.over] if item.under is None else [item.over, item.under]
-    value = solve(model, np.array([item.frequency]), [item.input], outputs).value[0, :, 0]
-    with np.errstate(all="ignore"):
-        return float(np.abs(value[0] if len(value) == 1 else value[0] / value[1]))
+    modes, found = job.nominal, job.compute_designs([parse(job.text)], 1)
+    rank = np.arange(len(modes.omega_squared))
+    return evaluate_results(
+        job.results, modes.omega_squared[None], rank[None], found.get("response")
+    )[0]
 
 
 def complete(part: Path, job: ParameterSweep) -> None:
@@ -411,14 +323,10 @@ def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, 
     change is infinite where a point has an equilibrium, or for responses a stable one, in only one
     of the models. The `job` is in the simplest model.
     """
-    axes = ends_and_middle(job.axes)
-    grid = np.stack(np.meshgrid(*(axis.values for axis in axes), indexing="ij"), axis=-1)
-    grid = grid.reshape(-1, len(axes))
-    points: list[Systems] = []
-    for row in grid[np.unique(np.linspace(0, len(grid) - 1, POINTS).astype(int))]:
-        with contextlib.suppress(InputError):  # no design there
-            values = {axis.name: float(value) for axis, value in zip(axes, row, strict=True)}
-            points.append(Systems(variants.overridden(job.text, values)))
+    sample = replace(job, axes=ends_and_middle(job.axes))
+    designs = [*variants.designs_at(job.text, sample.values(0, sample.count))]
+    chosen = np.unique(np.linspace(0, sample.count - 1, POINTS).astype(int)).tolist()
+    points = [Systems(one) for n in chosen if (one := designs[n]) is not None]
     stable = bool(job.ratios) and not job.allow_unstable
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:

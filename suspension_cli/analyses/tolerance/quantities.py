@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import InputError, format_value, join_errors
+from suspension_cli.errors import InputError, format_value, gather
 from suspension_cli.linear import named_results
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.named_results import Mode, Ratio
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.files.hdf5 import Stored
-
-Given = TypeVar("Given")
-Parsed = TypeVar("Parsed")
 
 COUPLING = "coupling"
 """Name of the cross-coupling of the analysis."""
@@ -155,20 +152,7 @@ def requirements(design: Design, options: Sequence[str]) -> tuple[Requirement, .
         low, high = one.band or (one.above or -math.inf, one.below or math.inf)
         key = f"tolerance.require.{n}.quantity"
         found.append(Requirement(one.quantity, low, high, one.band is None, key))
-    return tuple(dict.fromkeys((*found, *each(parse, options))))
-
-
-def each(parse: Callable[[Given], Parsed], items: Iterable[Given]) -> list[Parsed]:
-    """Parse items; raises `InputError` with the faults of all."""
-    found, errors = [], []
-    for item in items:
-        try:
-            found.append(parse(item))
-        except InputError as error:
-            errors.append(error)
-    if errors:
-        raise join_errors(errors)
-    return found
+    return tuple(dict.fromkeys((*found, *gather(parse, options))))
 
 
 def parse(text: str) -> Requirement:

@@ -7,43 +7,35 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.solve import evaluate_ratio
 from suspension_cli.analyses.tolerance.quantities import (
     RATIO,
     Quantity,
     Requirement,
-    each,
     find,
     of_modes,
     of_stages,
 )
-from suspension_cli.analyses.xcouple.solve import (
-    OUTCOME,
-    CouplingRequest,
-    couplings,
-    quotient_unit,
-)
-from suspension_cli.files.declared import common_unit
+from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings
+from suspension_cli.errors import gather
 from suspension_cli.linear import batch_modes, eigenmodes, signals
+from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
-from suspension_cli.linear.named_results import Ratio
-from suspension_cli.models import registry, string
+from suspension_cli.linear.named_results import Ratio, quotient_unit
+from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Frequencies, Systems, compare_builds
-from suspension_cli.models.surroundings import surrounded
-from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.studies import builds, sampling
-from suspension_cli.studies.builds import Column, ColumnValues
-from suspension_cli.studies.job import Job, expand, parse
+from suspension_cli.studies.builds import OUTCOME, Builds, Column, ColumnValues
+from suspension_cli.studies.job import Job, nominal_system
 from suspension_cli.studies.sample_points import RANDOM, SamplePoints
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Float
 
     from suspension_cli.models.choice import Comparison
 
@@ -51,21 +43,6 @@ SEARCHED = 1000
 """First builds from which the extreme ones are taken."""
 EXTREME = 15
 """Number of builds with the largest deviations, at which models are compared."""
-
-
-@lru_cache(maxsize=8)
-def _solve_nominal(text: str, level: str) -> tuple[eigenmodes.Modes, Array, Index]:
-    """Nominal modes, their mass-normalised shapes (m, c), and the coordinates (c,) of these."""
-    # symmetry blocks keep the labels of degenerate modes
-    model, design = registry.by_name(level), parse(text)
-    found = eigenmodes.solve(model.system(design))
-    plain = surrounded(
-        string.linear_model(expand(text), split=False, wire_inertia=not model.has_wire_mass),
-        design,
-    )
-    keep = np.flatnonzero(~plain.massless[6:]) + 6  # coordinates with inertia
-    root = np.linalg.cholesky(plain.mass[np.ix_(keep, keep)])
-    return found, found.shape[:, keep - 6] @ root, keep
 
 
 @dataclass(frozen=True)
@@ -113,15 +90,13 @@ class RandomBuilds(Job):
     def columns(self) -> tuple[Column, ...]:
         """Datasets of the file."""
         ratio = quotient_unit(self.question.over, self.question.under)
-        bodies, named = len(self.scene.bodies.name), len(self.ratios)
-        unit = common_unit((one.unit for one in self.ratios), "response_unit")
-        response = Column("response", "c16", (named,), unit, ("response_name",))
+        bodies = len(self.scene.bodies.name)
         return (
             Column("build", "u4", (), "1"),
             Column("frequency", "f8", (len(self.nominal.omega_squared),), "Hz", ("mode",)),
             Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
             Column("static", "f8", (bodies, 6), "{static_unit}", ("stage", "static_dof")),
-            *((response,) if named else ()),
+            *builds.response_columns(self.ratios),
             *OUTCOME,
         )
 
@@ -134,7 +109,7 @@ class RandomBuilds(Job):
     def ratios(self) -> tuple[Ratio, ...]:
         """Named responses and couplings that requirements limit."""
         named = [one for one in self.requirements if "/" in one.quantity]
-        found = [one.ratio for one in each(self.find, named)]
+        found = [one.ratio for one in gather(self.find, named)]
         return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
 
     @cached_property
@@ -142,7 +117,7 @@ class RandomBuilds(Job):
         """Quantity of each requirement; raises `InputError` if the model has none of that name."""
         return tuple(
             replace(one, place=(self.ratios.index(one.ratio),)) if one.ratio else one
-            for one in each(self.find, self.requirements)
+            for one in gather(self.find, self.requirements)
         )
 
     @property
@@ -153,13 +128,9 @@ class RandomBuilds(Job):
 
     def find(self, requirement: Requirement) -> Quantity:
         """Find the quantity of a requirement; that of a response has no place yet."""
-        name, key = requirement.quantity, requirement.key
-        return find(name, key, self.nominal, self.scene.bodies.name, self.signalling)
-
-    @cached_property
-    def signalling(self) -> tuple[str, ...]:
-        """Bodies with signals."""
-        return signals.bodies_with_signals(registry.STRING.system(self.design))
+        known = signals.bodies_with_signals(nominal_system(self.text, registry.STRING.name))
+        stages = self.scene.bodies.name
+        return find(requirement.quantity, requirement.key, self.nominal, stages, known)
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
@@ -175,9 +146,9 @@ class RandomBuilds(Job):
         )
 
     @property
-    def nominal(self) -> eigenmodes.Modes:
+    def nominal(self) -> Modes:
         """Modes without random deviations, but with the design's own perturbations."""
-        return _solve_nominal(self.text, self.level)[0]
+        return eigenmodes.solve(nominal_system(self.text, self.level))
 
     def check(self) -> None:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
@@ -199,45 +170,33 @@ class RandomBuilds(Job):
             scene, self.design, level=self.level, allow_unstable=self.allow_unstable
         )
         with np.errstate(all="ignore"):
-            omega_squared = follow_modes(found, *_solve_nominal(self.text, self.level)[1:])
-            coupled = couplings(found, self.question)
-            response = [evaluate_ratio(found, one) for one in self.ratios]
-            squared = omega_squared if self.allow_unstable else np.maximum(omega_squared, 0.0)
-            frequency = np.sqrt(squared) / (2 * np.pi)
-        failed = found.status != builds.GOOD
-        frequency[failed] = np.nan
-        static = np.where(failed[:, None, None], np.nan, found.static)
-        return {
-            "frequency": frequency,
-            "ratio": coupled["ratio"],
-            "static": static,
-            **({"response": np.stack(response, axis=-1)} if response else {}),
-            **{column.name: coupled[column.name] for column in OUTCOME},
-        }
+            nominal = eigenmodes.spectrum(nominal_system(self.text, self.level))
+            squared = follow_modes(found, nominal.shape)
+            squared = squared if self.allow_unstable else np.maximum(squared, 0.0)
+            result = couplings(found, self.question) | {
+                "frequency": np.sqrt(squared) / (2 * np.pi),
+                "static": found.static,
+                "response": builds.responses(found, self.ratios),
+            }
+        for name in ("frequency", "static"):
+            result[name][found.status != builds.GOOD] = np.nan
+        return result
 
 
 def follow_modes(
-    found: builds.Builds,
-    shapes: Float[np.ndarray, "mode coordinate"],
-    keep: Int[np.ndarray, " coordinate"],
+    found: Builds, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> Float[np.ndarray, "build mode"]:
     """Solve for omega^2, (rad/s)^2, of every build in the order of the nominal modes.
 
-    Parameters
-    ----------
-    shapes
-        Mass-normalised nominal modes, orthonormal.
-    keep
-        Their coordinates, which have inertia.
+    `shapes` are those of the nominal modes, as in `batch_modes.Spectrum`.
     """
     solved = batch_modes.solve(found.model)
-    values, vectors = solved.omega_squared, np.swapaxes(solved.shape[..., keep - 6], -1, -2)
-    overlap = (shapes @ vectors) ** 2  # (p, m, m): nominal, build
+    overlap = (shapes @ np.swapaxes(solved.shape, -1, -2)) ** 2  # (p, m, m): nominal, build
     choice = overlap.argmax(-1)
     clash = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)
     for n in np.flatnonzero(clash).tolist():
         choice[n] = pair_by_overlap(overlap[n])
-    return np.take_along_axis(values, choice, axis=-1)
+    return np.take_along_axis(solved.omega_squared, choice, axis=-1)
 
 
 def build_change(job: RandomBuilds) -> Comparison:

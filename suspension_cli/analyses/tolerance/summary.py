@@ -10,7 +10,6 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from suspension_cli.analyses.sweep.solve import count_failures
 from suspension_cli.analyses.tolerance.quantities import RATIO, SIGNED, STATIC, Quantity, parse
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.statistics import (
@@ -236,7 +235,7 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
         job=job,
         limit=limit,
         good=int((status == builds.GOOD).sum()),
-        failures=count_failures(status),
+        failures=builds.count_failures(status),
         modes=[own for one, own in spreads.items() if one.column == "frequency"],
         coupling=spreads[RATIO],
         static=[own for one, own in spreads.items() if one.column == "static"],
@@ -337,29 +336,18 @@ def complete(path: Path, job: RandomBuilds, limit: float) -> None:
     """Write the statistics into a file with all builds."""
     with h5py.File(path, "r+", locking=False) as file:
         group: Stored = file["tolerance"]
-        found, shape = summarise(group, job, limit, ranked=0), (-1, len(STATIC))
-
-        def static(name: str) -> np.ndarray:
-            values = np.array([getattr(one, name) for one in found.static])
-            return values.reshape(*shape, *values.shape[1:])
-
-        table: Table = {
-            "static_mean": ("stage static_dof", "{static_unit}", static("mean")),
-            "static_mean_error": ("stage static_dof", "{static_unit}", static("error")),
-            "static_std": ("stage static_dof", "{static_unit}", static("deviation")),
-            "static_quantiles": (
-                "stage static_dof quantile",
-                "{static_unit}",
-                static("quantiles"),
-            ),
-        }
+        found = summarise(group, job, limit, ranked=0)
+        table: Table = {}
+        kinds = ("mean", "mean"), ("mean_error", "error"), ("std", "deviation"), ("quantiles",) * 2
+        for name, kind in kinds:
+            values = np.array([getattr(one, kind) for one in found.static])
+            values = values.reshape(-1, len(STATIC), *values.shape[1:])
+            dims = "stage static_dof quantile" if values.ndim > 2 else "stage static_dof"
+            table[f"static_{name}"] = (dims, "{static_unit}", values)
         if found.joint is not None:
             table["yield"] = ("requirement", "1", [one.fraction for one in found.yields])
-            table["yield_interval"] = (
-                "requirement interval",
-                "1",
-                [one.interval for one in found.yields],
-            )
+            intervals = [one.interval for one in found.yields]
+            table["yield_interval"] = ("requirement interval", "1", intervals)
             group.attrs["yield_of_all"] = found.joint.fraction
             group.attrs["yield_of_all_interval"] = found.joint.interval
         for name, values in found.indices.items():

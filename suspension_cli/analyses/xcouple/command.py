@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import InputError, format_value
@@ -139,7 +139,7 @@ class CouplingAnalysis(Analysis):
         single = len(answer.frequency) == 1
         ratio = answer.ratio[..., 0] if single else answer.ratio
         return {
-            "axes": [{"name": axis.name, "values": list(axis.values)} for axis in answer.axes],
+            "axes": table(answer.axes, "name values"),
             "ratio_real": plain(np.real(ratio)),
             "ratio_imag": plain(np.imag(ratio)),
             "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),

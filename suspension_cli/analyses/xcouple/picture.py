@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.xcouple.solve import PARAMETERS, Coupling
 from suspension_cli.design.imperfections import AXES
-from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
@@ -127,7 +126,7 @@ def _lines_over_axes(coupling: Coupling) -> list[Line]:
     ratio = coupling.ratio[..., 0]
     while ratio.ndim > 2:  # worst case over further axes
         ratio = np.nanmax(np.abs(ratio), axis=-1)
-    x = np.array(coupling.axes[0].values) * _unit(coupling.axes[0])[1]
+    x = np.array(coupling.axes[0].values) * coupling.axes[0].displayed_unit[1]
     columns: list[tuple[Inexact[np.ndarray, " build"], str, str]] = []
     if ratio.ndim == 1:
         columns.append((ratio, "_only", PALETTE[0]))
@@ -165,16 +164,9 @@ def interpolate(
     return at, np.abs(np.interp(at, x, np.real(ratio)) + 1j * np.interp(at, x, np.imag(ratio)))
 
 
-def _unit(axis: Axis) -> tuple[str, float]:
-    """Displayed unit of an axis, and the factor to it from SI."""
-    if axis.name in PARAMETERS:
-        return DISPLAYED.get(axis.unit, ("", 1.0))
-    return axis.displayed_unit
-
-
 def _label(axis: Axis) -> str:
     """Describe an axis, with its unit."""
-    name, (unit, _) = single_line(axis.name, 50), _unit(axis)
+    name, (unit, _) = single_line(axis.name, 50), axis.displayed_unit
     if axis.name in PARAMETERS:
         item, number = PARAMETERS[axis.name]
         along = f" along {AXES[number]}" if number is not None and item.vector else ""
@@ -184,10 +176,9 @@ def _label(axis: Axis) -> str:
 
 
 def _format_value(axis: Axis, n: int) -> str:
-    """Write a value of an axis with its unit."""
-    unit, factor = _unit(axis)
+    """Write a value of an axis with its sign and unit."""
     sign = "+" if min(axis.values) < 0 < axis.values[n] else ""
-    return f"{sign}{axis.values[n] * factor:.4g} {unit}".rstrip().replace("-", "−")
+    return sign + axis.describe(axis.values[n])
 
 
 RANGE = 1e8

@@ -13,24 +13,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.analysis import Settings
-from suspension_cli.analyses.sweep.solve import blank_values, count_failures, divide
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.imperfections import swept
-from suspension_cli.equilibrium import hanging
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
 from suspension_cli.grids import parse_frequencies
-from suspension_cli.linear import signals
+from suspension_cli.linear import named_results, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies import builds, variants
-from suspension_cli.studies.builds import Builds, Column, ColumnValues
+from suspension_cli.studies import builds, sampling, variants
+from suspension_cli.studies.builds import OUTCOME, Builds, Column, ColumnValues
 from suspension_cli.studies.job import Axis, Product, ends_and_middle
 from suspension_cli.studies.sweep_file import Fill
 
@@ -47,13 +45,6 @@ FREQUENCIES = 12
 
 ROUNDING = 1e-17
 """Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
-
-OUTCOME = (
-    Column("residual", "f8", (), "1"),
-    Column("status", "u1", (), "1"),
-    Column("slack_wire", "i2", (), "1"),
-)
-"""Datasets that tell whether builds hang, see `builds.Builds`."""
 
 
 @dataclass(frozen=True)
@@ -145,9 +136,9 @@ class Sweep(Product):
         ask, count = self.question, (len(self.question.frequency),)
         axes = ("frequency",)
         return (
-            Column("ratio", "c16", count, quotient_unit(ask.over, ask.under), axes),
-            Column("over", "c16", count, quotient_unit(ask.over, ask.input), axes),
-            Column("under", "c16", count, quotient_unit(ask.under, ask.input), axes),
+            Column("ratio", "c16", count, named_results.quotient_unit(ask.over, ask.under), axes),
+            Column("over", "c16", count, named_results.quotient_unit(ask.over, ask.input), axes),
+            Column("under", "c16", count, named_results.quotient_unit(ask.under, ask.input), axes),
             *OUTCOME,
         )
 
@@ -155,7 +146,7 @@ class Sweep(Product):
         """Compute the `columns` of builds start to stop - 1."""
         values = self.values(start, stop)
         paths = {name: value for name, value in values.items() if name not in PARAMETERS}
-        result = {column.name: blank_values(column, stop - start) for column in self.columns}
+        result = {column.name: column.blank(stop - start) for column in self.columns}
         parts = [(self.scene, self.design, np.arange(stop - start))]
         for scene, design, here in (
             variants.scenes(self.text, paths, self.level) if paths else parts
@@ -174,11 +165,6 @@ class Sweep(Product):
         return result
 
 
-def quotient_unit(out: Signal, into: Signal) -> str:
-    """Unit of the ratio of two signals, ``m/(N m)``."""
-    return "1" if out.unit == into.unit else f"{out.unit}/{into.unit}".replace("/N m", "/(N m)")
-
-
 def impose(
     scene: Scene, values: dict[str, Float[np.ndarray, " build"]], question: CouplingRequest
 ) -> Scene:
@@ -186,21 +172,13 @@ def impose(
 
     The scene has no batch axes, or the builds along its first axis.
     """
+    changes: list[sampling.Change] = []
     for part, number in (("wire", question.wire), ("body", question.body)):
-        amounts: dict[str, np.ndarray] = {}
         for name, value in values.items():
             item, axis = PARAMETERS[name]
-            if item.part != part:
-                continue
-            if not item.vector:
-                amounts[item.name] = value
-            elif axis is None:
-                amounts[item.name] = value[:, None] * np.ones(3)
-            else:
-                amounts.setdefault(item.name, np.zeros((len(value), 3)))[:, axis] = value
-        if amounts:
-            scene = hanging.impose(scene, part, number, amounts, question.hold)
-    return scene
+            if item.part == part:
+                changes.append((item, number, question.hold, axis, value - item.neutral))
+    return sampling.impose(scene, changes)
 
 
 def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:
@@ -210,7 +188,7 @@ def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:
     )[..., 0]
     over, under = outputs[..., 0], outputs[..., 1]
     return {
-        "ratio": divide(over, under),
+        "ratio": builds.divide(over, under),
         "over": over,
         "under": under,
         "residual": found.residual,
@@ -249,7 +227,7 @@ class Coupling:
     @property
     def failures(self) -> dict[str, int]:
         """Number of failed builds by reason."""
-        return count_failures(self.status)
+        return builds.count_failures(self.status)
 
 
 def describe(job: Sweep) -> Fill:

@@ -20,9 +20,10 @@ from suspension_cli.linear import (
     response,
 )
 from suspension_cli.models import closed_form, registry
-from suspension_cli.studies import variants
+from suspension_cli.studies import builds, variants
 from tests.support import plants
 from tests.support.commandline import MISSING, edited, run, strict_json, written
+from tests.support.designs import overridden
 from tests.support.golden import CONFIGS
 
 SINGLE = CONFIGS / "husman2000" / "table1-case2.toml"
@@ -106,7 +107,7 @@ def test_batches_of_designs_are_those_designs(case):
     text = file.read_text() + MORE.get(case, "")
     grid = {path: np.array(column) for path, column in grid.items()}
     seen = []
-    for found, here in variants.balanced(text, grid, level):
+    for found, here in variants.balanced(variants.designs_at(text, grid), level):
         assert (found.status == 0).all()
         solved = batch_modes.solve(found.model)
         np.testing.assert_allclose(
@@ -117,9 +118,7 @@ def test_batches_of_designs_are_those_designs(case):
             atol=1e-12,
         )
         for n, point in enumerate(here.tolist()):
-            design = variants.overridden(
-                text, {path: column[point] for path, column in grid.items()}
-            )
+            design = overridden(text, {path: column[point] for path, column in grid.items()})
             alone = registry.by_name(level).system(design)
             expected = eigenmodes.solve(alone)
             np.testing.assert_allclose(
@@ -129,7 +128,7 @@ def test_batches_of_designs_are_those_designs(case):
                 atol=1e-10 * expected.omega_squared.max(),
             )
             ratio = ratio_of(alone, 7.0)
-            assert sweep.evaluate_ratio(found, ratio)[n] == pytest.approx(
+            assert builds.responses(found, [ratio])[n, 0] == pytest.approx(
                 response.solve(alone, np.array([7.0]), [ratio.input], [ratio.over]).value[0, 0, 0],
                 rel=1e-8,
             )
@@ -151,12 +150,12 @@ def test_springs_of_a_batch_are_those_of_each_design():
         f"stage.{blades}.blades.loss_angle": [0.0, 0.0, 0.0, 0.0, 0.1],
     }
     grid, text = {path: np.array(column) for path, column in grid.items()}, reader.write_toml(raw)
-    batches = list(variants.balanced(text, grid, "string"))
+    batches = list(variants.balanced(variants.designs_at(text, grid), "string"))
     assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
     for found, here in batches:
         for n, point in enumerate(here.tolist()):
             values = {path: column[point] for path, column in grid.items()}
-            alone = registry.STRING.system(variants.overridden(text, values)).constant
+            alone = registry.STRING.system(overridden(text, values)).constant
             own = found.model.select(np.array([n])).constant
             for matrix in ("stiffness", "damping", "complete"):
                 one, other = (
@@ -167,8 +166,8 @@ def test_springs_of_a_batch_are_those_of_each_design():
                 )
 
 
-@pytest.mark.parametrize("level", ["force", "beam"])
-def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
+@pytest.mark.parametrize(("level", "sizes"), [("force", [1, 1, 3]), ("beam", [1, 1, 1, 2])])
+def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level, sizes):
     """Designs that share them are one batch; a response on a resonance shows who has which, and
     where they act."""
     raw = tomllib.loads((CONFIGS / "double.toml").read_text())
@@ -182,19 +181,18 @@ def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level):
         "stage.upper.wires.l": [0.3, 0.3, 0.3, 0.3, 0.35],
         "stage.upper.body.mass": [3.0, 3.5, 3.0, 3.0, 3.0],
     }
-    batches = list(
-        variants.balanced(text, {path: np.array(column) for path, column in grid.items()}, level)
-    )
-    assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
+    arrays = {path: np.array(column) for path, column in grid.items()}
+    batches = list(variants.balanced(variants.designs_at(text, arrays), level))
+    assert sorted(len(here) for _, here in batches) == sizes
     for found, here in batches:
         for n, point in enumerate(here.tolist()):
             alone = registry.by_name(level).system(
-                variants.overridden(text, {path: column[point] for path, column in grid.items()})
+                overridden(text, {path: column[point] for path, column in grid.items()})
             )
             ratio = ratio_of(alone, 0.71)
             expected = response.solve(alone, np.array([0.71]), [ratio.input], [ratio.over])
             expected = expected.value[0, 0, 0]
-            assert sweep.evaluate_ratio(found, ratio)[n] == pytest.approx(expected, rel=1e-9)
+            assert builds.responses(found, [ratio])[n, 0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_modes_are_followed_through_a_crossing(tmp_path):
@@ -292,7 +290,7 @@ def test_results_by_name(tmp_path):
         (names[3], "rad/m"),
     ]
     model = registry.by_name(answer["fidelity"]).system(
-        variants.overridden(TRIPLE.read_text(), {"stage.test.wires.t2": 0.09})
+        overridden(TRIPLE.read_text(), {"stage.test.wires.t2": 0.09})
     )
     both = size_of(model, 2.0, "upper.force_x", "test.pitch", "test.x")
     assert values(answer, names[3])[1] == pytest.approx(both, rel=1e-12)
@@ -434,7 +432,7 @@ def test_points_are_runs_of_their_own(level, tmp_path):
     answer = swept(CONFIGS / "double.toml", tmp_path, options + more)
     for n, d in enumerate((1e-3, 2e-3)):
         model = registry.by_name(level).system(
-            variants.overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d})
+            overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d})
         )
         shaken = size_of(model, 11.0, "support.x", "test.x")
         assert values(answer, name)[n] == pytest.approx(shaken, rel=1e-9)
