@@ -474,8 +474,7 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
     --------
     >>> import finesse, suspension_cli as sus
     >>> made = sus.export(sus.template("single"), format="finesse", loss=True)
-    >>> model = finesse.Model()
-    >>> model.parse("m etm R=1 T=0")
+    >>> model = finesse.Model().parse("m etm R=1 T=0")
     >>> element = model.add(sus.finesse(made, "suspension", model.etm))
     >>> element.support.x.full_name
     'suspension.support.x'

@@ -124,8 +124,8 @@ class ExportAnalysis(Analysis):
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
         if finesse:
-            texts = ([signal.text for signal in some] for some in (inputs, outputs))
-            interferometer.check_names(*texts, chain[-1])
+            names = [[signal.text for signal in some] for some in (inputs, outputs)]
+            interferometer.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
         if loss:
             band, accuracy = parse_band(setting["band"], "--band"), setting["accuracy"]

@@ -30,9 +30,9 @@ TURNED = ("x", "pitch", "force_x", "torque_pitch")
 
 
 class Workspace(ConnectorWorkspace):
-    """Workspace of a simulation, with the couplings between nodes that it uses."""
+    """Workspace of a simulation: output, input and sign of the couplings that it uses."""
 
-    edges: list[tuple[int, int, int]]
+    edges: list[list[int]]
 
 
 class Suspension(Connector):

@@ -33,6 +33,9 @@ HIGHEST = 1000.0
 """Hz, up to which the violin model lists modes."""
 MOST = 1000
 """Modes of wires with mass above which a run is refused unless --all is given."""
+SLIGHT = 0.01
+"""Relative change of the median mode by the mass of wires up to which `auto` may neglect it if the
+modes of wires are too many."""
 MANY = 100
 """Modes whose number is printed before they are computed."""
 
@@ -279,10 +282,13 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
     If modes of wires are listed too, both are the modes with all losses.
     """
+    import numpy as np
+
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.modes import wire_modes
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
+    from suspension_cli.models.choice import shifts
 
     setting = run.setting
     highest, level = setting["max_frequency"], setting["fidelity"]
@@ -293,8 +299,21 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
         def admit(number: int, top: float) -> None:
             _admit(run, number, top, "that of the highest mode")
 
-        with run.log.progress() as bar:
-            listed = wire_modes.solve_bodies(model, admit, bar)
+        try:
+            with run.log.progress() as bar:
+                listed = wire_modes.solve_bodies(model, admit, bar)
+        except TooManyModes as many:
+            if level != registry.AUTO:
+                raise
+            choice, light = model_choice.for_modes(
+                run.source, level, setting["tolerance"], massless=True
+            )
+            if np.median(shifts(light, model)[1]) > SLIGHT:
+                raise
+            why = f"{many.faults[0].problem}, so wire mass is neglected (--all includes it)"
+            run.log.say(f"{run.name}: {why}")
+            model = light
+            listed = wire_modes.solve_bodies(model)
         if highest is not None:
             listed = listed.up_to(highest)
             if not len(listed.q):
@@ -306,6 +325,10 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     with run.log.progress() as bar:
         found = wire_modes.solve(model, top, damping=True, progress=bar)
     return choice, model, found, found
+
+
+class TooManyModes(InputError):
+    """Wires with mass have so many modes that all would take minutes."""
 
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
@@ -324,7 +347,7 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
         causes = [item.line("") for item in warnings.find_serious(run.design)]
         if causes and not causes[0].startswith("control."):
             remedy = f"probable cause: {causes[0]}"
-        raise InputError([Fault("", problem, remedy)])
+        raise TooManyModes([Fault("", problem, remedy)])
     if number > MANY:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")
 

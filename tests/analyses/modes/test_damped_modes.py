@@ -425,6 +425,18 @@ def test_nonsense_ends_at_once(options, said, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_towers_with_too_many_modes_of_wires_neglect_their_mass(tmp_path):
+    """KAGRA's beam splitter: its stiff parts vibrate among 44,000 modes of wires."""
+    options = ["modes", CONFIGS / "built" / "kagra-bs-2019.toml", "--no-plot", "--out", tmp_path]
+    result = run(*options, "--json")
+    assert result.exit_code == 0 and "so wire mass is neglected" in result.stderr
+    document = json.loads(result.stdout)
+    assert document["fidelity"] == "beam" and document["estimated_error"] is None
+    assert len(document["modes"]) == 66
+    refused = run(*options, "--fidelity", "violin", "--max-frequency", "1e6")
+    assert refused.exit_code == 2 and "take minutes" in refused.stderr
+
+
 def test_modes_of_wires_alone(tmp_path):
     """Wires of 0.2 m across: no mode is one of the bodies, so that there is none to draw."""
     (tmp_path / "single.toml").write_text(template("single", "single"))
