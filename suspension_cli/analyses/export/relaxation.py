@@ -17,8 +17,7 @@ each mode the motion l of the ends that drives it,
 
     F(omega) = S - omega^2 M - sum_j omega^4 l_j l_j^T / (omega_j^2 - omega^2).
 
-All numbers come from the exact dynamic stiffness F of the wire (`elements.dynamic_wire`). Its loss
-is that of the wire without mass in the motion of the ends, and one of its own in each mode.
+All numbers come from the exact dynamic stiffness F of the wire (`elements.dynamic_wire`).
 """
 
 from __future__ import annotations
@@ -34,15 +33,16 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.scene.composition import Fibre
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Complex, Float
 
     from suspension_cli.scene.arrays import Array, Index
 
 ABOVE = 1.5
-"""Wire modes have losses up to this multiple of the highest frequency of the band; two more are
-kept without."""
+"""Wire modes are kept up to this multiple of the highest frequency of the band; beyond, one stands
+for all."""
 LOW = 0.005
 """Frequency at which the inertia of a wire is taken, over that of its first mode."""
 BESIDE = 1e-4
@@ -52,15 +52,19 @@ RANK = 1e-12
 ROUNDED = 1e-13
 """Diagonal element over the largest below which it is a rounding error."""
 MINOR = 3e-3
-"""Share of the loss of every mode up to which the loss of an element does not matter."""
+"""Share of the loss of a mode below which an element's loss angle there does not matter."""
 STABLE = 0.3
 """Largest share of the stiffness of a mode that is taken back at rest."""
 OFF = 0.05
-"""Weight of a relative change of stiffness over that of a loss angle that is off by as much."""
+"""Weight of a frequency that is off by a width of the mode, over that of a width that is wrong."""
+SHIFTED = 30.0
+"""The same of a relative shift of its frequency."""
+EVERYWHERE = 2.0
+"""Weight of a stiffness of a mode that is wrong, over that of a width that is wrong."""
 BETWEEN = 0.1
-"""Weight of frequencies of the band over that of a mode whose loss is the element's alone."""
+"""Weight of a loss angle between modes."""
 POINTS = 16
-"""Number of these frequencies."""
+"""Frequencies of the band at which the stiffness of an element must be right."""
 RELAXATION, WIRE = "relaxation", "wire"
 """First parts of the names of coordinates that are added."""
 
@@ -130,86 +134,120 @@ class _ReducedWire:
         M of the motion of its ends.
     drag
         Damping by gas over inertia, 1/s.
-    omega, drives
+    modes
         Frequency (rad/s) and l of each mode with clamped ends.
     losses
-        Of each lossy section the deformations by the motion of the ends, twice the energy in a unit
-        of each mode, and the loss angle.
+        Deformations of each lossy section by the motion of the ends and by the modes, and its loss
+        angle.
     """
 
     inertia: Float[np.ndarray, "end end"]
     drag: float
-    omega: Float[np.ndarray, " mode"]
-    drives: Float[np.ndarray, "mode end"]
-    losses: list[tuple[Array, Array, Callable[[Array], Array]]]
+    modes: tuple[tuple[float, Float[np.ndarray, " end"]], ...]
+    losses: tuple[tuple[Array, Array, Callable[[Array], Array]], ...]
 
 
 def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
-    """Reduce a wire to the motion of its ends and its modes, to the second above a frequency."""
-    lossless, size = replace(strand, lossy=False), len(strand.static[part])
-    omega, drives, inertia, drag = np.zeros(0), np.zeros((0, size)), np.zeros((size, size)), 0.0
+    """Reduce a wire to the motion of its ends and its modes up to a frequency, rad/s."""
+    size = len(strand.static[part])
+    inertia, modes, others, first = np.zeros((size, size)), [], [], 0.0
+    lossless = replace(strand, lossy=False)
+
+    def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
+        return np.moveaxis(wire.at(np.array(omega))[part].stiffness, -1, 0)
+
+    def inertia_without_modes(at: float) -> Float[np.ndarray, "end end"]:
+        rest = (strand.static[part] - np.real(stiffness(lossless, [at])[0])) / at**2
+        for omega, drives in modes:
+            rest -= at**2 * np.outer(drives, drives) / (omega**2 - at**2)
+        return rest
+
     if strand.massive:
-        omega = lossless.held_resonances(part, highest)
-        omega = omega[: 2 + np.count_nonzero(omega < highest)]
-        below, above = omega * (1 - BESIDE), omega * (1 + BESIDE)
-        change = _stiffness(lossless, part, below) - _stiffness(lossless, part, above)
-        factor = above**4 / (omega**2 - above**2) - below**4 / (omega**2 - below**2)
-        values, vectors = np.linalg.eigh(change / factor[:, None, None])
-        drives = vectors[:, :, -1] * np.sqrt(values[:, -1:])
-        low = LOW * omega[:1]
-        inertia = (strand.static[part] - _stiffness(lossless, part, low)[0]) / low**2
-        inertia -= (drives.T * (low**2 / (omega**2 - low**2))) @ drives
-        if strand.surrounded is not None:
-            damped = np.imag(_stiffness(_with_losses(strand, None), part, low)[0])
-            drag = float(np.trace(damped) / (low[0] * np.trace(inertia)))
-    losses = []
+        first, *_ = found = lossless.held_resonances(part, highest)
+        *kept, beyond = found[: 1 + np.count_nonzero(found < highest)]
+        for omega in kept:
+            beside = [omega * (1 - BESIDE), omega * (1 + BESIDE)]
+            low, high = stiffness(lossless, beside)
+            share = [-(w**4) / (omega**2 - w**2) for w in beside]
+            values, vectors = np.linalg.eigh((low - high) / (share[0] - share[1]))
+            modes.append((omega, vectors[:, -1] * np.sqrt(values[-1])))
+        inertia = inertia_without_modes(LOW * first)
+        top = highest / ABOVE  # one mode stands for all beyond, right there
+        rest = (inertia_without_modes(top) - inertia) * (beyond**2 / top**2 - 1)
+        values, vectors = np.linalg.eigh(rest)
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value > 1e-3 * values[-1]:
+                others.append((beyond, vector * np.sqrt(value)))
+    drag, losses = 0.0, []
+    if strand.massive and strand.surrounded is not None:
+        at, elastic = modes[0][0] if modes else first, replace(strand, fibre=_lossy(strand, None))
+        damped = np.imag(stiffness(elastic, [LOW * at])[0])
+        drag = float(np.trace(damped) / (LOW * at * np.trace(inertia)))
     for number in range(len(strand.fibre.sections)):
-        one = replace(_with_losses(strand, number), surrounded=None)
-        rows, angle = _resting_loss(replace(one, massive=False), part)
-        if len(rows):
-            beside = omega * (1 - BESIDE)
-            lost = np.imag(_stiffness(one, part, beside)) / angle(beside)[:, None, None]
-            amplitude = beside**2 / (omega**2 - beside**2) * (drives**2).sum(1)  # of the mode
-            energy = np.einsum("mi,mij,mj->m", drives, lost, drives) / amplitude**2
-            losses.append((rows, np.where(omega < highest, energy, 0.0), angle))
-    return _ReducedWire(inertia, drag, omega, drives, losses)
+        one = replace(strand, fibre=_lossy(strand, number), surrounded=None)
+        for ends, by_modes, angle in _section_loss(one, part, modes, stiffness):
+            losses.append((ends, np.pad(by_modes, ((0, 0), (0, len(others)))), angle))
+    return _ReducedWire(inertia, drag, (*modes, *others), tuple(losses))
 
 
-def _stiffness(
-    strand: TautWire, part: str, omega: Float[np.ndarray, " frequency"]
-) -> Inexact[np.ndarray, "frequency end end"]:
-    return np.moveaxis(strand.at(omega)[part].stiffness, -1, 0)
-
-
-def _with_losses(strand: TautWire, number: int | None) -> TautWire:
-    """The wire with the losses of one section, or of none."""
+def _lossy(strand: TautWire, number: int | None) -> Fibre:
+    """The fibre of a wire with the losses of one section, or of none."""
+    fibre = strand.fibre
     sections = tuple(
         section if n == number else replace(section, losses=())
-        for n, section in enumerate(strand.fibre.sections)
+        for n, section in enumerate(fibre.sections)
     )
-    return replace(strand, fibre=replace(strand.fibre, sections=sections))
+    return replace(fibre, sections=sections)
 
 
-def _resting_loss(
-    strand: TautWire, part: str
-) -> tuple[Float[np.ndarray, "deformation end"], Callable[[Array], Array]]:
-    """Deformations of the one lossy section of a wire without mass, and its loss angle."""
-    # bending resists slopes relative to the chord alone, other parts the difference of the ends
+def _section_loss(
+    strand: TautWire,
+    part: str,
+    modes: list[tuple[float, Float[np.ndarray, " end"]]],
+    stiffness: Callable[[TautWire, list[float]], Complex[np.ndarray, "frequency end end"]],
+) -> Iterator[tuple[Array, Array, Callable[[Array], Array]]]:
+    """Deformations of the one section of a wire that is lossy, and its loss angle.
+
+    With the motion x of the ends and q = a l . x of a mode, a = omega^2 / (omega_j^2 - omega^2),
+    the loss is x^T (L + a (l c^T + c l^T) + a^2 e l l^T) x: on either side of omega_j c and e.
+    """
+    still, to_own = replace(strand, massive=False), np.eye(len(strand.static[part]))
     length = sum(section.length for section in strand.fibre.sections)
-    own = np.array([[0.0, 2.0]])
-    if part.startswith("bend"):
-        own = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2 / length, 1.0]])
+    if len(to_own) == 4:  # bending resists slopes relative to the chord alone
+        to_own = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2 / length, 1.0]])
 
-    def lost(omega: Array) -> Float[np.ndarray, "own own frequency"]:
-        change = np.imag(strand.at(omega)[part].change)
-        return change if len(own) > 1 else change[None, :1]
+    def own_loss(omega: Array) -> Float[np.ndarray, "own own frequency"]:
+        here = still.at(omega)[part]
+        return np.imag(here.change if len(to_own) != len(to_own.T) else here.stiffness)
 
-    reference = lost(np.array([2 * np.pi]))[..., 0]
-    scale = np.trace(reference)
-    return (
-        _deformations(reference, rounded=True) @ own,
-        lambda omega: np.trace(lost(omega)) * np.ones(len(omega)) / scale,
-    )
+    def trace(omega: Array) -> Array:
+        return np.trace(own_loss(omega)) * np.ones(len(omega))
+
+    reference = np.array([2 * np.pi])
+    scale = float(trace(reference)[0])
+    if not scale > 0:
+        return
+    rows = _deformations(own_loss(reference)[..., 0], rounded=True) @ to_own
+
+    def angle(omega: Array) -> Array:
+        return trace(omega) / scale
+
+    by_modes = np.zeros((len(rows), len(modes)))
+    rest = np.zeros(len(modes))
+    for n, (omega, drives) in enumerate(modes):
+        sides = omega * (1 + BESIDE * np.array([-1, 1]))
+        below, above = np.imag(stiffness(strand, [*sides])) / angle(sides)[:, None, None]
+        a = sides**2 / (omega**2 - sides**2)
+        ratio, size = (a[1] / a[0]) ** 2, drives @ drives
+        static = rows.T @ rows
+        mixed = (above - ratio * below - (1 - ratio) * static) / (a[1] - ratio * a[0])
+        cross = (mixed @ drives - drives * (drives @ mixed @ drives) / (2 * size)) / size
+        own = below - static - a[0] * (np.outer(drives, cross) + np.outer(cross, drives))
+        by_modes[:, n] = np.linalg.lstsq(rows.T, cross, rcond=1e-9)[0]
+        energy = drives @ own @ drives / (a[0] * size) ** 2
+        rest[n] = np.sqrt(max(energy - by_modes[:, n] @ by_modes[:, n], 0.0))
+    ends = np.concatenate([rows, np.zeros((len(modes), rows.shape[1]))])
+    yield ends, np.concatenate([by_modes, np.diag(rest)]), angle
 
 
 def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem, list[Lossy]]:
@@ -232,24 +270,25 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
             wire = _reduce(term.strand, part, highest)
             inertia = np.einsum("wci,cd,wdj->ij", forms, wire.inertia, forms)
             mass, damping = mass + inertia, damping + wire.drag * inertia
-            first, number = size + len(driven), []
-            for n, drives in enumerate(wire.drives):
-                for row in _combinations(drives @ forms, groups):
-                    number.append(n)
+            own: list[tuple[int, int, Array]] = []  # coordinate, mode, share of each wire
+            for number, (omega, drives) in enumerate(wire.modes):
+                for share, row in _combinations(drives @ forms, groups):
+                    own.append((size + len(driven), number, share))
                     driven.append(row)
-                    about.append((wire.omega[n], wire.drag, term.stage))
-            for ends, energy, angle in wire.losses:
-                by_modes = np.eye(len(number), first + len(number), first)
-                by_modes *= np.sqrt(energy[number])[:, None]
-                rows = (ends @ forms).reshape(-1, size)
-                rows = np.pad(rows, ((0, 0), (0, by_modes.shape[1] - size)))
-                elements.append(Lossy(np.concatenate([rows, by_modes]), angle))
+                    about.append((omega, wire.drag, term.stage))
+            for ends, by_modes, angle in wire.losses:
+                rows = np.zeros((len(forms), len(ends), size + len(driven)))
+                rows[..., :size] = ends @ forms
+                for place, number, share in own:
+                    rows[..., place] = np.outer(share, by_modes[:, number])
+                elements.append(Lossy(rows.reshape(-1, rows.shape[-1]), angle))
     drives = np.array(driven).reshape(-1, size)
     omega, drag = (np.array([one[n] for one in about]) for n in (0, 1))
     mass, damping = (_framed(part, groups) for part in (mass, damping))
     unit = np.diag(np.ones(len(drives)))
     names = [f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)]
-    system = replace(model.lossless, ground=None).widened(
+    system = _widened(
+        replace(model.lossless, ground=None),
         names,
         np.block([[mass, drives.T], [drives, unit]]),
         np.diag(np.append(np.zeros(size), omega**2)),
@@ -264,15 +303,14 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
 
 def _combinations(
     driven: Float[np.ndarray, "wire coordinate"], groups: list[Index]
-) -> Iterator[Float[np.ndarray, " coordinate"]]:
+) -> Iterator[tuple[Float[np.ndarray, " wire"], Float[np.ndarray, " coordinate"]]]:
     """Combine equal modes of equal wires, so that each is driven by one group of coordinates."""
     for columns in groups:
-        _, large, own = np.linalg.svd(driven[:, columns], full_matrices=False)
-        for size, form in zip(large, own, strict=True):
-            if size > np.sqrt(RANK) * np.abs(driven).max():
-                row = np.zeros(driven.shape[1])
-                row[columns] = size * form
-                yield row
+        own, large, _ = np.linalg.svd(driven[:, columns], full_matrices=False)
+        for share in own.T[large > np.sqrt(RANK) * np.abs(driven).max()]:
+            row = np.zeros(driven.shape[1])
+            row[columns] = share @ driven[:, columns]
+            yield share, row
 
 
 def _with_relaxation(
@@ -293,8 +331,11 @@ def _with_relaxation(
     shift, stiffer = np.zeros(len(elements)), np.zeros((len(elements), len(omega)))
     step = omega[:, None] ** 2 / (omega[:, None] ** 2 + rates**2)
     for n, one in enumerate(elements):
-        if (loss[n] > MINOR * total).any():
-            strength[n], shift[n] = _fit(one, omega, energy[n], loss[n] / total, rates, band)
+        some = (loss[n] > MINOR * total) & (angle[n] > 0)
+        if some.any():
+            shares = (loss[n] / total)[some]
+            found = _fit(one, omega[some], energy[n, some], shares, rates, band)
+            strength[n], shift[n] = found
             stored = 0.0 if one.stored is None else one.stored(omega)
             stiffer[n] = step @ strength[n] - shift[n] - stored
     # what is left of the stiffening at the modes is taken back, in all elements together
@@ -308,7 +349,7 @@ def _with_relaxation(
     whole = np.block([[softer + follow.T @ follow, -follow.T], [-follow, np.eye(len(follow))]])
     damping = np.diag(np.append(np.zeros(size), 1 / own_rates))
     names = [f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)]
-    return system.widened(names, np.zeros_like(whole), whole, damping)
+    return _widened(system, names, np.zeros_like(whole), whole, damping)
 
 
 def _fit(
@@ -321,17 +362,18 @@ def _fit(
 ) -> tuple[Float[np.ndarray, " rate"], float]:
     """Fit the strengths g of relaxation, and d, to one element.
 
-    Loss angle and, with less weight, stiffness must be right at the modes in proportion to the
-    element's `share` of their loss and, with less weight, in the whole band. `energy` is that
-    in the element over that of the mode.
+    Its loss angle must be right at the modes in which it loses energy (`share`), in proportion, and
+    its stiffness where it stores it (`energy`); both, with less weight, in the whole band.
     """
     from scipy.optimize import lsq_linear
 
-    at = np.append(omega, np.geomspace(*band, POINTS))
+    at, count = np.append(omega, np.geomspace(*band, POINTS)), len(omega)
     angles = np.maximum(one.angle(at), 1e-12)
     stored = np.zeros(len(at)) if one.stored is None else one.stored(at)
-    weight = np.append(share, np.full(POINTS, BETWEEN)) / angles
-    weight = np.append(weight, OFF * weight)
+    of_loss = np.append(share, np.full(POINTS, BETWEEN)) / angles
+    of_stiffness = np.full(len(at), EVERYWHERE * energy.max())
+    of_stiffness[:count] = np.maximum(OFF * of_loss[:count], SHIFTED * energy)
+    weight = np.append(of_loss, of_stiffness)
     step = 1j * at[:, None] / (1j * at[:, None] + rates)
     constant = np.append(np.zeros(len(at)), -np.ones(len(at)))
     parts = np.column_stack([np.concatenate([step.imag, step.real]), constant])
@@ -401,3 +443,26 @@ def _framed(
     for group in groups:
         together[np.ix_(group, group)] = True
     return np.where(together, (matrix + matrix.T) / 2, 0.0)
+
+
+def _widened(
+    model: LinearSystem,
+    names: list[str],
+    mass: Float[np.ndarray, "wider wider"],
+    stiffness: Float[np.ndarray, "wider wider"],
+    damping: Float[np.ndarray, "wider wider"],
+) -> LinearSystem:
+    """Append coordinates, and add matrices."""
+    size, count = model.size, len(names)
+    basis = np.eye(size + count)
+    basis[:size, :size] = model.basis
+    wider = model.spread(np.eye(size, size + count), mass, stiffness, damping)
+    coupled = (mass != 0) | (stiffness != 0) | (damping != 0)
+    return replace(
+        wider,
+        coordinate=(*model.coordinate, *names),
+        basis=basis,
+        massless=np.append(model.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
+        rigid=None if model.rigid is None else np.pad(model.rigid, ((0, count), (0, 0))),
+        allowed=wider.allowed | coupled,
+    )
