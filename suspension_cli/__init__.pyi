@@ -260,9 +260,11 @@ def export(
         mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python module
         with an element of finesse 3.
     inputs : str or sequence of str
-        An input. Default: the support's six motions and six forces on the first stage.
+        An input. Default: the support's six motions and six forces on the first stage; for finesse
+        x, pitch and yaw of the support and of all stages of the main chain.
     outputs : str or sequence of str
-        An output. Default: the six motions of the first stage and of the mirror.
+        An output. Default: the six motions of the first stage and of the mirror; for finesse x,
+        pitch and yaw of all stages of the main chain.
     loss : bool
         Include losses and the mass of wires, with the right Q and the right isolation.
     band : str

@@ -125,14 +125,23 @@ def join_errors(errors: list[InputError]) -> InputError:
     return whole
 
 
-def gather(function: Callable[[Given], Found], items: Iterable[Given]) -> list[Found]:
-    """Call a function for each of some items; raises `InputError` with the faults of all."""
-    found, errors = [], []
+def collect(
+    function: Callable[[Given], Found], items: Iterable[Given], errors: list[InputError]
+) -> list[Found]:
+    """Call a function for each of some items, and collect the errors of those that have faults."""
+    found = []
     for item in items:
         try:
             found.append(function(item))
         except InputError as error:
             errors.append(error)
+    return found
+
+
+def gather(function: Callable[[Given], Found], items: Iterable[Given]) -> list[Found]:
+    """Call a function for each of some items; raises `InputError` with the faults of all."""
+    errors: list[InputError] = []
+    found = collect(function, items, errors)
     if errors:
         raise join_errors(errors)
     return found

@@ -73,8 +73,12 @@ def parse_frequencies(text: str, option: str = "--frequency") -> list[float]:
     return values
 
 
-def parse_band(text: str, option: str, *, with_zero: bool = False) -> tuple[float, float]:
+def parse_band(
+    text: str, option: str, *, with_zero: bool = False, before: str = ""
+) -> tuple[float, float]:
     """Parse the ends of a band of frequencies, ``FROM:TO`` in Hz, above or `with_zero` from 0 on.
+
+    `before` is what stands before it in the option, for messages.
 
     >>> parse_band("0.1:100", "--band")
     (0.1, 100.0)
@@ -84,8 +88,9 @@ def parse_band(text: str, option: str, *, with_zero: bool = False) -> tuple[floa
     except ValueError:
         low = high = math.nan
     if not (low > 0 or (with_zero and low == 0)) or not low < high < math.inf:
-        remedy = "write its ends in Hz, for example 0.1:100"
-        raise InputError.of(option, "is no band of frequencies", remedy, format_value(text))
+        remedy = f"write its ends in Hz, for example {before}0.5:5"
+        shown = format_value(before + text)
+        raise InputError.of(option, "is no band of frequencies", remedy, shown)
     return low, high
 
 

@@ -7,26 +7,10 @@ from pathlib import Path
 import click
 
 from suspension_cli.cli import terminal
+from suspension_cli.design.detectors import DETECTORS
 
 KINDS = ("single", "double", "triple", "quad", "blades")
 """As `design.reader.TEMPLATES`, which is not imported just to print help."""
-DETECTORS = {
-    "kagra-typea": ("built/kagra-typea", "KAGRA's cryogenic mirror: tower and payload"),
-    "kagra-typeb": ("built/kagra-bs-2019", "KAGRA's beam splitter: tower on an inverted pendulum"),
-    "kagra-typebp": ("built/kagra-pr3", "KAGRA's power recycling mirror PR3: two filters"),
-    "ligo-quad": (
-        "built/ligo-quad",
-        "Advanced LIGO's quadruple pendulum, production model",
-    ),
-    "ligo-fibres": ("built/ligo-test-mass", "Advanced LIGO's last stage: mirror on silica fibres"),
-    "ligo-initial": ("built/ligo-initial", "initial LIGO's mirror in a loop of wire"),
-    "caltech-40m": (
-        "built/caltech-40m-sos",
-        "mirror of Caltech's 40 m prototype in a loop of wire",
-    ),
-    "geo-triple": ("geo-silica-triple", "triple pendulum with silica fibres, as in GEO 600"),
-}
-"""Suspensions of detectors: name for --from, example, and a line of help."""
 
 
 @click.command(
@@ -41,7 +25,7 @@ DETECTORS = {
     "--from",
     "example",
     metavar="EXAMPLE",
-    help="Start from a design that comes with the program instead: ligo-quad.",
+    help="Start from a design that comes with the program instead, for example ligo-quad.",
 )
 @click.option("--examples", "listing", is_flag=True, help="List these designs.")
 @click.option("--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]")
@@ -68,10 +52,7 @@ def command(
         raise InputError.of("new", problem, remedy, format_value(words[0]))
     kind, file = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
     name = design_name(name, Path(file[0]).stem if file else kind, kind)
-    if example is None:
-        text = reader.template(kind, name)
-    else:
-        text = reader.example_text(DETECTORS.get(example, (example,))[0], name)
+    text = reader.template(kind, name) if example is None else reader.example_text(example, name)
     reader.parse(text)
     if not file:
         click.echo(text, nl=False)

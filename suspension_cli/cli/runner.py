@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import settings
 from suspension_cli.analyses.analysis import Analysis, Result, Run, demand_distinct_names
 from suspension_cli.cli import terminal
-from suspension_cli.errors import InputError, join_errors
+from suspension_cli.errors import InputError, collect, join_errors
 
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
-
-Item = TypeVar("Item")
-Found = TypeVar("Found")
 
 
 class Command(click.Command):
@@ -77,10 +73,10 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     errors: list[InputError] = []
     as_json = given.get("as_json", False)
     each = [{"design": file} for file in files["designs"]] if "designs" in files else [files]
-    runs = _collect(partial(analysis.read, ask), each, errors)
+    runs = collect(partial(analysis.read, ask), each, errors)
     if analysis.has_file and not errors:
         demand_distinct_names([one.source for one in runs])
-    solved = [] if errors and analysis.has_file else _collect(solve, runs, errors)
+    solved = [] if errors and analysis.has_file else collect(solve, runs, errors)
     if errors and (analysis.has_file or as_json):
         raise join_errors(errors)
     for number, (one, result) in enumerate(solved):
@@ -93,19 +89,6 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     if as_json:
         terminal.put_documents([result for _, result in solved])
     ctx.exit(max(analysis.exit_code(result) for _, result in solved))
-
-
-def _collect(
-    function: Callable[[Item], Found], items: Iterable[Item], errors: list[InputError]
-) -> list[Found]:
-    """Return what a function makes of each item, and collect the errors of the others."""
-    found = []
-    for item in items:
-        try:
-            found.append(function(item))
-        except InputError as error:
-            errors.append(error)
-    return found
 
 
 def write(run: Run, result: Result, voice: terminal.Voice) -> None:

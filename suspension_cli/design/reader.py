@@ -18,6 +18,7 @@ from typing import TypeVar
 
 from suspension_cli.design import checks, faults, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
+from suspension_cli.design.detectors import DETECTORS
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
@@ -359,7 +360,8 @@ def make_name(stem: str, default: str = "imported") -> str:
 def examples() -> list[str]:
     """List the designs that come with the program, by name."""
     files = EXAMPLES.rglob("*.toml")
-    return sorted(file.relative_to(EXAMPLES).with_suffix("").as_posix() for file in files)
+    found = (file.relative_to(EXAMPLES).with_suffix("").as_posix() for file in files)
+    return sorted({*found, *DETECTORS})
 
 
 def example(name: str) -> Source:
@@ -382,7 +384,7 @@ def _example(name: str) -> Path:
     if name not in known:
         remedy = suggest(name, known)
         raise InputError.of("example", "is not an example design", remedy, format_value(name))
-    return EXAMPLES / f"{name}.toml"
+    return EXAMPLES / f"{DETECTORS.get(name, (name,))[0]}.toml"
 
 
 def replaced(source: Source, changes: Mapping[str, object]) -> Source:

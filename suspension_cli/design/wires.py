@@ -15,7 +15,6 @@ CROSS_SECTIONS: dict[str, Callable[[Any], CrossSection]] = {
     "section": lambda ribbon: rectangle(ribbon.width, ribbon.thickness),
 }
 """Cross-sections by their keys in `AnyWire` and `WireSection`."""
-SHAPES = tuple(CROSS_SECTIONS)
 
 TALL = Plausible(50.0, "larger than any suspension", serious=True)
 """Lengths and positions; mirror suspensions are up to about 10 m tall."""
@@ -54,7 +53,7 @@ class WireSection(Table, frozen=True):
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
 
-    rules = (demand.exactly_one(*SHAPES), _check_steps)
+    rules = (demand.exactly_one(*CROSS_SECTIONS), _check_steps)
 
 
 class Clamp(Table, frozen=True):
@@ -177,10 +176,14 @@ class AnyWire(Table, frozen=True):
         """Check that it has k, or a material and one way to give its cross-section."""
         if isinstance(self.profile, str):
             yield "profile", *UNREAD
-        shapes = given(self, *SHAPES)
-        whole = given(self, "profile", "sections", "neck", *SHAPES)
+        shapes = given(self, *CROSS_SECTIONS)
+        whole = given(self, "profile", "sections", "neck", *CROSS_SECTIONS)
         if self.k is None and not whole:
-            yield SHAPES[0], "missing", f"give the wire's {' or '.join(SHAPES)} in m, or k in N/m"
+            yield (
+                next(iter(CROSS_SECTIONS)),
+                "missing",
+                f"give the wire's {' or '.join(CROSS_SECTIONS)} in m, or k in N/m",
+            )
         if self.bending and not whole:
             remedy = "give material and radius too, or remove it"
             yield "bending", "needs the wire's cross-section", remedy
@@ -203,9 +206,9 @@ class AnyWire(Table, frozen=True):
             yield f"sections.{n}.length", "missing", remedy
 
     rules = (
-        demand.excludes("profile", *SHAPES, "sections", "neck"),
+        demand.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
         demand.excludes("neck", "section", "sections"),
-        demand.excludes("sections", *SHAPES),
+        demand.excludes("sections", *CROSS_SECTIONS),
         _check_composition,
     )
 

@@ -211,7 +211,7 @@ def label_points(
         half = np.array([36 * text_width(texts[n], size), 0.58 * size]) + pad
         places = [side * (half + reach) for reach in REACHES for side in SIDES]
         boxes = [np.stack([where[n] + place - half, where[n] + place + half]) for place in places]
-        best = next((k for k, box in enumerate(boxes) if _is_free(box, taken, n, frame)), 0)
+        best = int(np.argmin([_obstacles(box, taken, n, frame) for box in boxes]))
         taken.append(boxes[best])
         look = {"textcoords": "offset points", "ha": "center", "va": "center", "zorder": 5}
         look |= {"fontsize": size, "color": colours[n]}
@@ -223,9 +223,9 @@ def label_points(
     return [found[n] for n in range(len(texts))]
 
 
-def _is_free(box: Array, taken: Sequence[Array], own: int, frame: Array) -> bool:
-    """Whether a box (2, 2) of two corners lies in a frame and on nothing but its own point."""
+def _obstacles(box: Array, taken: Sequence[Array], own: int, frame: Array) -> int:
+    """Number of boxes that a box (2, 2) of two corners lies on; beyond the frame counts as many."""
     others = np.array([other for n, other in enumerate(taken) if n != own]).reshape(-1, 2, 2)
     apart = (box[0] >= others[:, 1]) | (others[:, 0] >= box[1])
     inside = (box[0] >= frame[0]).all() and (box[1] <= frame[1]).all()
-    return bool(inside and apart.any(-1).all())
+    return int((~apart.any(-1)).sum()) + (0 if inside else 100)

@@ -264,7 +264,9 @@ def responses(builds: Builds, ratios: Sequence[Ratio]) -> Complex[np.ndarray, "b
     found = np.empty((len(builds.status), len(ratios)), dtype=complex)
     for n, ratio in enumerate(ratios):
         outputs = [ratio.over] if ratio.under is None else [ratio.over, ratio.under]
-        values = transfer(builds, np.array([ratio.frequency]), [ratio.input], outputs)[:, 0, :, 0]
+        with np.errstate(all="ignore"):  # of builds that failed
+            values = transfer(builds, np.array([ratio.frequency]), [ratio.input], outputs)
+        values = values[:, 0, :, 0]
         found[:, n] = values[:, 0] if ratio.under is None else divide(values[:, 0], values[:, 1])
     return found
 

@@ -13,7 +13,7 @@ from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.paths import DISPLAYED, twins, unit_of
 from suspension_cli.design.schema import Design, Material
 from suspension_cli.design.sections import stretches
-from suspension_cli.design.wires import SHAPES
+from suspension_cli.design.wires import CROSS_SECTIONS
 from suspension_cli.models import registry
 
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
@@ -117,7 +117,7 @@ def shifted(design: Design, name: str, by: float) -> Design:
 
 ACROSS = ("width", "thickness", "surface_depth", "diameter")
 """Lengths across a wire or blade, which are made to a fraction of their size; so are all numbers
-below `SHAPES`, in a table of wires."""
+below `CROSS_SECTIONS`, in a table of wires."""
 WIRES = ("wires", "wire", "sections")
 """Tables in which a radius is that of a wire; elsewhere it is that of a body."""
 STEPS = {unit: (1 / factor, name) for unit, (name, factor) in DISPLAYED.items() if unit != "Pa"}
@@ -136,7 +136,7 @@ def natural_step(path: str, value: float) -> tuple[float, str]:
     keys = path.split(".")
     # after the name of a stage or material
     names = [key for key in keys[2:] if not key.isdigit()] or keys[-1:]
-    of_wire = any(key in WIRES for key in names) and any(key in SHAPES for key in names)
+    of_wire = any(key in WIRES for key in names) and any(key in CROSS_SECTIONS for key in names)
     thin = names[-1] in ACROSS or of_wire
     lossy = "loss" in names or "loss" in names[-1]
     step = None if thin or lossy else STEPS.get(unit_of(path))

@@ -10,11 +10,15 @@ import pytest
 
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal import solve as thermal
+from suspension_cli.analyses.tolerance.solve import RandomBuilds, follow_modes
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
+from suspension_cli.scene.stack import stack_scenes
+from suspension_cli.studies import builds
+from suspension_cli.studies import job as jobs
 from tests.support.golden import ROOT
 from tests.support.soft_blades_mp import Assembly, column
 
@@ -124,3 +128,36 @@ def test_modes_of_rigid_wires_are_a_limit(level):
     assert len(found[0].q) >= 5
     assert_linear([one.frequency for one in found])
     assert_linear([one.q for one in found])
+
+
+@pytest.mark.parametrize("level", ["string", "beam", "violin"])
+def test_batches_of_builds(level):
+    """Batches of builds, which `sweep`, `xcouple` and `tolerance` solve, give what a design by
+    itself does."""
+    design = geo(RATIOS[-1], tip_mass=0.02)
+    model, frequency = registry.by_name(level).system(design), np.array([0.05, 1.0, 7.0])
+    found = builds.balance(stack_scenes([expand(design)] * 2), design, level=level)
+    known = signals.bodies_with_signals(model)
+    for dof in ("x", "y", "z", "yaw"):
+        inputs, outputs = [f"support.{dof}"], [f"{body}.{dof}" for body in model.body]
+        drives = [signals.parse_input(name, known) for name in inputs]
+        seen = [signals.parse_output(name, known) for name in outputs]
+        batch = builds.transfer(found, frequency, drives, seen)[1]
+        alone = responses(model, frequency, inputs, outputs)
+        assert (np.abs(batch - alone) <= REQUIRED * np.abs(alone)).all()
+
+
+@pytest.mark.parametrize("tip_mass", [0.0, 0.02])
+@pytest.mark.parametrize("ratio", RATIOS[1:])
+def test_modes_of_batches(ratio, tip_mass, monkeypatch):
+    """`tolerance` finds the modes of a design without imperfections, from one matrix in doubles."""
+    design = geo(ratio, tip_mass=tip_mass)
+    monkeypatch.setattr(jobs, "parse", lambda _: design)
+    job = RandomBuilds(f"{ratio} {tip_mass}", 1, 0, None)
+    found = builds.balance(stack_scenes([expand(design)] * 2), design)
+    alone = eigenmodes.spectrum(jobs.nominal_system(job.text, job.level))
+    squared = follow_modes(found, alone.shape)
+    # A heavy tip on a nearly rigid wire stays a coordinate, whose stiffness is the sum of both:
+    # some roundings (2e-16) of it, 12e-16 of the ratio with the worst library.
+    lost = 5e-15 * ratio if tip_mass else 0.0
+    assert squared[1] == pytest.approx(alone.omega_squared, rel=REQUIRED + lost)

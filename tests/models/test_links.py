@@ -19,6 +19,7 @@ from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
+from suspension_cli.studies import builds, variants
 from tests.support import jets, plants
 
 G = 9.81
@@ -382,6 +383,26 @@ def test_ground_beside_an_elastic_support() -> None:
                 z = np.array([[110.0 - 2 * square, -80.0], [-80.0, 480.0 - 5 * square]])
                 right = [0.0, 400.0] if force is None else force
                 assert value == pytest.approx(np.linalg.solve(z, right)[0], rel=1e-11)
+
+
+def test_batches_of_builds_see_links_and_ground() -> None:
+    """A sweep over a stiffness takes compiled batches; each point is that design alone."""
+    text = _design(DAMPER)
+    path = "link.link3.stiffness.1.1"
+    values = np.array([20.0, 40.0, 100.0])
+    frequency = np.array([0.2, 1.7])
+    names = (("ground.x", "support.x", "test~reaction.force_x"), ("test.x", "test~reaction.pitch"))
+    for found, here in variants.balanced(variants.designs_at(text, {path: values}), "string"):
+        known = signals.bodies_with_signals(found.model)
+        inputs = [signals.parse_input(name, known) for name in names[0]]
+        outputs = [signals.parse_output(name, known) for name in names[1]]
+        batch = builds.transfer(found, frequency, inputs, outputs)
+        for n, value in zip(here, batch, strict=True):
+            model = registry.STRING.system(
+                reader.parse_with_overrides(text, (f"{path}={values[n]}",))
+            )
+            alone = response.solve(model, frequency, inputs, outputs).value
+            np.testing.assert_allclose(value, alone, rtol=1e-9, atol=1e-12)
 
 
 def test_signals_between_bodies_are_checked() -> None:

@@ -15,12 +15,12 @@ def main() -> None:
     sections = [module.section() for module in SECTIONS]
     worst = sorted((one for part in sections for one in part.worst), key=lambda one: -abs(one[0]))
     lines = [
-        "# Held against what was built",
+        "# Comparison with suspensions that were built",
         "",
-        "Suspensions that were built, in numbers of others. Deviations are as computed, before any"
-        " fit; what is fitted is called so. `make validation` computes the page without a network;"
-        " designs are in `configs/built/`, the numbers of others in `measured/`, each with its"
-        " source.",
+        "Designs in `configs/built/` against measurements and other programs, whose numbers are in"
+        " `measured/`, each with its source. Deviations are without a fit unless marked as fitted."
+        " `make validation` computes the page without a network; fits of KAGRA's measured functions"
+        " and their pictures are those of `tools/validation/kagra_measured.py`.",
         "",
         "The three largest deviations:",
         "",

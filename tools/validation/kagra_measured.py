@@ -139,7 +139,7 @@ def section() -> Section:
         " `measured/kagra/found.toml`. Drives are in counts, so that one factor per drive is free;"
         " sensors are in µm and µrad, as KAGRA calibrates them. The models are those of SUMCON's"
         " saves of August 2019, a year older than the measurements. Of SRM along the beam"
-        " (SRM_TML_200722) no copy was to be had. Which loops were closed is unknown.",
+        " (SRM_TML_200722) no copy was available. Which loops were closed is unknown.",
     ]
     for name in SUSPENSIONS:
         rows = _resonances(name, kept[name])
@@ -254,7 +254,7 @@ def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[st
         "Points are measured; lines are modelled, each scaled by one number. `pendsus fit"
         f" --fidelity {MODEL}` ends with χ² per degree of freedom of {per:.3g}"
         f" ({kept['freedom']} degrees of freedom). χ² per number, for the design with the"
-        " factors of the drives as guessed:",
+        " guessed factors of the drives:",
         *table(["function", "numbers", "design", "fitted"], chi2),
         f"Uncertainties are {kept['scale']:.2g} times those of the data, as the model does not"
         " explain them completely:",
@@ -271,15 +271,15 @@ REST = {
         " see below). But the ends of RM's wires rise by 8 mm and the inertias of TM and RM by 13"
         " and 11 %, four times their priors: of these the data determine that of TM alone, and"
         " only together with the factor of the drive. What they do say is that the stiffness of"
-        " pitch between IM and RM is 28 % below that of the save."
+        " pitch between IM and RM, over their inertia, is 28 % below that of the save."
     ),
     "kagra-bs-2019": (
-        "Resonances of pitch come within 0.7 %. But the fit lifts the ends of RM's wires by 9.5 mm"
-        " and takes 16 % of the inertia of IM, five times their priors: parameters absorb"
-        " something that the model lacks, such as loops that were closed, cables between IM and"
-        " RM, or clamps. What the data do say is that the stiffness of pitch between IM and RM is"
-        " 13 % below that of the save. Below 0.4 Hz, which is not fitted, pitch is a quarter"
-        " larger than modelled."
+        "Resonances of pitch come within 0.7 %, except that of F1, which is 1.9 % off. But the "
+        "fit lifts the ends of RM's wires by 9.5 mm and reduces the inertia of IM by 16 %, five "
+        "times their priors: parameters absorb something that the model lacks, such as loops that"
+        " were closed, cables between IM and RM, or clamps. What the data do say is that the "
+        "stiffness of pitch between IM and RM, over their inertia, is 13 % below that of the "
+        "save. Below 0.4 Hz, which is not fitted, pitch is a quarter larger than modelled."
     ),
 }
 """What the fit of each says."""
@@ -386,19 +386,20 @@ def _odd(kept: dict[str, Any]) -> list[str]:
     phase = [f"{angle:.0f}° at {at:g} Hz" for at, angle in kept["yaw_phase"]]
     return [
         "",
-        "### Odd in these data",
+        "### Unexplained features",
         "",
         "- **Common to both fits.** RM's tungsten wires are 21 and 26 % softer than in the saves:"
-        " in both their modulus would be 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa, that of bulk"
-        " tungsten, or clamps give. The sensors of IM read 32 and 31 % less than modelled: a"
-        " calibration.",
-        "- **Repeated, the drive in pitch of BS had changed.** A second run the same day is"
-        f" {100 * (min(pitch) - 1):.0f} to {100 * (max(pitch) - 1):.0f} % larger in pitch and"
-        f" {100 * (1 - max(yaw[1:])):.0f} to {100 * (1 - min(yaw[1:])):.0f} % smaller in yaw (0.45"
-        " Hz and up), with a mean square of up to 50 times the variance: coils were rebalanced, or"
-        f" a filter was changed. Along the beam the repetition agrees (mean square {min(along):.1f}"
-        f" to {max(along):.1f} of the variance), so uncertainties from the coherences are about"
-        " right and a perfect model would have χ² per degree of freedom of 1 to 2.",
+        " in both their modulus would be 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa, that of bulk "
+        "tungsten, or the clamps are compliant. The sensors of IM read 32 and 31 % less than "
+        "modelled: a calibration.",
+        "- **Repeated, the drive in pitch of BS had changed.** A second run the same day is "
+        f"{100 * (min(pitch) - 1):.0f} to {100 * (max(pitch) - 1):.0f} % larger in pitch of TM "
+        f"and {100 * (1 - max(yaw[1:])):.0f} to {100 * (1 - min(yaw[1:])):.0f} % smaller in yaw "
+        "(0.45 Hz and up), with a mean square of up to 50 times the variance: coils were "
+        "rebalanced, or a filter was changed. Along the beam the repetition agrees from 0.45 Hz "
+        f"on (mean square {min(along):.1f} to {max(along):.1f} of the variance), so uncertainties"
+        " from the coherences are about right and a perfect model would have χ² per degree of "
+        "freedom of 1 to 2.",
         "- **Pushed along the beam, BS also turns.** Yaw of the mirror over its own resonances has"
         f" a phase of {', '.join(phase)}, while no motion of bodies gives other phases than 0 and"
         " 180°: as if one of the four coils had a pole or zero near 1.3 Hz that the others have"
@@ -406,7 +407,7 @@ def _odd(kept: dict[str, Any]) -> list[str]:
         " are not fitted; their resonances are right.",
         "- **Phase.** Driven in pitch, BS lags behind the model by 6° at 0.35 Hz, 11° at 1.1 Hz"
         " and 18° at 4.9 Hz, which no delay does, but a pole and a zero below 1 Hz do, as in those"
-        " coils; SRM lags as by a delay of 9 ms. All signs are as in the model.",
+        " coils; SRM lags as by a delay of 4 to 5 ms. All signs are as in the model.",
     ]
 
 

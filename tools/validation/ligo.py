@@ -44,9 +44,10 @@ def section() -> Section:
         "### Left out",
         "",
         "Measured modes of the beam splitter's triple (BSFM: bounce 16.6 to 17.8 Hz, roll 24.3 to"
-        " 26.1 Hz), of the tip-tilt mirrors (HTTS: vertical 6.25 Hz) and of the new beam splitter's"
-        " suspension (BBSS: bounce 19 to 20 Hz) are known, but no public repository or page was"
-        " found with their parameters. Of single fibres no profile is public.",
+        " 26.1 Hz), of the tip-tilt mirrors (HTTS: vertical 6.25 Hz) and of the new beam "
+        "splitter's suspension (BBSS: bounce 19 to 20 Hz) are known (nodus ENG_Labs/236 and 246, "
+        "LHO 84712 and 83461), but no public repository or page was found with their parameters. "
+        "Of single fibres no profile is public.",
     ]
     return result
 
@@ -165,6 +166,11 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
     result.worst.append(
         (float(worst), f"LIGO's fibres, first violin mode, fibres of 205 µm. {why}")
     )
+    quadruple = QUADRUPLE.read_text("utf-8")
+    bounce = sorted(
+        _bounce(quadruple, (1e-6 * radius, 1e-3 * end))
+        for radius, end in zip(radii, ends, strict=True)
+    )[:: len(radii) - 1]
     result.lines += [
         "",
         "### Violin modes of ITMY and ETMX",
@@ -173,15 +179,16 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
         " (`configs/built/ligo-test-mass.toml`), by the violin model. The radius is 205 µm in"
         " pygwinc and 200 µm in quadopt.m, the ends have 400 µm, over 20 mm (nominal) or 45 mm"
         " (tuned). Frequencies in Hz, measured in air (LHO 57649, LHO 42180). The last three"
-        " columns are fitted, to each fibre alone.",
+        " columns are fitted to each fibre separately.",
         *table(head, [*rows, *computed]),
         why,
         "",
         f"So a radius of {min(radii):.1f} to {max(radii):.1f} µm and ends of {min(ends):.0f} to"
         f" {max(ends):.0f} mm describe the fibres. What this does not explain: why the"
         " observatory's predictions, of first principles and of finite elements, are lower (a"
-        " length, load or density that is wrong by 2 to 4 % would do as well as the radius); and"
-        " the bounce mode above, which wants stiffer fibres than these. In the model both modes of"
+        " length that is wrong by 2 % or a load by 4 % would do as well as the radius); and the"
+        f" bounce mode above: with these fibres it would be at {bounce[0]:.2f} to"
+        f" {bounce[1]:.2f} Hz. In the model both modes of"
         " a fibre, and all fibres, are equal; a third mode at 1448.5 Hz (ITMY back left) is out"
         " of line with all others.",
         "",
@@ -225,8 +232,8 @@ def _initial(result: Section, known: dict[str, Any]) -> None:
         f" computed {first:.1f} Hz ({percent(error)}). Mass and pendulum frequency are public, the"
         " wire is not: its gauge is the standard one nearest to these modes, so this is no test."
         " How far apart the wires are above, which is not public either, would explain 1.6 % at"
-        f" most (vertical wires); the ± {100 * spread:.1f} % among the modes are as much length,"
-        " load or diameter of wires.",
+        f" most (vertical wires); the ± {100 * spread:.1f} % among the modes correspond to the"
+        " same differences of length or diameter of wires, or twice of their load.",
     ]
 
 

@@ -61,10 +61,16 @@ class ExportAnalysis(Analysis):
             " module with an element of finesse 3.",
         ),
         options.signals(
-            "input", "An input", "the support's six motions and six forces on the first stage"
+            "input",
+            "An input",
+            "the support's six motions and six forces on the first stage; for finesse x, pitch and"
+            " yaw of the support and of all stages of the main chain",
         ),
         options.signals(
-            "output", "An output", "the six motions of the first stage and of the mirror"
+            "output",
+            "An output",
+            "the six motions of the first stage and of the mirror; for finesse x, pitch and yaw "
+            "of all stages of the main chain",
         ),
         option(
             "--loss/--no-loss",

@@ -53,7 +53,7 @@ class Suspension(Connector):
     Raises
     ------
     ValueError
-        If `facing` is neither 1 nor -1.
+        If `facing` is neither 1 nor -1, or a stage has the name of an attribute of finesse.
     """
 
     def __init__(self, name: str, mirror: Any, facing: int, plant: dict[str, Any]) -> None:
@@ -67,6 +67,8 @@ class Suspension(Connector):
         for signal in (*plant["input"], *plant["output"]):
             body, _, kind = signal.rpartition(".")
             if body not in [own.name for own in self.ports]:
+                if hasattr(self, body):
+                    raise ValueError(f"finesse has a {body} of its own: rename this stage")
                 self._add_port(body, NodeType.MECHANICAL)
             if body == plant["mirror"]:
                 getattr(self, body)._add_node(NODES[kind], None, getattr(port, NODES[kind]))

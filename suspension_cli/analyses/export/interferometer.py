@@ -34,10 +34,12 @@ def check_names(inputs: Sequence[str], outputs: Sequence[str], mirror: str) -> N
     for option, names in (("--input", inputs), ("--output", outputs)):
         for name in names:
             body, _, kind = name.rpartition(".")
-            of_mirror = body == mirror and kind not in (*FORCES, *MOTIONS)
-            if of_mirror or not name.replace(".", "").replace("-", "").isidentifier():
-                remedy = f"take forces and motions of the mirror such as {mirror}.force_x and"
-                remedy += f" {mirror}.pitch (x, pitch, yaw), and any of other bodies at their COM"
+            remedy = ""
+            if not name.replace(".", "").replace("-", "").isidentifier():
+                remedy = f"take motions of and forces on the COM of one body, such as {mirror}.x"
+            elif body == mirror and kind not in (*FORCES, *MOTIONS):
+                remedy = f"finesse's mirrors have {', '.join((*MOTIONS, *FORCES))}"
+            if remedy:
                 raise InputError.of(option, "is no node of finesse", remedy, name)
 
 

@@ -270,7 +270,7 @@ def _damping(design: Design, text: str | None) -> Settings:
     result: Settings = {"damping_band": DAMPING_BAND, "damping_at": given.get("at", TOP)}
     if "band" in given:
         ends = given["band"].replace(",", ":")
-        result["damping_band"] = parse_band(ends, "--damping", with_zero=True)
+        result["damping_band"] = parse_band(ends, "--damping", with_zero=True, before="band=")
     known = [TOP, *(stage.name for stage in design.stage)]
     if result["damping_at"] not in known:
         raise fault("is no stage", suggest(given["at"], known), given["at"])
@@ -288,7 +288,7 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     from suspension_cli.analyses.modes import wire_modes
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
-    from suspension_cli.models.choice import shifts
+    from suspension_cli.models.choice import percent, shifts
 
     setting = run.setting
     highest, level = setting["max_frequency"], setting["fidelity"]
@@ -308,10 +308,13 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
             choice, light = model_choice.for_modes(
                 run.source, level, setting["tolerance"], massless=True
             )
-            if np.median(shifts(light, model)[1]) > SLIGHT:
+            shift = float(np.median(shifts(light, model)[1]))
+            if shift > SLIGHT:
                 raise
             why = f"{many.faults[0].problem}, so wire mass is neglected (--all includes it)"
             run.log.say(f"{run.name}: {why}")
+            why = f"wire mass, {percent(shift)} in the median mode, as its modes would take minutes"
+            choice = dataclasses.replace(choice, reason=f"as --all is not given; neglected: {why}")
             model = light
             listed = wire_modes.solve_bodies(model)
         if highest is not None:

@@ -126,9 +126,11 @@ class Search:
         """Evaluate a point; None without a valid design."""
         if fraction.tobytes() in self._points:
             return self._points[fraction.tobytes()]
-        with contextlib.suppress(np.linalg.LinAlgError):
-            return self.know(fraction, self.evaluator.at(fraction))
-        return None
+        try:
+            values = self.evaluator.at(fraction)
+        except np.linalg.LinAlgError:
+            values = np.array([np.nan])
+        return self.know(fraction, values)
 
     def _gradients(self, point: Point) -> tuple[Array, Array]:
         """Differentiate the margins and the objective of a point."""

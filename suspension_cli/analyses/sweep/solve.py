@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -83,7 +83,7 @@ class ParameterSweep(Product):
         """Responses and couplings among the results."""
         return tuple(result for result in self.results if isinstance(result, Ratio))
 
-    @property
+    @cached_property
     def nominal(self) -> Modes:
         """Modes of the nominal design; results are named by their labels."""
         return eigenmodes.solve(nominal_system(self.text, self.level))

@@ -145,7 +145,7 @@ class RandomBuilds(Job):
             self.method, self.seed, self.count, tuple(groups) if self.with_indices else ()
         )
 
-    @property
+    @cached_property
     def nominal(self) -> Modes:
         """Modes without random deviations, but with the design's own perturbations."""
         return eigenmodes.solve(nominal_system(self.text, self.level))

@@ -72,6 +72,17 @@ def test_written_module_has_the_responses_of_the_design(exported, written):
             np.testing.assert_allclose(found[node, inputs[source]], own, rtol=1e-9, atol=0)
 
 
+def test_motions_that_symmetry_separates_are_not_coupled(exported, written):
+    """No edge where the state space is exactly 0."""
+    system = exported.data.system
+    zero = [(system.output.index("test.x"), system.input.index("support.yaw"))]
+    zero.append((system.output.index("test.yaw"), system.input.index("upper.force_x")))
+    made = suspended(written).sus
+    for o, i in zero:
+        assert not system.at(FREQUENCY)[:, o, i].any()
+        assert f"edge_{o}_{i}" not in made._registered_connections
+
+
 def test_function_and_file_agree(exported, written):
     def made(name, mirror, facing):
         return sus.finesse(exported, name, mirror, facing)
