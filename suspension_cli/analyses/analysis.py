@@ -266,7 +266,13 @@ class Result(Sourced):
         with python_names():
             given = from_arguments(name, parameters, setting)
         setting = default_values(parameters) | given
-        return self.analysis.figures(self, setting)
+        drawn = self.analysis.figures(self, setting)
+        if self.analysis.draws_neglected:
+            from suspension_cli.drawing.style import name_neglected
+
+            for figure in drawn.values():
+                name_neglected(figure, self.choice)
+        return drawn
 
     def plot(self, **setting: object) -> Figure:
         """Draw the picture that the command writes.
@@ -394,6 +400,8 @@ class Analysis(ABC):
         Whether results come from one model, which JSON then names with its estimated error.
     has_file : bool
         Whether there is a results file.
+    draws_neglected : bool
+        Whether pictures say at the bottom what the model neglects.
     """
 
     name: ClassVar[str]
@@ -401,6 +409,7 @@ class Analysis(ABC):
     fills_file: ClassVar[bool] = False
     has_model: ClassVar[bool] = True
     has_file: ClassVar[bool] = True
+    draws_neglected: ClassVar[bool] = False
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
     inputs: ClassVar[tuple[Input, ...]] = (Input(),)
     returns: ClassVar[str] = "Result"

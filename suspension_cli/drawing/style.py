@@ -155,15 +155,14 @@ def text_width(text: str, size: float = SMALL) -> float:
     return _RENDERER.get_text_width_height_descent(text, font, ismath="$" in text)[0] / 72
 
 
-def name_neglected(figure: Figure, choice: Choice) -> Figure:
-    """Write what the model neglects at the bottom of a figure, where if it fits; return it."""
+def name_neglected(figure: Figure, choice: Choice) -> None:
+    """Write what the model neglects at the bottom of a figure, where if it fits."""
     text = single_line(choice.neglected.partition(" (tolerance")[0])
     across, up = map(float, figure.get_size_inches())
     if text_width(text) > across - 0.1:
         text = re.sub(r" in .*?(?=, |$)| \(.*\)", "", text)
     with house_style():
         write_text(figure, across - 0.05, up - 0.15, text, SMALL, NOTE, side="right")
-    return figure
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:

@@ -96,6 +96,12 @@ class Equilibrium:
             CONVERGED, np.where(self.rounding < COARSE, self.rounding, 0.0)
         )
 
+    def select(self, which: Bool[np.ndarray, "*batch"] | int) -> Equilibrium:
+        """Select scenes of a batch, as `stack.select_scenes`."""
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        chosen = {name: None if array is None else array[which] for name, array in arrays.items()}
+        return replace(self, pose=_select_pose(self.pose, which), **chosen)
+
     def demand(self, scene: Scene) -> None:
         """Raise `InputError` unless every scene of the batch balances on taut wires."""
         if not np.all(self.converged):
@@ -181,12 +187,12 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
         better = _continue(some, numbering, begin, steps)
         reached = suspect.copy()
         reached[suspect] = better.converged
-        found = _replace(found, reached, _select(better, better.converged))
+        found = _replace(found, reached, better.select(better.converged))
         suspect[suspect] = ~(better.converged & _is_stable(some, numbering, better))
     return found
 
 
-def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"]) -> Pose:
+def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"] | int) -> Pose:
     return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
 
 
@@ -195,12 +201,6 @@ def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
         return np.broadcast_to(part, batch + part.shape[part.ndim - inner :])
 
     return Pose(*(spread(getattr(pose, name), inner) for name, inner in PARTS_OF_POSE.items()))
-
-
-def _select(found: Equilibrium, where: Bool[np.ndarray, "*batch"]) -> Equilibrium:
-    arrays = {name: getattr(found, name) for name in ARRAYS}
-    chosen = {name: None if array is None else array[where] for name, array in arrays.items()}
-    return replace(found, pose=_select_pose(found.pose, where), **chosen)
 
 
 def _replace(
@@ -230,7 +230,7 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     if not scene.batch:
         return result if result else _has_no_soft_direction(scene, numbering, found)
     if unclear.any():
-        some = _select(found, unclear)
+        some = found.select(unclear)
         result[unclear] = _has_no_soft_direction(select_scenes(scene, unclear), numbering, some)
     return result
 

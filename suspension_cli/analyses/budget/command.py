@@ -78,6 +78,7 @@ class BudgetAnalysis(Analysis):
 
     name = "budget"
     result_type = "analyses.budget.solve.Budget"
+    draws_neglected = True
     arguments = (options.DESIGN,)
     parameters = (
         options.signals("output", options.MOTIONS, "x, pitch and yaw of the mirror"),
@@ -200,10 +201,8 @@ class BudgetAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw a panel per output."""
         from suspension_cli.analyses.budget import picture
-        from suspension_cli.drawing.style import name_neglected
 
-        drawn = picture.draw(result.data, result.subtitle + name_mirrors(result))
-        return {"": name_neglected(drawn, result.choice)}
+        return {"": picture.draw(result.data, result.subtitle + name_mirrors(result))}
 
 
 def _sources(one: Budget) -> dict[str, str]:

@@ -224,10 +224,10 @@ def solve(design: Design) -> Statics:
     balanced = balance(scene)
     balanced.demand(scene)
     pose, ends = balanced.pose, _end_heights(scene, balanced)
-    wires = tuple(_wire_loads(design, scene, balanced))
+    wires = tuple(wire_loads(design, scene, balanced))
     return Statics(
         wires=wires,
-        blades=tuple(_blade_loads(design, scene, balanced)),
+        blades=tuple(blade_loads(design, scene, balanced)),
         bodies=tuple(
             BodyPose(
                 name=name,
@@ -292,7 +292,7 @@ def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
     return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
 
 
-def _wire_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[WireLoad]:
+def wire_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[WireLoad]:
     """Loads of wires; their own weight adds to the tension at their upper ends."""
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
     wires, tension = scene.wires, balanced.tension
@@ -327,7 +327,7 @@ def _largest_stress(
     return {"stress": largest, "strength": strength, "fraction": fraction, "material": name}
 
 
-def _blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[BladeLoad]:
+def blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[BladeLoad]:
     """Loads of blades of length L, base width b and thickness h.
 
     The largest stress under F, at the base, is moment F L over section modulus b h^2 / 6:

@@ -62,6 +62,7 @@ class FitAnalysis(Analysis):
 
     name = "fit"
     result_type = "analyses.fit.result.Fit"
+    draws_neglected = True
     arguments = (argument("files", nargs=-1, required=True, metavar="[DESIGN] MEASURED"),)
     inputs = (
         options.Input(
@@ -194,14 +195,11 @@ class FitAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and fitted numbers."""
         from suspension_cli.analyses.fit import picture
-        from suspension_cli.drawing import style
 
         title = f"{result.data.title} · {result.model} model"
-        drawn = picture.draw(result.data, title)
-        pages = {"": style.name_neglected(drawn, result.choice)}
+        pages = {"": picture.draw(result.data, title)}
         if result.data.responses is not None:
-            drawn = picture.draw_responses(result.data.responses, title)
-            pages["-responses"] = style.name_neglected(drawn, result.choice)
+            pages["-responses"] = picture.draw_responses(result.data.responses, title)
         return pages
 
     def path(self, result: Result, folder: Path) -> Path:

@@ -79,6 +79,7 @@ class OptimiseAnalysis(Analysis):
 
     name = "optimise"
     result_type = "analyses.optimise.optimum.Optimum"
+    draws_neglected = True
     arguments = (options.DESIGN, argument("goals", metavar="GOALS"))
     inputs = (
         options.Input(),
@@ -189,10 +190,8 @@ class OptimiseAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes and limits before and after."""
         from suspension_cli.analyses.optimise import picture
-        from suspension_cli.drawing import style
 
-        drawn = picture.draw(result.data, result.subtitle)
-        return {"": style.name_neglected(drawn, result.choice)}
+        return {"": picture.draw(result.data, result.subtitle)}
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml."""

@@ -15,14 +15,16 @@ import msgspec
 import numpy as np
 
 from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.check.statics import Statics
+from suspension_cli.analyses.check.statics import Stress
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.analyses.optimise.mode_families import Families, solve_modes
 from suspension_cli.analyses.optimise.quantities import Requirements, interpret
 from suspension_cli.design import checks
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Perturbation
+from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand_nominal
+from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, signals
 from suspension_cli.linear.eigenmodes import find_top_masses
@@ -31,7 +33,9 @@ from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
 
@@ -231,17 +235,14 @@ class Results:
 
     def stress(self, part: str, place: int) -> Float[np.ndarray, " design"]:
         """Stress over tensile strength of a wire or blade, by its number."""
-        return np.array(
-            [one and getattr(one, part)[place].fraction for one in self._statics], dtype=float
-        )
+        return np.array([one and one[part][place].fraction for one in self._loads], dtype=float)
 
     def depth(self, stage: str) -> Float[np.ndarray, " design"]:
         """Depth, m, of the COM of a stage below the suspension point."""
         value = np.full(len(self.designs), np.nan)
-        for n, (design, found) in enumerate(zip(self.designs, self._statics, strict=True)):
-            if design is not None and found is not None:
-                (shift,) = (body.shift for body in found.bodies if body.name == stage)
-                value[n] = -(com_positions(design)[stage][2] + shift[2])
+        for n, design, scene, found in self._equilibria:
+            shift = found.pose.shift[1 + scene.bodies.name.index(stage)]
+            value[n] = -(com_positions(design)[stage][2] + shift[2])
         return value
 
     @cached_property
@@ -302,13 +303,27 @@ class Results:
         return self._builds[key]
 
     @cached_property
-    def _statics(self) -> list[Statics | None]:
-        """Loads of each design."""
-        found: list[Statics | None] = [None] * len(self.designs)
-        for n, design in enumerate(self.designs):
-            with contextlib.suppress(InputError):
-                found[n] = design and statics.solve(design)
-        return found
+    def _loads(self) -> list[dict[str, list[Stress]] | None]:
+        """Loads of wires and blades of each design."""
+        loads: list[dict[str, list[Stress]] | None] = [None] * len(self.designs)
+        for n, design, scene, found in self._equilibria:
+            loads[n] = {
+                "wires": [*statics.wire_loads(design, scene, found)],
+                "blades": [*statics.blade_loads(design, scene, found)],
+            }
+        return loads
+
+    @cached_property
+    def _equilibria(self) -> list[tuple[int, Design, Scene, Equilibrium]]:
+        """Places, scenes and equilibria of the designs that hang on taut wires."""
+        known = []
+        for places, scene, _ in variants.alike(self.designs, registry.STRING.name):
+            found = equilibrium.solve(scene)
+            for n in np.flatnonzero(found.converged & (found.tension > 0).all(-1)).tolist():
+                design = self.designs[places[n]]
+                assert design is not None
+                known.append((places[n], design, stack.select_scenes(scene, n), found.select(n)))
+        return known
 
 
 def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:

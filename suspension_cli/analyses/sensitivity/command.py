@@ -48,6 +48,7 @@ class SensitivityAnalysis(Analysis):
 
     name = "sensitivity"
     result_type = "analyses.sensitivity.solve.Sensitivity"
+    draws_neglected = True
     arguments = (options.DESIGN,)
     parameters = (
         options.RESULTS,
@@ -142,10 +143,8 @@ class SensitivityAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw a coloured table."""
         from suspension_cli.analyses.sensitivity import picture
-        from suspension_cli.drawing import style
 
-        drawn = picture.draw(result.data, result.subtitle, result.design.perturbation)
-        return {"": style.name_neglected(drawn, result.choice)}
+        return {"": picture.draw(result.data, result.subtitle, result.design.perturbation)}
 
 
 def _cell(value: float, absolute: bool) -> float | str:

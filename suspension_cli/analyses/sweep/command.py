@@ -53,6 +53,7 @@ class SweepAnalysis(Analysis):
     name = "sweep"
     result_type = "analyses.sweep.solve.SweepResult"
     fills_file = True
+    draws_neglected = True
     arguments = (options.DESIGN,)
     parameters = (
         option(
@@ -164,7 +165,6 @@ class SweepAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import crossings, picture
-        from suspension_cli.drawing.style import name_neglected
         from suspension_cli.files.hdf5 import open_results
 
         found = []
@@ -174,8 +174,7 @@ class SweepAnalysis(Analysis):
                 with open_results(stored) as file:
                     found = crossings.find_crossings(file["sweep"], result.data)
         stages = [stage.name for stage in result.design.stage]
-        drawn = picture.draw(result.data, result.subtitle, stages, found)
-        return {"": name_neglected(drawn, result.choice)}
+        return {"": picture.draw(result.data, result.subtitle, stages, found)}
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

@@ -56,6 +56,7 @@ class ToleranceAnalysis(Analysis):
 
     name = "tolerance"
     fills_file = True
+    draws_neglected = True
     arguments = (options.DESIGN,)
     parameters = (
         option(
@@ -190,10 +191,8 @@ class ToleranceAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw required quantities, causes, and other quantities that vary."""
         from suspension_cli.analyses.tolerance import picture
-        from suspension_cli.drawing.style import name_neglected
 
-        figure = picture.draw(result.data, result.subtitle)
-        return {"": name_neglected(figure, result.choice)}
+        return {"": picture.draw(result.data, result.subtitle)}
 
 
 def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:

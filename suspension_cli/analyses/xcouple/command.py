@@ -60,6 +60,7 @@ class CouplingAnalysis(Analysis):
     name = "xcouple"
     result_type = "analyses.xcouple.solve.Coupling"
     fills_file = True
+    draws_neglected = True
     arguments = (options.DESIGN,)
     parameters = (
         option(
@@ -175,11 +176,10 @@ class CouplingAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the coupling against the imperfections, or against frequency."""
         from suspension_cli.analyses.xcouple import picture
-        from suspension_cli.drawing.style import name_neglected
 
         data: Coupling = result.data
         limit = _limit(result.design) if data.axes and _is_longitudinal(data) else None
-        return {"": name_neglected(picture.draw(data, result.subtitle, limit), result.choice)}
+        return {"": picture.draw(data, result.subtitle, limit)}
 
 
 class MatrixAnalysis(Analysis):
@@ -187,6 +187,7 @@ class MatrixAnalysis(Analysis):
 
     name = "matrix"
     result_type = "linear.response.Response"
+    draws_neglected = True
 
     @property
     def command_name(self) -> str:
@@ -261,10 +262,8 @@ class MatrixAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
         from suspension_cli.analyses.xcouple import picture
-        from suspension_cli.drawing.style import name_neglected
 
-        drawn = picture.draw_matrix(result.data, result.subtitle)
-        return {"": name_neglected(drawn, result.choice)}
+        return {"": picture.draw_matrix(result.data, result.subtitle)}
 
 
 def _is_longitudinal(data: Coupling) -> bool:

@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import tomllib
 
+import msgspec
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.optimise.evaluate import Results
+from suspension_cli.analyses.check import statics
+from suspension_cli.analyses.optimise.evaluate import Results, with_imperfections
 from suspension_cli.analyses.optimise.mode_families import Families
 from suspension_cli.design import reader
+from suspension_cli.design.derive import com_positions
 from suspension_cli.design.goals import Free, Goal, Goals
 from suspension_cli.equilibrium.nominal import expand_nominal
+from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
@@ -93,6 +97,37 @@ def test_every_wire_of_an_imperfect_design_has_its_own_stress():
     assert found.quantities.name == tuple(f"stress of wire test.{n}" for n in (1, 2, 3, 4))
     # it is shorter, and carries more
     assert found.quantities.after[0] > 1.01 * found.quantities.after[1]
+
+
+@pytest.mark.parametrize("hinged", [False, True])
+def test_stress_and_height_are_those_of_check(hinged):
+    """Of each design of a batch, and none where a wire is slack."""
+    raw = tomllib.loads(TRIPLE.read_text())
+    if hinged:
+        del raw["stage"][2]["wires"]["clamp"]
+        raw["stage"][2]["wires"]["bending"] = "hinged"
+    raw["perturbation"] = [
+        {"body": "test", "com_offset": [1e-4, 2e-4, 0.0]},
+        {"wire": "test.1", "length_change": -1e-4},
+    ]
+    goals = Goals(
+        goal=[Goal(kind="stress", at_most=1.0), Goal(kind="height", at_most=1.0)],
+        free=[Free(name="stage.test.wires.l", lower=0.2, upper=0.4)],
+    )
+    values = values_of(reader.write_toml(raw), goals)
+    designs = [values.freed.design(np.array([place])) for place in (0.2, 0.5)]
+    loose = msgspec.structs.replace(designs[0].perturbation[1], length_change=2e-3)
+    designs += [with_imperfections(designs[0], [loose])]
+    *good, slack = Results(values, designs).values
+    assert np.isnan(slack).all()
+    with pytest.raises(InputError, match="slack"):
+        statics.solve(designs[-1])
+    for design, found in zip(designs, good, strict=False):
+        loads = statics.solve(design)
+        parts = [part for part in (*loads.wires, *loads.blades) if part.fraction is not None]
+        height = -com_positions(design)["test"][2] - loads.bodies[-1].shift[2]
+        expected = [*(part.fraction for part in parts), height]
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_top_mass_fraction_is_the_damping_rate_from_there():
