@@ -8,6 +8,7 @@ continues.
 from __future__ import annotations
 
 import contextlib
+import gc
 import itertools
 import os
 import signal
@@ -94,9 +95,9 @@ def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:
     most = (os.cpu_count() or 1) if workers is None else 1
     for n, part in enumerate(ranges, 1):
         began = time.monotonic()
-        values = job.compute(*part)
+        found = _compute(job, part)
         left = (len(ranges) - n) * (time.monotonic() - began)
-        yield part, values
+        yield found
         if n > 1 and min(most, len(ranges) - n) > 1 and left > STARTUP:
             yield from _on_processes(job, ranges[n:], min(most, len(ranges) - n))
             return
@@ -118,7 +119,11 @@ def _share(pool: Executor, job: Job, ranges: list[Range], most: int) -> Results:
 
 
 def _compute(job: Job, part: Range) -> tuple[Range, ColumnValues]:
-    return part, job.compute(*part)
+    values = job.compute(*part)
+    # systems and what is prepared for them refer to each other: without this their matrices stay
+    # until the collector counts enough objects, gigabytes later
+    gc.collect(0)
+    return part, values
 
 
 def _exit_with_parent() -> None:

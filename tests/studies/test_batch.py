@@ -3,6 +3,7 @@ when it is interrupted."""
 
 from __future__ import annotations
 
+import gc
 import io
 import pickle
 import shutil
@@ -24,6 +25,7 @@ from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError, PendsusError
 from suspension_cli.linear import eigenmodes, named_results, signals
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import run as batch
 from suspension_cli.studies import sweep_file
@@ -359,3 +361,15 @@ def test_two_runs_do_not_write_one_file(tmp_path):
 
     counting_sweep.run(Rival(300, str(tmp_path / "log")), path, chunk=64)
     assert path.read_bytes() == reference(tmp_path, 300)
+
+
+def test_chunks_leave_no_systems_behind(tmp_path):
+    """Their matrices would fill the memory: a million builds took gigabytes."""
+    gc.collect()
+    gc.disable()  # the collector comes when it has counted enough objects, large or small
+    try:
+        written_by(tmp_path, 1, 64, "xcouple", FILE, *GRID, "--fidelity", "string")
+        alive = sum(isinstance(one, LinearSystem) for one in gc.get_objects())
+    finally:
+        gc.enable()
+    assert alive < 7  # chunks
