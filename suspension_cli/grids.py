@@ -88,7 +88,7 @@ def parse_band(
     except ValueError:
         low = high = math.nan
     if not (low > 0 or (with_zero and low == 0)) or not low < high < math.inf:
-        remedy = f"write its ends in Hz, for example {before}0.5:5"
+        remedy = f"write its ends in Hz, for example {before}0.1:100"
         shown = format_value(before + text)
         raise InputError.of(option, "is no band of frequencies", remedy, shown)
     return low, high
