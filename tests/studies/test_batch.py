@@ -365,6 +365,7 @@ def test_two_runs_do_not_write_one_file(tmp_path):
 
 def test_chunks_leave_no_systems_behind(tmp_path):
     """Their matrices would fill the memory: a million builds took gigabytes."""
+
     def alive():
         return sum(isinstance(one, LinearSystem) for one in gc.get_objects())
 
