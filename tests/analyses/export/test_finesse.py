@@ -139,3 +139,13 @@ def test_signals_that_finesse_lacks_are_refused():
     for name in ("test.x@0,0,0.001", "test.z", "test~upper.x"):
         with pytest.raises(sus.InputError, match="is no node of finesse"):
             sus.export(design, format="finesse", outputs=name)
+
+
+@pytest.mark.parametrize("name", ["nodes", "ports", "name"])
+def test_stages_named_like_attributes_of_finesse_are_refused(name):
+    """The element would lose its own."""
+    text = (CONFIGS / "triple-damped.toml").read_text()
+    design = sus.parse(text.replace('"middle"', f'"{name}"').replace('"middle.', f'"{name}.'))
+    made = sus.export(design, format="finesse")
+    with pytest.raises(ValueError, match=f"finesse has a {name} of its own"):
+        suspended(lambda *words: sus.finesse(made, *words))
