@@ -170,7 +170,8 @@ def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:
     """Report filters with poles or zeros in rad/s because their strings name no plane."""
     for loop in design.control.loop if design.control is not None else ():
         for key in ("filter", "sensor_response"):
-            text = getattr(loop, key) or ""
+            given = getattr(loop, key) or ""
+            text = given if isinstance(given, str) else given.design or ""
             if factors := foton.find_without_plane(text):
                 bare = factors[0][:-1]
                 problem = (

@@ -16,7 +16,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
-from suspension_cli.design import checks, faults, paths
+from suspension_cli.design import checks, faults, foton_file, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.detectors import DETECTORS
 from suspension_cli.design.schema import Design, Stage
@@ -189,7 +189,7 @@ def convert(raw: Raw, sound: Sequence[Stage] = ()) -> Design:
 
 
 def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
-    """Replace the CSV files that fibres and links name by their columns, in a parsed document.
+    """Replace files that fibres, links and filters name by their numbers, in a parsed document.
 
     So its text, which results embed, is complete. Names are from `folder`, that of the design;
     profiles may also be among the program's examples. Raises `InputError` for files that cannot be
@@ -206,6 +206,13 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
             name, form = table.pop("file"), table.pop("form", "real-imaginary")
             with _reported(found, f"{path}.table.file", name):
                 table |= _stiffness(folder / name, form)
+    control = raw.get("control") if of_links else None
+    for path, loop in _members(control if isinstance(control, dict) else {}, "loop", "control.loop"):
+        for key in ("filter", "sensor_response"):
+            table = loop.get(key)
+            if isinstance(table, dict):
+                with _reported(found, f"{path}.{key}.file", str(table.get("file"))):
+                    _insert_sections(table, folder)
     for where, stage in _members(raw, "stage", "stage"):
         wires = [(f"{where}.wires", stage.get("wires")), *_members(stage, "wire", f"{where}.wire")]
         for path, wire in wires:
@@ -259,6 +266,24 @@ def _diameters(file: Path) -> Raw:
         key: (found.numbers(n, key) / (scales[n] if found.headed else 1.0)).tolist()
         for n, key in enumerate(("position", "diameter"))
     }
+
+
+def _insert_sections(table: Raw, folder: Path) -> None:
+    """Replace the sections of a Foton filter file in a table, if sound, by a design."""
+    match table:
+        case {"file": str(file), "module": str(module), "sections": [*numbers]} if (
+            all(isinstance(n, int) and 1 <= n <= foton_file.SECTIONS for n in numbers)
+            and numbers
+            and not table.keys() & {"design", "rate"}
+        ):
+            text, rate = foton_file.read(folder / file, module, numbers)
+            for key in ("file", "module", "sections"):
+                del table[key]
+            listed = ", ".join(map(str, numbers))
+            table |= {"design": text, "rate": rate}
+            table.setdefault("source", f"{file}, {module}, sections {listed}")
+        case _:
+            pass
 
 
 def _stiffness(file: Path, form: str) -> Raw:

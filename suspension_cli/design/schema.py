@@ -336,6 +336,41 @@ class NoiseSpectrum(Table, frozen=True):
 FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
 
 
+class DigitalFilter(Table, frozen=True):
+    """A digital filter: sections of a module of a Foton filter file, or a design with a rate."""
+
+    file: str | None = key("Foton filter file (.txt) of a front end, from this file's folder")
+    module: str | None = key("name of the filter module in the file: M0_DAMP_L")
+    sections: list[Annotated[int, Meta(ge=1, le=10)]] = key(
+        "sections of the module that are on, 1 to 10 as the buttons FM1 to FM10", []
+    )
+    design: str | None = key(f"{FOTON}; factors in z too: sos, biquad, zroots, direct")
+    rate: float | None = key("sample rate in Hz of design", unit="Hz", gt=0, le=1e9)
+    gain: units.Number = key("factor on the filter", 1.0)
+    source: str = key("where the design comes from; that of a file is filled in", "")
+
+    def _check_file(self) -> Problems:
+        if self.file is not None:
+            remedy = "read the design from its file, or give design and rate"
+            yield "file", "is read only with a design file, not with its text alone", remedy
+
+    rules = (
+        demand.exactly_one("file", "design"),
+        demand.needs("file", "module"),
+        demand.needs("file", "sections"),
+        demand.required("rate", when=lambda table: table.design is not None),
+        if_sound,
+        _check_file,
+    )
+
+
+def make_response(given: str | DigitalFilter) -> foton.Filter:
+    """Make the filter of a Foton string, or of a digital filter; raises `FotonError`."""
+    if isinstance(given, str):
+        return foton.parse(given)
+    return foton.parse(given.design or "", given.rate) * foton.Filter(given.gain)
+
+
 class Loop(Table, frozen=True):
     """One local control loop from a sensor y to an actuator u = -H(f) R(f) exp(-2 pi i f T) y.
 
@@ -360,12 +395,16 @@ class Loop(Table, frozen=True):
     )
     zeros: Root = []
     poles: Root = []
-    filter: str | None = key(f"H in N/m (N m/rad) as {FOTON}")
+    filter: str | DigitalFilter | None = key(
+        f"H in N/m (N m/rad) as {FOTON}; or a digital filter: sections of a Foton filter file"
+    )
     gain_at: GainAt | None = key("sets the gain of zeros and poles, or of filter")
     delay: float = key(
         "delay of the loop in s, a factor exp(-2 pi i f delay)", 0.0, unit="s", ge=0, le=10.0
     )
-    sensor_response: str | None = key(f"reading over motion of the sensor: {FOTON}")
+    sensor_response: str | DigitalFilter | None = key(
+        f"reading over motion of the sensor: {FOTON}; or a digital filter"
+    )
     sensor_noise: SpectralDensity | NoiseSpectrum = key(
         "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
         " corner}, or {frequency, asd}",
@@ -395,7 +434,7 @@ class Loop(Table, frozen=True):
     def _check_strings(self) -> Problems:
         for name in given(self, "filter", "sensor_response"):
             try:
-                foton.parse(getattr(self, name))
+                make_response(getattr(self, name))
             except foton.FotonError as error:
                 yield name, error.problem, error.remedy
 
@@ -419,7 +458,7 @@ class Loop(Table, frozen=True):
         if self.damper is not None:
             return foton.Filter(2 * math.pi * self.damper, (0j,))
         if self.filter is not None:
-            return foton.parse(self.filter)
+            return make_response(self.filter)
         gain = (1.0 if self.gain_at is not None else 0.0) if self.gain is None else self.gain
         return foton.Filter(gain, expand_roots(self.zeros), expand_roots(self.poles))
 
@@ -436,7 +475,7 @@ class Loop(Table, frozen=True):
     def controller_and_sensor(self) -> foton.Filter:
         """The filter from motion to force: controller and sensor, without the delay."""
         made = self.controller
-        return made if self.sensor_response is None else made * foton.parse(self.sensor_response)
+        return made if self.sensor_response is None else made * make_response(self.sensor_response)
 
 
 def expand_roots(given: Sequence[float | list[float]]) -> tuple[complex, ...]:

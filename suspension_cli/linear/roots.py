@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.design.digital import Filter, difference
 from suspension_cli.elimination import dense, solve_each
 from suspension_cli.linear.equations import Part
 from suspension_cli.linear.pencil import Block, Loss, Pencil
@@ -127,42 +128,50 @@ class Feedback:
     ----------
     sensed, pushed
         Linear forms in the coordinates of the system.
-    gain, zeros, poles
-        H(s) = gain prod(s + zero) / prod(s + pole), rad/s.
+    filter
+        H.
     delay
         s.
     """
 
     sensed: Float[np.ndarray, " coordinate"]
     pushed: Float[np.ndarray, " coordinate"]
-    gain: float
-    zeros: Complex[np.ndarray, " zero"]
-    poles: Complex[np.ndarray, " pole"]
+    filter: Filter
     delay: float
 
     def at(
         self, s: Complex[np.ndarray, " frequency"]
     ) -> tuple[Complex[np.ndarray, "3 frequency"], Complex[np.ndarray, "3 frequency"]]:
         """Evaluate 1, N and D, and their derivatives."""
-        size = self.gain / np.prod(unit := np.where(self.poles == 0, 1.0, np.abs(self.poles)))
-        with np.errstate(all="ignore"):  # far to the left a delay overflows, and the root is lost
-            late = size * np.exp(-s * self.delay)
-        (zeros, zeros_slope), (poles, poles_slope) = (
-            _multiply_factors(s, roots) for roots in (self.zeros, self.poles)
+        (zeros, zeros_slope, size), (poles, poles_slope, unit) = (
+            _multiply_factors(s, roots) for roots in self.filter.factors
         )
-        values = np.ones(len(s)), late * zeros, poles / np.prod(unit)
+        turn = 2 * np.pi
+        with np.errstate(all="ignore"):  # far to the left a delay overflows, and the root is lost
+            late = self.filter.gain * np.exp(size - unit - s * self.delay)
+        late = late * turn ** (len(self.filter.poles) - len(self.filter.zeros))
+        values = np.ones(len(s)), late * zeros, poles
         numerator_slope = late * (zeros_slope - self.delay * zeros)
-        slopes = np.zeros(len(s)), numerator_slope, poles_slope / np.prod(unit)
+        slopes = np.zeros(len(s)), numerator_slope, poles_slope
         return np.array(values), np.array(slopes)
 
 
 def _multiply_factors(
-    s: Complex[np.ndarray, " frequency"], roots: Complex[np.ndarray, " root"]
-) -> tuple[Complex[np.ndarray, " frequency"], Complex[np.ndarray, " frequency"]]:
-    """Product of all s + root, and its derivative."""
-    factors = s + roots[:, None]
-    others = (np.delete(factors, n, 0).prod(0) for n in range(len(roots)))
-    return factors.prod(0), sum(others, np.zeros(len(s), dtype=complex))
+    s: Complex[np.ndarray, " frequency"], roots: Sequence[tuple[complex, float]]
+) -> tuple[Complex[np.ndarray, " frequency"], Complex[np.ndarray, " frequency"], float]:
+    """Product of all factors (see `design.digital`, here in rad/s), and its derivative.
+
+    Both are divided by the product of the roots that are not 0, whose logarithm is returned too.
+    """
+    root = 2 * np.pi * np.array([one for one, _ in roots], dtype=complex)
+    period = np.array([one for _, one in roots])
+    unit, shrink = np.where(root == 0, 1.0, np.abs(root)), 1 - root * period
+    with np.errstate(all="ignore"):
+        factors = root + shrink * difference(s[:, None], period)
+        slope = shrink * np.exp(-s[:, None] * period) / unit
+    factors = factors / unit
+    others = (np.delete(factors, n, 1).prod(1) * slope[:, n] for n in range(len(root)))
+    return factors.prod(1), sum(others, np.zeros(len(s), dtype=complex)), float(np.log(unit).sum())
 
 
 @dataclass(frozen=True)

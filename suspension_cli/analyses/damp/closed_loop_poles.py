@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 PADE = 8
 """Order of Pade's approximation of a delay T; its error is 5e-4 up to omega T = 8."""
+DIRECT = 6
+"""Most poles of a filter whose polynomials keep their digits; others become sections in series."""
 STILL = 1e-12
 """Fraction of the largest pole below which a pole is that of a free coordinate."""
 FAR = 50.0
@@ -118,17 +120,24 @@ def realise(loop: Loop) -> Any:
 
     Returns a `scipy.signal.StateSpace`.
     """
-    from scipy.signal import StateSpace, zpk2ss
+    from scipy.signal import StateSpace, tf2ss, zpk2sos, zpk2ss
 
     delay = _realise_delay(loop.delay)
     if damper := _viscous(loop):
         # its force without delay is in the damping matrix: left is c s (exp(-s T) - 1)
         rate = damper * delay.C @ delay.A, damper * delay.C @ delay.B
         return StateSpace(delay.A, delay.B, *rate)
-    made = loop.controller_and_sensor
+    made = loop.controller_and_sensor.continuous
     zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
     gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
-    return StateSpace(*zpk2ss(zeros, poles, gain)) * delay if len(poles) else delay * gain
+    if not len(poles):
+        return delay * gain
+    if len(poles) <= DIRECT:
+        return StateSpace(*zpk2ss(zeros, poles, gain)) * delay
+    for section in zpk2sos(zeros, poles, gain, analog=True):
+        above, below = (np.trim_zeros(part, "f") for part in (section[:3], section[3:]))
+        delay = StateSpace(*tf2ss(above, below)) * delay
+    return delay
 
 
 def _realise_delay(delay: float) -> Any:
@@ -159,7 +168,8 @@ def find(plant: Plant) -> Poles:
     member = _find_blocks(start.state, plant, blocks)
     motion = np.zeros((len(value), model.size), dtype=complex)
     motion[:, 6 : 6 + len(every)] = shape.T
-    delay = np.array([max((one.delay for one in b.loops), default=0.0) for b in blocks])[member]
+    late = (max((one.delay + one.filter.period for one in b.loops), default=0.0) for b in blocks)
+    delay = np.array([*late])[member]
     spurious = -np.real(value) * delay > FAR  # of the approximated delay
     value[spurious] = 0.0
     for chosen in (np.imag(value) > 0, (np.imag(value) == 0) & (value != 0)):
@@ -183,10 +193,7 @@ def _build_blocks(plant: Plant) -> list[ClosedBlock]:
     loops = []
     for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
         linked |= np.outer(pushed, sensed) != 0
-        made, turn = loop.controller_and_sensor, 2 * np.pi
-        zeros, places = (np.array(some, dtype=complex) * turn for some in (made.zeros, made.poles))
-        gain = made.gain * turn ** (len(places) - len(zeros))
-        loops.append(Feedback(sensed, pushed, gain, zeros, places, loop.delay))
+        loops.append(Feedback(sensed, pushed, loop.controller_and_sensor, loop.delay))
     blocks = []
     for group in connected_groups(linked[6:, 6:]):
         keep = 6 + group[np.argsort(pencil.owner[6 + group], kind="stable")]

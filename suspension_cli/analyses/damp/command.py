@@ -294,7 +294,11 @@ def write_foton(design: Design) -> str:
         if loop.damper is not None:
             lines.append("# a velocity damper: add poles above the band before use in Foton")
         if loop.sensor_response is not None:
-            lines.append(f"# not included: response of the sensor {loop.sensor_response}")
+            given = loop.sensor_response
+            text = given if isinstance(given, str) else given.source or given.design
+            lines.append(f"# not included: response of the sensor {text}")
+        if loop.controller.sampled:
+            lines.append(f"# sampled at {loop.controller.sampled[0].rate:g} Hz")
         if loop.delay:
             lines.append(f"# not included: delay of {loop.delay:g} s")
         lines.append(format_filter(loop.controller))

@@ -134,7 +134,8 @@ def solve(
     answer = control.solve_responses(plant, frequency, [driven], [observed])
     corners = find_corner_frequencies(constant, closed)
     # a delay turns the gain at high frequencies without end, where it does not matter
-    faint = FAINT if any(loop.delay for loop in plant.loops) else 0.0
+    late = any(loop.delay or loop.controller_and_sensor.period for loop in plant.loops)
+    faint = FAINT if late else 0.0
     margin = peak = None
     if closed.stable:
         gain, static = partial(control.compute_loop_gains, plant), _static_gains(plant, corners[0])
@@ -212,7 +213,7 @@ def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " 
         others = plant.with_loops([k for k in range(len(plant.loops)) if k != n])
         system = build_closed_loop(others, [], [plant.sensor[n]])
         found.append(np.linalg.eigvals(system.a) / (2 * np.pi))
-        made = loop.controller_and_sensor
+        made = loop.controller_and_sensor.continuous
         found += [np.array(roots, dtype=complex) for roots in (made.zeros, made.poles)]
     every = np.concatenate(found)
     every = every[np.abs(every) > 0]
