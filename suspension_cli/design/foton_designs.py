@@ -1,32 +1,26 @@
-"""Designs that Foton strings name: Butterworth, Chebyshev, elliptic, notches, coefficients in z.
+"""Zeros and poles of the designs that Foton strings name.
 
-All are filters in s, designed by scipy.signal, but those given by coefficients or roots in z
-(`sos`, `biquad`, `zroots`, `direct`), which need a sample rate. Arguments are those of
-`FilterDesign` in LIGO's Global Diagnostics System.
-
-A notch of the depth d has the poles of s^2 + 2 w s / Q + w^2 and zeros damped d times less (as
-measured on Foton by the authors of the package kontrol, `kontrol.transfer_function.Notch`); without
-depth they are not damped. `resgain` and `comb` are taken as its inverse and its series.
+Arguments are those of `FilterDesign` in LIGO's Global Diagnostics System. A notch of the depth d
+has the poles of s^2 + 2 w s / Q + w^2, and zeros damped d times less or, without depth, not at all
+(definition of Foton's notch in the package kontrol, `kontrol.transfer_function.Notch`). A `resgain`
+is taken as a notch of the inverse depth, and a `comb` as a series of either.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from typing import Any
 
-from suspension_cli.design.digital import NYQUIST, OUTSIDE, Filter, Sampled
-
-TYPES = {"LowPass": 1, "HighPass": 1, "BandPass": 2, "BandStop": 2}
-"""Types of `butter`, ..., with their number of band edges."""
+Roots, Reals = list[complex], Sequence[float]
+TYPES = ("LowPass", "HighPass", "BandPass", "BandStop")
 RIPPLES = {"butter": 0, "cheby1": 1, "cheby2": 1, "ellip": 2}
-"""Designs with a type, with their number of ripples and attenuations, dB."""
-IN_Z = ("sos", "biquad", "zroots", "direct")
-HIGHEST = 20
-"""Highest order of a design, that of ten second-order sections."""
+"""Designs of these types, with their number of ripples and attenuations, dB."""
 MOST = 100
-"""Most harmonics of a comb."""
+"""Highest order of a design, and most harmonics of a comb."""
+OUTSIDE = 1e-12
+"""Distance beyond the unit circle that may be a rounding error of a coefficient."""
 
 
 class FotonError(ValueError):
@@ -37,188 +31,120 @@ class FotonError(ValueError):
         self.problem, self.remedy = problem, remedy
 
 
-def pair(frequency: float, q: float) -> tuple[complex, complex]:
-    """Roots r of f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2), Hz."""
-    half, root = frequency / (2 * q), frequency * cmath.sqrt(1 / (4 * q * q) - 1)
-    return half + root, half - root
+def pair(f0: float, q: float) -> Roots:
+    """Roots r of f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2)."""
+    if not (f0 > 0 and q > 0):
+        raise FotonError("takes a positive frequency and Q", "correct them")
+    half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
+    return [half + root, half - root]
 
 
-def design(name: str, kind: str, numbers: Sequence[float]) -> Filter:
-    """Design a filter of a type: order, ripples, band edges in Hz."""
+def prototype(name: str, kind: str, numbers: Reals) -> tuple[Roots, Roots, float]:
+    """Zeros, poles (rad/s, negative in the left half plane) and gain of `butter`, ..., `ellip`."""
+    import numpy as np
     from scipy import signal
 
-    if kind not in TYPES:
-        raise FotonError(f'has no type "{kind}"', f"write {' or '.join(TYPES)}")
-    ripples, edges = RIPPLES[name], numbers[1 + RIPPLES[name] :]
-    if len(edges) != TYPES[kind]:
-        raise FotonError(
-            f"takes order, {ripples} ripples (dB) and {TYPES[kind]} band edges (Hz) for {kind},"
-            f" found {len(numbers)} numbers",
-            'write for example butter("LowPass",4,100) or ellip("BandPass",4,1,40,10,20)',
-        )
-    order = numbers[0]
-    if order != int(order) or not 1 <= order <= HIGHEST:
-        raise FotonError(f"has the order {order:g}", f"give a whole number from 1 to {HIGHEST}")
-    if min(numbers) <= 0 or (len(edges) == 2 and edges[0] >= edges[1]):
-        raise FotonError("takes positive ripples and ascending band edges", "correct them")
-    if name == "ellip" and numbers[1] >= numbers[2]:
-        raise FotonError("has more ripple than attenuation", "give ripple, then attenuation, dB")
-    band = [2 * math.pi * edge for edge in edges]
-    zeros, poles, gain = getattr(signal, name)(
-        int(order),
-        *numbers[1 : 1 + ripples],
-        band if len(band) == 2 else band[0],
-        kind.lower(),
-        analog=True,
-        output="zpk",
-    )
-    return of_zpk(zeros.tolist(), poles.tolist(), float(gain))
+    order, count = int(numbers[0]) if numbers else 0, 1 + RIPPLES[name]
+    band = [2 * math.pi * edge for edge in numbers[count:]]
+    if kind not in TYPES or not 1 <= order <= MOST or len(band) != 1 + kind.startswith("Band"):
+        problem = f"takes a type, an order up to {MOST}, {count - 1} ripples (dB), band edges (Hz)"
+        remedy = f'write {", ".join(TYPES)} as in ellip("BandPass",4,1,40,10,20)'
+        raise FotonError(problem, remedy)
+    edges, shape = (band if len(band) > 1 else band[0]), kind.lower()
+    try:
+        with np.errstate(all="ignore"):
+            made = getattr(signal, name)(order, *numbers[1:count], edges, shape, True, "zpk")
+    except ValueError as error:
+        raise FotonError(f"cannot be designed: {error}", "correct it") from None
+    return list(made[0]), list(made[1]), float(made[2])
 
 
-def of_zpk(zeros: Sequence[complex], poles: Sequence[complex], gain: float) -> Filter:
-    """Filter gain times the product of (s - zeros) over that of (s - poles), rad/s."""
-    scaled = (tuple(-root / (2 * math.pi) for root in roots) for roots in (zeros, poles))
-    return Filter(gain * (2 * math.pi) ** (len(zeros) - len(poles)), *scaled)
-
-
-def polynomials(numerator: list[float], denominator: list[float], gain: float) -> Filter:
-    """Ratio of polynomials in s, rad/s, coefficients in descending order."""
+def rpoly(above: Reals, below: Reals, gain: Reals) -> tuple[Roots, Roots, float]:
+    """Zeros, poles (rad/s) and gain of a ratio of polynomials in s, highest power first."""
     from scipy.signal import tf2zpk
 
-    if not any(numerator) or not denominator or not denominator[0]:
-        raise FotonError("takes polynomials that are not 0", "give the highest power first")
-    zeros, poles, leading = tf2zpk(numerator, denominator)
-    return of_zpk(zeros.tolist(), poles.tolist(), gain * float(leading))
+    if not any(above) or not any(below):
+        raise FotonError("has a polynomial that is 0", "correct it")
+    zeros, poles, leading = tf2zpk(above, below)
+    return zeros.tolist(), poles.tolist(), float(leading) * gain[0]
 
 
-def peak(frequency: float, q: float, height: float) -> Filter:
-    """Resonant gain of a height in dB, or a notch of -height."""
-    if frequency <= 0 or q <= 0:
-        raise FotonError("takes a positive frequency and Q", "correct them")
-    zeros = pair(frequency, q / 2 * 10 ** (-height / 20))
-    return Filter(1.0, zeros, pair(frequency, q / 2))
+def peaks(name: str, f0: float, q: float, size: float = 0.0, count: float = 1) -> list[Roots]:
+    """Zeros and poles (Hz) of a notch, a resonant gain, or a comb; `size` in dB.
+
+    A comb has peaks where `size` is positive and notches where it is negative.
+    """
+    if (name != "notch" and not size) or not 1 <= count <= MOST:
+        remedy = f"give frequency (Hz), Q, height (dB) and, for a comb, 1 to {MOST} harmonics"
+        raise FotonError("has no height, or no number of harmonics", remedy)
+    places = [n * f0 for n in range(1, int(count) + 1)]
+    sharp = q / 2 * 10 ** ((size if name == "notch" else -size) / 20)
+    poles = [root for f in places for root in pair(f, q / 2)]
+    zeros = [root for f in places for root in (pair(f, sharp) if size else (1j * f, -1j * f))]
+    return [zeros, poles]
 
 
-def notch(frequency: float, q: float, depth: float = 0.0) -> Filter:
-    """Notch of a depth in dB; complete for a depth of 0."""
-    made = peak(frequency, q, -depth)
-    return made if depth else replace(made, zeros=(1j * frequency, -1j * frequency))
+def zroots(zeros: Roots, poles: Roots, gain: Reals = (1.0,)) -> tuple[float, Roots, Roots]:
+    """Gain, and numbers 1 - z0 of zeros and poles z0."""
+    if len(zeros) != len(poles):
+        problem = f"has {len(zeros)} zeros and {len(poles)} poles"
+        raise FotonError(problem, "give as many of each, with roots 0 for delays")
+    return gain[0], [1 - zero for zero in zeros], [1 - pole for pole in poles]
 
 
-def resgain(frequency: float, q: float, height: float = 0.0) -> Filter:
-    """Resonant gain of a height in dB."""
-    if not height:
-        raise FotonError("has no height", "give frequency (Hz), Q and height (dB)")
-    return peak(frequency, q, height)
-
-
-def comb(frequency: float, q: float, height: float = 0.0, count: float = 0.0) -> Filter:
-    """Resonant gains (or, of negative height, notches) at the first harmonics of a frequency."""
-    if not height or count != int(count) or not 1 <= count <= MOST:
-        remedy = f"give frequency (Hz), Q, height (dB) and 1 to {MOST} harmonics"
-        raise FotonError("has no height or no number of harmonics", remedy)
-    result = Filter(1.0)
-    for n in range(1, int(count) + 1):
-        result *= peak(n * frequency, q, height)
-    return result
-
-
-def set_gain(made: Filter, frequency: float, gain: float) -> Filter:
-    """Scale a filter to a magnitude at a frequency in Hz."""
+def direct(above: Reals, below: Reals) -> tuple[float, Roots, Roots]:
+    """Likewise of the sum of b_k/z^k, over 1 less that of a_k/z^k from k = 1."""
     import numpy as np
 
-    with np.errstate(all="ignore"):
-        try:
-            size = abs(made.at(frequency))
-        except ZeroDivisionError:
-            size = math.inf
-    if not 0 < size < math.inf:
-        problem = f"sets the gain at {frequency:g} Hz, where it is 0 or infinite"
-        raise FotonError(problem, "name another frequency")
-    return replace(made, gain=made.gain * gain / float(size))
+    size = max(len(above), len(below) + 1)
+    rows = ([*row, *[0.0] * (size - len(row))] for row in (above, [1.0, *(-a for a in below)]))
+    return zroots(*(np.roots(row).tolist() for row in rows), above[:1])
 
 
-def close_loop(made: Filter, gain: float = 1.0) -> Filter:
-    """Close a loop around a filter G: 1 / (1 + gain G)."""
-    import numpy as np
-
-    if made.sampled:
-        raise FotonError("closes loops of filters in s alone", "write the closed loop in z")
-    poles, zeros = (np.real(np.poly(-np.array(roots))) for roots in (made.poles, made.zeros))
-    whole = np.trim_zeros(np.polyadd(poles, gain * made.gain * zeros), "f")
-    if not len(whole):
-        raise FotonError("divides by 0: the loop gain is -1", "give another gain")
-    closed = tuple(complex(-root) for root in np.roots(whole))
-    return Filter(float(1 / whole[0]), made.poles, closed)
+def biquad(b0: Reals, b1: Reals, b2: Reals, a1: Reals, a2: Reals) -> tuple[float, Roots, Roots]:
+    """Likewise of a second-order section."""
+    return sos([b0[0]], [b1[0] / b0[0], b2[0] / b0[0], a1[0], a2[0]])
 
 
-def _quadratic(first: float, second: float) -> list[complex]:
-    """Numbers 1 - z0 of the roots z0 of 1 + first/z + second/z^2."""
+def sos(first: Reals, others: Reals = (), order: str = "s") -> tuple[float, Roots, Roots]:
+    """Likewise of second-order sections: a gain, then b1, b2, a1, a2; or a1, a2, b1, b2 ("o")."""
+    gain, *numbers = *first, *others
+    if len(numbers) % 4:
+        problem = f"has {len(numbers)} numbers beside the gain, instead of 4 for each section"
+        raise FotonError(problem, 'write sos(gain,[a1;a2;b1;b2;...],"o")')
+    found: list[Roots] = [[], []]
+    for n in range(0, len(numbers), 2):
+        found[(n // 2 + (order == "o")) % 2] += quadratic(*numbers[n : n + 2])
+    return gain, *found
+
+
+def quadratic(first: float, second: float) -> Roots:
+    """Numbers 1 - z0 of the roots z0 of 1 + first/z + second/z^2, which keep their digits."""
     if second == 0:
         return [1 + first, 1.0]
     half, product = (2 + first) / 2, math.fsum((1.0, first, second))
-    inside = half * half - product
-    if inside < 0:
-        return [complex(half, math.sqrt(-inside)), complex(half, -math.sqrt(-inside))]
-    large = half + math.copysign(math.sqrt(inside), half)
-    return [large, product / large if large else 0.0]
+    root = cmath.sqrt(half * half - product)
+    large = half + (root if root.imag or half >= 0 else -root)
+    return [large, large.conjugate() if root.imag else product / large if large else 0.0]
 
 
-def sections(numbers: Sequence[float], order: str, rate: float) -> Filter:
-    """Second-order sections in z: a gain, then four coefficients each.
+def from_z(gain: float, zeros: Roots, poles: Roots, rate: float) -> tuple[Any, ...]:
+    """Gain, zeros and poles (Hz, in w, see `design.foton`) of gain prod(1 - z0/z) / prod(1 - p/z).
 
-    Parameters
-    ----------
-    order
-        ``"o"``: a1, a2, b1, b2, as in filter files; ``"s"``: b1, b2, a1, a2.
-    rate
-        Hz.
+    `zeros` and `poles` are numbers 1 - z0, as many of each, `rate` in Hz. As z is
+    (1 + w / 2 rate) / (1 - w / 2 rate), 1 - z0/z is
+
+        (1 + z0) / (2 rate) (w + 2 rate (1 - z0) / (1 + z0)) / (1 + w / 2 rate).
     """
-    if len(numbers) % 4 != 1:
-        problem = f"has {len(numbers)} numbers instead of a gain and 4 for each section"
-        raise FotonError(problem, 'write sos(gain,[a1;a2;b1;b2;...],"o")')
-    zeros: list[complex] = []
-    poles: list[complex] = []
-    for n in range(1, len(numbers), 4):
-        first, second = numbers[n : n + 2], numbers[n + 2 : n + 4]
-        below, above = (first, second) if order == "o" else (second, first)
-        poles += _quadratic(*below)
-        zeros += _quadratic(*above)
-    return _checked(numbers[0], zeros, poles, rate)
-
-
-def of_roots(zeros: Sequence[complex], poles: Sequence[complex], gain: float, rate: float) -> Filter:
-    """Roots in z, as many zeros as poles: gain times the product of (z - zeros)/(z - poles)."""
-    if len(zeros) != len(poles):
-        problem = f"has {len(zeros)} zeros and {len(poles)} poles"
-        raise FotonError(problem, "give as many zeros as poles, with roots 0 for delays")
-    return _checked(gain, [1 - root for root in zeros], [1 - root for root in poles], rate)
-
-
-def direct(above: list[float], below: list[float], rate: float) -> Filter:
-    """Direct form: the sum of b_k / z^k, over 1 less that of a_k / z^k from k = 1."""
-    import numpy as np
-
-    if not above or not above[0]:
-        raise FotonError("has no b0", "give a coefficient that is not 0; delays are in delay")
-    size = max(len(above), len(below) + 1)
-    tops = [*above, *[0.0] * (size - len(above))]
-    bottoms = [1.0, *(-a for a in below), *[0.0] * (size - len(below) - 1)]
-    roots = ([complex(root) for root in np.roots(some)] for some in (tops, bottoms))
-    missing = ([*some, *[0j] * (size - 1 - len(some))] for some in roots)
-    return of_roots(*missing, above[0], rate)
-
-
-def _checked(gain: float, zeros: list[complex], poles: list[complex], rate: float) -> Filter:
-    """Check the poles of a sampled filter, given as 1 - z0."""
-    for pole in poles:
-        if abs(1 - pole) > 1 + OUTSIDE:
-            problem = f"has a pole outside the unit circle, at |z| = {abs(1 - pole):.9g}, which grows"
+    delays = min(zeros.count(1.0), poles.count(1.0))  # z0 = 0, which cancel
+    found: list[tuple[complex, ...]] = []
+    for sign, roots in ((1, zeros), (-1, poles)):
+        kept = sorted(roots, key=lambda root: root != 1.0)[delays:]
+        inside = [root for root in kept if root != 2]  # the others are at half the rate
+        if sign < 0 and (len(inside) < len(kept) or any(abs(1 - p) > 1 + OUTSIDE for p in kept)):
+            problem = "has a pole outside the unit circle, which grows, or at half the sample rate"
             raise FotonError(problem, "check the signs and the order of the coefficients")
-        if abs(2 - pole) <= NYQUIST:
-            raise FotonError("has a pole at half the sample rate", "check the coefficients")
-    return Filter(gain, sampled=(Sampled.of(rate, zeros, poles),))
-
-
-SIMPLE: dict[str, Callable[..., Filter]] = {"notch": notch, "resgain": resgain, "comb": comb}
-"""Designs of numbers alone."""
+        size = math.prod((2 - root) * math.pi / rate for root in inside)
+        gain *= (complex(size).real * 2.0 ** (len(kept) - len(inside))) ** sign
+        found.append(tuple(rate / math.pi * root / (2 - root) for root in inside))
+    return gain, *found

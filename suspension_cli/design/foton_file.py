@@ -20,12 +20,15 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.files import bounded
 
 SECTIONS, BIQUADS = 10, 10
 """Sections of a module, and most second-order sections of each."""
+MOST = 4 * bounded.TOML
+"""Largest file, bytes; those of front ends have up to a few MB."""
 FIRST = 12
 """Words in the first line of a section."""
 
@@ -35,38 +38,27 @@ def read(path: Path, module: str, numbers: Sequence[int]) -> tuple[str, float]:
 
     Raises `InputError` with the line at fault.
     """
-    lines = bounded.read_text(path, bounded.TEXT, "a Foton filter file").splitlines()
-    words = [line.split() for line in lines]
-    named = {name for line in lines if (found := _comment(line, "MODULES")) for name in found}
-    firsts = [(n, one) for n, one in enumerate(words) if len(one) == FIRST and one[1].isdecimal()]
-    every = sorted(named | {one[0] for _, one in firsts if one[0][0] != "#"})
-    if not every:
-        remedy = "name the .txt file of a front end, which lists # MODULES"
-        raise InputError.of("", "is no Foton filter file", remedy)
-    if module not in every:
-        problem = f"has no module {format_value(module)}"
-        raise InputError.of("", problem, suggest(module, every))
-    rates = {one[0]: one[1] for line in lines if len(one := _comment(line, "SAMPLING") or []) > 1}
-    text = rates.get(module, rates.get("RATE", ""))
-    rate = _number(text)
+    lines = bounded.read_text(path, MOST, "a Foton filter file").splitlines()
+    words = [line.lstrip("#").split() for line in lines]
+    heads = [words[n] for n, line in enumerate(lines) if line.startswith("#") and words[n]]
+    starts = [n for n, one in enumerate(words) if len(one) == FIRST and one[1].isdecimal()]
+    known = {name for one in heads if one[0] == "MODULES" for name in one[1:]}
+    known |= {words[n][0] for n in starts}
+    if module not in known:
+        problem = f"has no module {format_value(module)}" if known else "is no Foton filter file"
+        raise InputError.of("", problem, suggest(module, sorted(known)))
+    rates = {one[1]: one[2] for one in heads if one[0] == "SAMPLING" and len(one) > 2}
+    rate = _number(rates.get(module, rates.get("RATE", "")))
     if not 0 < rate < math.inf:
-        problem = f"has no sample rate of {module}" + (f" ({text})" if text else "")
+        problem = f"has no sample rate of {module}"
         raise InputError.of("", problem, f"add the line # SAMPLING {module} 16384, with the rate")
-    starts = {int(one[1]) + 1: n for n, one in firsts if one[0] == module}
-    result = []
+    own = {int(words[n][1]) + 1: n for n in starts if words[n][0] == module}
     for number in numbers:
-        if number not in starts:
-            there = ", ".join(map(str, sorted(starts))) or "none"
+        if number not in own:
+            there = ", ".join(map(str, sorted(own))) or "none"
             problem = f"has no section {number} (FM{number}) of {module}"
             raise InputError.of("", problem, f"sections there: {there}")
-        result.append(_section(words, starts[number]))
-    return " ".join(result), rate
-
-
-def _comment(line: str, key: str) -> list[str] | None:
-    """Words after a key in a comment line."""
-    found = re.match(rf"#+\s*{key}\s+(.*)", line)
-    return found[1].split() if found else None
+    return " ".join(_section(words, own[number]) for number in numbers), rate
 
 
 def _number(text: str) -> float:
@@ -77,18 +69,32 @@ def _number(text: str) -> float:
 
 
 def _section(words: list[list[str]], start: int) -> str:
-    """Read the section whose first line has a number."""
-    count = _number(words[start][3])
+    """Read the section that starts with a line, whose number is from 0."""
+    count, found = _number(words[start][3]), words[start][FIRST - 5 :]
     if count not in range(1, BIQUADS + 1):
         problem = f"has {words[start][3]} second-order sections"
-        raise InputError.of(f"line {start + 1}", problem, f"the front end takes 1 to {BIQUADS}")
-    found: list[str] = []
+        raise InputError.of(f"line {start + 1}", problem, f"front ends take 1 to {BIQUADS}")
     for n in range(start, start + int(count)):
-        own = (words[n] if n < len(words) else [])[FIRST - 5 if n == start else 0 :]
-        if len(own) != (5 if n == start else 4) or not all(
-            math.isfinite(_number(one)) for one in own
-        ):
+        own = found if n == start else words[n] if n < len(words) else []
+        if len(own) != 4 + (n == start) or not all(math.isfinite(_number(one)) for one in own):
             problem = "does not hold the coefficients of a second-order section"
             raise InputError.of(f"line {n + 1}", problem, "have Foton write the file again")
-        found += [repr(_number(one)) for one in own]
+        found = found if n == start else [*found, *own]
     return f'sos({found[0]},[{";".join(found[1:])}],"o")'
+
+
+def write_sections(rows: Any) -> str:
+    """Write second-order sections b0, b1, b2, a0 = 1, a1, a2 (scipy) as a design string."""
+    gain, numbers = 1.0, []
+    for b0, b1, b2, _, a1, a2 in rows.tolist():
+        gain *= b0
+        numbers += [a1, a2, b1 / b0, b2 / b0]
+    return f'sos({gain!r},[{";".join(map(repr, numbers))}],"o")'
+
+
+def section_lines(module: str, index: int, text: str) -> list[str]:
+    """Lines of a section of a module, from its design string."""
+    gain, *numbers = re.findall(r"[-+.\de]*\d", text)
+    rows = [" ".join(numbers[n : n + 4]) for n in range(0, len(numbers), 4)]
+    first = f"{module} {index} 21 {len(rows)} 0 0 part{index + 1} {gain} {rows[0]}"
+    return [first, *(f"    {row}" for row in rows[1:])]

@@ -207,7 +207,9 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
             with _reported(found, f"{path}.table.file", name):
                 table |= _stiffness(folder / name, form)
     control = raw.get("control") if of_links else None
-    for path, loop in _members(control if isinstance(control, dict) else {}, "loop", "control.loop"):
+    for path, loop in _members(
+        control if isinstance(control, dict) else {}, "loop", "control.loop"
+    ):
         for key in ("filter", "sensor_response"):
             table = loop.get(key)
             if isinstance(table, dict):

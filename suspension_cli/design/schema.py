@@ -337,17 +337,17 @@ FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and p
 
 
 class DigitalFilter(Table, frozen=True):
-    """A digital filter: sections of a module of a Foton filter file, or a design with a rate."""
+    """A digital filter: sections of a Foton filter file, or a design with a sample rate."""
 
     file: str | None = key("Foton filter file (.txt) of a front end, from this file's folder")
     module: str | None = key("name of the filter module in the file: M0_DAMP_L")
     sections: list[Annotated[int, Meta(ge=1, le=10)]] = key(
-        "sections of the module that are on, 1 to 10 as the buttons FM1 to FM10", []
+        "sections of the module that are on: 1 is FM1", []
     )
-    design: str | None = key(f"{FOTON}; factors in z too: sos, biquad, zroots, direct")
-    rate: float | None = key("sample rate in Hz of design", unit="Hz", gt=0, le=1e9)
+    design: str = key(f"{FOTON}, made digital as Foton does; of a file, its sections", "")
+    rate: float | None = key("sample rate in Hz of the design", unit="Hz", gt=0, le=1e9)
     gain: units.Number = key("factor on the filter", 1.0)
-    source: str = key("where the design comes from; that of a file is filled in", "")
+    source: str = key("where the design comes from; filled in for a file", "")
 
     def _check_file(self) -> Problems:
         if self.file is not None:
@@ -358,17 +358,18 @@ class DigitalFilter(Table, frozen=True):
         demand.exactly_one("file", "design"),
         demand.needs("file", "module"),
         demand.needs("file", "sections"),
-        demand.required("rate", when=lambda table: table.design is not None),
+        demand.together("design", "rate"),
         if_sound,
         _check_file,
     )
 
 
 def make_response(given: str | DigitalFilter) -> foton.Filter:
-    """Make the filter of a Foton string, or of a digital filter; raises `FotonError`."""
+    """Make the filter that a key gives; raises `FotonError`."""
     if isinstance(given, str):
         return foton.parse(given)
-    return foton.parse(given.design or "", given.rate) * foton.Filter(given.gain)
+    made = foton.parse(given.design, given.rate or 0.0)
+    return replace(made, gain=made.gain * given.gain)
 
 
 class Loop(Table, frozen=True):
@@ -423,7 +424,7 @@ class Loop(Table, frozen=True):
                 yield "gain_at", problem, "give another frequency or magnitude"
                 return
         whole = self.controller_and_sensor
-        zeros, poles = len(whole.zeros), len(whole.poles)
+        zeros, poles = len(whole.continuous.zeros), len(whole.continuous.poles)
         if zeros <= poles or (self.damper is not None and self.sensor_response is None):
             return  # a damper acts on the velocity, which is known
         key = given(self, "filter", "sensor_response", "zeros")[0]

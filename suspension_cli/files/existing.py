@@ -10,6 +10,9 @@ from pathlib import Path
 
 import h5py
 
+MARK, WIDTH = "#= ", 90
+"""Start of lines of comment that hold a design, and letters of it in each."""
+
 
 def read_design(path: Path) -> str | None:
     """Read the text of the design from a result file; None if it is missing or not a result.
@@ -17,7 +20,7 @@ def read_design(path: Path) -> str | None:
     Parameters
     ----------
     path
-        Ending in ``.h5``, ``.mat``, ``.npz`` or ``.json``.
+        Ending in ``.h5``, ``.mat``, ``.npz``, ``.txt`` or ``.json``.
     """
     if not os.path.isfile(path):
         return None
@@ -36,10 +39,20 @@ def read_design(path: Path) -> str | None:
 
                 with np.load(path) as arrays:
                     return str(arrays["design"])
+            case ".txt":
+                lines = path.read_text(encoding="utf-8").splitlines()
+                marked = (one.removeprefix(MARK) for one in lines if one.startswith(MARK))
+                return str(json.loads("".join(marked)))
             case _:
                 return str(json.loads(path.read_text(encoding="utf-8"))["design"])
     except Exception:  # whatever the failure, it is not a result
         return None
+
+
+def comment_design(text: str) -> list[str]:
+    """Write a design as lines of comment for a text file, which `read_design` reads."""
+    whole = json.dumps(text)
+    return [MARK + whole[n : n + WIDTH] for n in range(0, len(whole), WIDTH)]
 
 
 @contextlib.contextmanager

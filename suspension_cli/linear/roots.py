@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.design.digital import Filter, difference
+from suspension_cli.design.foton import Filter, warp
 from suspension_cli.elimination import dense, solve_each
 from suspension_cli.linear.equations import Part
 from suspension_cli.linear.pencil import Block, Loss, Pencil
@@ -129,7 +129,7 @@ class Feedback:
     sensed, pushed
         Linear forms in the coordinates of the system.
     filter
-        H.
+        H without the delay.
     delay
         s.
     """
@@ -143,35 +143,33 @@ class Feedback:
         self, s: Complex[np.ndarray, " frequency"]
     ) -> tuple[Complex[np.ndarray, "3 frequency"], Complex[np.ndarray, "3 frequency"]]:
         """Evaluate 1, N and D, and their derivatives."""
-        (zeros, zeros_slope, size), (poles, poles_slope, unit) = (
-            _multiply_factors(s, roots) for roots in self.filter.factors
-        )
-        turn = 2 * np.pi
+        parts = self.filter.parts
+        zeros, zeros_slope, size = _multiply_factors(s, [(one.zeros, one.rate) for one in parts])
+        poles, poles_slope, unit = _multiply_factors(s, [(one.poles, one.rate) for one in parts])
         with np.errstate(all="ignore"):  # far to the left a delay overflows, and the root is lost
-            late = self.filter.gain * np.exp(size - unit - s * self.delay)
-        late = late * turn ** (len(self.filter.poles) - len(self.filter.zeros))
-        values = np.ones(len(s)), late * zeros, poles
+            late = np.prod([one.gain for one in parts]) * np.exp(size - unit - s * self.delay)
         numerator_slope = late * (zeros_slope - self.delay * zeros)
-        slopes = np.zeros(len(s)), numerator_slope, poles_slope
-        return np.array(values), np.array(slopes)
+        return (
+            np.array([np.ones(len(s)), late * zeros, poles]),
+            np.array([np.zeros(len(s)), numerator_slope, poles_slope]),
+        )
 
 
 def _multiply_factors(
-    s: Complex[np.ndarray, " frequency"], roots: Sequence[tuple[complex, float]]
+    s: Complex[np.ndarray, " frequency"], parts: Sequence[tuple[tuple[complex, ...], float]]
 ) -> tuple[Complex[np.ndarray, " frequency"], Complex[np.ndarray, " frequency"], float]:
-    """Product of all factors (see `design.digital`, here in rad/s), and its derivative.
+    """Product of all (w / 2 pi + root) / size, its derivative, and the logarithm of all sizes.
 
-    Both are divided by the product of the roots that are not 0, whose logarithm is returned too.
+    `parts` are roots in Hz and the sample rate of their w (see `design.foton`).
     """
-    root = 2 * np.pi * np.array([one for one, _ in roots], dtype=complex)
-    period = np.array([one for _, one in roots])
-    unit, shrink = np.where(root == 0, 1.0, np.abs(root)), 1 - root * period
-    with np.errstate(all="ignore"):
-        factors = root + shrink * difference(s[:, None], period)
-        slope = shrink * np.exp(-s[:, None] * period) / unit
-    factors = factors / unit
-    others = (np.delete(factors, n, 1).prod(1) * slope[:, n] for n in range(len(root)))
-    return factors.prod(1), sum(others, np.zeros(len(s), dtype=complex)), float(np.log(unit).sum())
+    factors, slopes, sizes = [np.ones(len(s), dtype=complex)], [0 * s], [1.0]
+    for roots, rate in parts:
+        at, rise = warp(s, rate)
+        sizes += [abs(root) or 1.0 for root in roots]
+        factors += [(at / (2 * np.pi) + root) / (abs(root) or 1.0) for root in roots]
+        slopes += [rise / (2 * np.pi * (abs(root) or 1.0)) + 0 * s for root in roots]
+    others = (np.delete(factors, n, 0).prod(0) * slope for n, slope in enumerate(slopes))
+    return np.prod(factors, 0), sum(others, 0 * s), float(np.log(sizes).sum())
 
 
 @dataclass(frozen=True)

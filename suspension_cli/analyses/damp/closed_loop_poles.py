@@ -130,13 +130,11 @@ def realise(loop: Loop) -> Any:
     made = loop.controller_and_sensor.continuous
     zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
     gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
-    if not len(poles):
-        return delay * gain
     if len(poles) <= DIRECT:
-        return StateSpace(*zpk2ss(zeros, poles, gain)) * delay
+        return StateSpace(*zpk2ss(zeros, poles, gain)) * delay if len(poles) else delay * gain
     for section in zpk2sos(zeros, poles, gain, analog=True):
-        above, below = (np.trim_zeros(part, "f") for part in (section[:3], section[3:]))
-        delay = StateSpace(*tf2ss(above, below)) * delay
+        halves = (np.trim_zeros(half, "f") for half in np.split(section, 2))
+        delay = StateSpace(*tf2ss(*halves)) * delay
     return delay
 
 

@@ -297,8 +297,8 @@ def write_foton(design: Design) -> str:
             given = loop.sensor_response
             text = given if isinstance(given, str) else given.source or given.design
             lines.append(f"# not included: response of the sensor {text}")
-        if loop.controller.sampled:
-            lines.append(f"# sampled at {loop.controller.sampled[0].rate:g} Hz")
+        if loop.controller.rate:
+            lines.append(f"# digital, at {loop.controller.rate:g} Hz")
         if loop.delay:
             lines.append(f"# not included: delay of {loop.delay:g} s")
         lines.append(format_filter(loop.controller))

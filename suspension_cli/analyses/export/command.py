@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.export.solve import Exported
 
-FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse")
+FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "foton")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
 MOST = 12
 """Largest number of responses that are all printed."""
@@ -58,7 +58,7 @@ class ExportAnalysis(Analysis):
             type=click.Choice(FORMATS),
             default="mat",
             help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python"
-            " module with an element of finesse 3.",
+            " module with an element of finesse 3; foton: a filter file of a front end.",
         ),
         options.signals(
             "input",
@@ -82,13 +82,20 @@ class ExportAnalysis(Analysis):
             "--band",
             default="0.1:100",
             metavar="FROM:TO",
-            help="Band in which losses are right, Hz.",
+            help="Band in which losses are right, and filters of foton, Hz.",
         ),
         option(
             "--accuracy",
             type=click.FloatRange(1e-4, 0.5),
             default=0.01,
-            help="Largest relative error of responses off resonance with losses; of Q twice that.",
+            help="Largest relative error of responses off resonance with losses, and of filters of"
+            " foton; of Q twice that.",
+        ),
+        option(
+            "--rate",
+            type=click.FloatRange(1.0, 1e7),
+            default=16384.0,
+            help="Sample rate of foton, Hz.",
         ),
         options.ALLOW_UNSTABLE,
         options.OVERRIDES,
@@ -105,7 +112,7 @@ class ExportAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.export import interferometer
+        from suspension_cli.analyses.export import foton, interferometer
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.grids import parse_band
@@ -133,8 +140,8 @@ class ExportAnalysis(Analysis):
             names = [[signal.text for signal in some] for some in (inputs, outputs)]
             interferometer.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
+        band, accuracy = parse_band(setting["band"], "--band"), setting["accuracy"]
         if loss:
-            band, accuracy = parse_band(setting["band"], "--band"), setting["accuracy"]
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
             lossless = with_constant_loss(model).lossless
@@ -142,6 +149,8 @@ class ExportAnalysis(Analysis):
             if model.is_lossy or model.terms:
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
         made = replace(made, mirror=chain[-1])
+        if setting["format"] == "foton":
+            made = replace(made, filters=foton.make(made, setting["rate"], band, accuracy))
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         extra = {"format": setting["format"]}
         return Result(self, run.source, choice, made, extra, command=run.command)
@@ -161,7 +170,7 @@ class ExportAnalysis(Analysis):
             "worst_error": as_number(made.worst),
             "worst_q_error": None if made.q_error is None else as_number(made.q_error),
             "agreement": _agreement(made),
-        }
+        } | _modules(made)
 
     def text(self, result: Result) -> str:
         """Return the size of the system and the band of agreement."""
@@ -187,7 +196,7 @@ class ExportAnalysis(Analysis):
                 f" {100 * made.worst:.2g} % of a response off resonance,"
                 f" {100 * made.q_error:.2g} % of a Q"
             )
-        return "\n".join([*lines, _table(made)])
+        return "\n".join([*lines, *_module_table(made), _table(made)])
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the exported file."""
@@ -209,6 +218,33 @@ class ExportAnalysis(Analysis):
 
         remedy = "take system.a, b, c and d, or save it as .mat, .npz, .h5 or .json"
         raise InputError([Fault("", "a state space has no labelled arrays", remedy)])
+
+
+def _modules(made: Exported) -> Document:
+    """Return the modules of a Foton filter file, if it is one."""
+    rows = [
+        {"module": one.name, "output": one.output, "input": one.input}
+        | {"sections": len(one.section), "poles": sum(len(part.poles) for part in one.section)}
+        | {"error": as_number(one.error)}
+        for one in (made.filters.module if made.filters else [])
+    ]
+    return {"rate_hz": made.filters.rate, "modules": rows} if made.filters else {}
+
+
+def _module_table(made: Exported) -> list[str]:
+    """Tabulate the modules of a Foton filter file, if it is one."""
+    from suspension_cli.analyses import tables
+
+    if made.filters is None:
+        return []
+    low, high = made.filters.band
+    columns = {"module": "", "output": "", "input": "", "sections": "", "poles": "", "error": ".2g"}
+    rows = [tuple(row.values()) for row in _modules(made)["modules"]]
+    return [
+        f"\nfilter modules at {made.filters.rate:g} Hz, with the largest error from {low:g} to"
+        f" {high:g} Hz off resonance:\n",
+        tables.render(columns, rows),
+    ]
 
 
 def _agreement(made: Exported) -> Document:

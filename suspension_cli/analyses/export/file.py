@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.analysis import as_number, plain
+from suspension_cli.analyses.export.foton import write_foton
 from suspension_cli.analyses.export.interferometer import write_finesse
 from suspension_cli.analyses.export.solve import AGREEMENT, Exported
 from suspension_cli.errors import Fault, InputError, format_value
@@ -94,6 +95,7 @@ FORMATS = {
     "zpk": Format("-zpk.h5", _write_hdf5),
     "control": Format("-control.json", _write_control),
     "finesse": Format("-finesse.py", write_finesse),
+    "foton": Format("-foton.txt", write_foton),
 }
 
 

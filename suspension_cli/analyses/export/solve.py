@@ -20,6 +20,8 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
+    from suspension_cli.analyses.export.foton import FilterFile
+
 
 @dataclass(frozen=True)
 class ZeroPoleGain:
@@ -61,6 +63,8 @@ class Exported:
         With losses, the largest relative error of the Q of a mode in the band; None without.
     mirror
         Name of the design's mirror.
+    filters
+        The same as a Foton filter file.
     """
 
     system: statespace.StateSpace
@@ -73,6 +77,7 @@ class Exported:
     agreement: Agreement | None = None
     q_error: float | None = None
     mirror: str = ""
+    filters: FilterFile | None = None
 
     @property
     def frequency(self) -> Float[np.ndarray, " frequency"]:
@@ -183,7 +188,7 @@ def build_lossy(
         system = statespace.build(relax(model, band, density), inputs, outputs)
         made = Exported.unmeasured(system, accuracy, band, zpk=zpk)
         error = _compute_errors(made, exact, inputs)
-        made = made.measured(_off_resonance(error, made.frequency))
+        made = made.measured(off_resonance(error, made.frequency))
         q_error = _error_of_q(system, modes, band)
         made, share = replace(made, q_error=q_error), max(made.worst, q_error / 2) / accuracy
         if best is not None and share > GAIN * best[0]:
@@ -245,7 +250,7 @@ def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, 
     return worst
 
 
-def _off_resonance(
+def off_resonance(
     error: Float[np.ndarray, "frequency output input"], frequency: Array
 ) -> Float[np.ndarray, "frequency output input"]:
     """Smooth errors of each response by a running median, which removes what is narrow."""
@@ -265,7 +270,7 @@ def compare_with_complete(
     if not unknown:
         exact = response.solve(complete.system(design), made.frequency, inputs, outputs).value
         error = _compute_errors(made, exact, inputs)
-        error = _off_resonance(error, made.frequency)
+        error = off_resonance(error, made.frequency)
         for n, o, i in np.ndindex(band.shape[:-1]):
             band[n, o, i] = made.widest_band(error[:, o, i] <= AGREEMENT[n]) or np.nan
     return replace(made, agreement=Agreement(complete.name, unknown, band[..., 0], band[..., 1]))
