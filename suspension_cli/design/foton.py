@@ -248,19 +248,21 @@ def _add(made: Filter, name: str, arguments: str) -> Filter:
             raise FotonError("is in z, which needs a sample rate", remedy)
         numbers = [_pair_roots(one) if name == "zroots" else _reals(one) for one in given]
         found = getattr(designs, name)(*numbers, *[plane] * (name == "sos"))
-        return made * Filter(*designs.from_z(*found, made.rate), made.rate)
+        gain, zeros, poles = designs.from_z(found, made.rate)
+        return made * Filter(gain, zeros, poles, made.rate)
     if name in ("gain", "setgain"):
         gain, *at = _reals(given)[::-1]
         gain = 10 ** (gain / 20) if plane == "dB" else gain
         return replace(made, gain=made.gain * (gain / _size(made, at[0]) if at else gain))
     if name == "zpk":
-        factor = _zpk(*given, plane)
+        factor = _zpk(given[0], given[1], given[2], plane)
     elif name == "rpoly":
         factor = _zpk(*designs.rpoly(*map(_reals, given)), "s")
     elif name in RIPPLES:
         factor = _zpk(*designs.prototype(name, str(given[0]), _reals(given[1:])), "s")
     elif name in ("notch", "resgain", "comb"):
-        factor = Filter(1.0, *map(tuple, designs.peaks(name, *_reals(given))))
+        zeros, poles = map(tuple, designs.peaks(name, *_reals(given)))
+        factor = Filter(1.0, zeros, poles)
     else:
         f0, *others = _reals(given)
         roots = designs.pair(f0, others.pop(0)) if name.endswith("2") else [complex(f0)]

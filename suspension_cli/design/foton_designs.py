@@ -13,7 +13,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-Roots, Reals = list[complex], Sequence[float]
+Roots = list[complex]
+Reals = Sequence[float]
 TYPES = ("LowPass", "HighPass", "BandPass", "BandStop")
 RIPPLES = {"butter": 0, "cheby1": 1, "cheby2": 1, "ellip": 2}
 """Designs of these types, with their number of ripples and attenuations, dB."""
@@ -98,7 +99,8 @@ def direct(above: Reals, below: Reals) -> tuple[float, Roots, Roots]:
 
     size = max(len(above), len(below) + 1)
     rows = ([*row, *[0.0] * (size - len(row))] for row in (above, [1.0, *(-a for a in below)]))
-    return zroots(*(np.roots(row).tolist() for row in rows), above[:1])
+    zeros, poles = (np.roots(row).tolist() for row in rows)
+    return zroots(zeros, poles, above[:1])
 
 
 def biquad(b0: Reals, b1: Reals, b2: Reals, a1: Reals, a2: Reals) -> tuple[float, Roots, Roots]:
@@ -115,7 +117,7 @@ def sos(first: Reals, others: Reals = (), order: str = "s") -> tuple[float, Root
     found: list[Roots] = [[], []]
     for n in range(0, len(numbers), 2):
         found[(n // 2 + (order == "o")) % 2] += quadratic(*numbers[n : n + 2])
-    return gain, *found
+    return gain, found[0], found[1]
 
 
 def quadratic(first: float, second: float) -> Roots:
@@ -128,14 +130,15 @@ def quadratic(first: float, second: float) -> Roots:
     return [large, large.conjugate() if root.imag else product / large if large else 0.0]
 
 
-def from_z(gain: float, zeros: Roots, poles: Roots, rate: float) -> tuple[Any, ...]:
+def from_z(form: tuple[float, Roots, Roots], rate: float) -> tuple[float, Any, Any]:
     """Gain, zeros and poles (Hz, in w, see `design.foton`) of gain prod(1 - z0/z) / prod(1 - p/z).
 
-    `zeros` and `poles` are numbers 1 - z0, as many of each, `rate` in Hz. As z is
+    `form` has numbers 1 - z0, as many of zeros as of poles; `rate` is in Hz. As z is
     (1 + w / 2 rate) / (1 - w / 2 rate), 1 - z0/z is
 
         (1 + z0) / (2 rate) (w + 2 rate (1 - z0) / (1 + z0)) / (1 + w / 2 rate).
     """
+    gain, zeros, poles = form
     delays = min(zeros.count(1.0), poles.count(1.0))  # z0 = 0, which cancel
     found: list[tuple[complex, ...]] = []
     for sign, roots in ((1, zeros), (-1, poles)):
@@ -147,4 +150,4 @@ def from_z(gain: float, zeros: Roots, poles: Roots, rate: float) -> tuple[Any, .
         size = math.prod((2 - root) * math.pi / rate for root in inside)
         gain *= (complex(size).real * 2.0 ** (len(kept) - len(inside))) ** sign
         found.append(tuple(rate / math.pi * root / (2 - root) for root in inside))
-    return gain, *found
+    return gain, found[0], found[1]

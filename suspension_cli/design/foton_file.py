@@ -18,10 +18,14 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from suspension_cli.design import foton
+from suspension_cli.design.foton import Filter
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.files import bounded
 
@@ -31,6 +35,40 @@ MOST = 4 * bounded.TOML
 """Largest file, bytes; those of front ends have up to a few MB."""
 FIRST = 12
 """Words in the first line of a section."""
+
+
+COMMENT: dict[str, Any] = {"initial_indent": "# ", "subsequent_indent": "# "}
+
+
+@dataclass(frozen=True)
+class Module:
+    """A filter module that stands for a response.
+
+    Attributes
+    ----------
+    section
+        Filters in s, in series.
+    text
+        Their coefficients at the sample rate, as design strings with `sos`.
+    error
+        Largest relative error in the band, off resonance.
+    """
+
+    name: str
+    output: str
+    input: str
+    section: list[Filter]
+    text: list[str]
+    error: float
+
+
+@dataclass(frozen=True)
+class FilterFile:
+    """Modules with their sample rate and the band of their errors, Hz."""
+
+    rate: float
+    band: tuple[float, float]
+    module: list[Module]
 
 
 def read(path: Path, module: str, numbers: Sequence[int]) -> tuple[str, float]:
@@ -83,18 +121,21 @@ def _section(words: list[list[str]], start: int) -> str:
     return f'sos({found[0]},[{";".join(found[1:])}],"o")'
 
 
-def write_sections(rows: Any) -> str:
-    """Write second-order sections b0, b1, b2, a0 = 1, a1, a2 (scipy) as a design string."""
-    gain, numbers = 1.0, []
-    for b0, b1, b2, _, a1, a2 in rows.tolist():
-        gain *= b0
-        numbers += [a1, a2, b1 / b0, b2 / b0]
-    return f'sos({gain!r},[{";".join(map(repr, numbers))}],"o")'
-
-
-def section_lines(module: str, index: int, text: str) -> list[str]:
-    """Lines of a section of a module, from its design string."""
-    gain, *numbers = re.findall(r"[-+.\de]*\d", text)
-    rows = [" ".join(numbers[n : n + 4]) for n in range(0, len(numbers), 4)]
-    first = f"{module} {index} 21 {len(rows)} 0 0 part{index + 1} {gain} {rows[0]}"
-    return [first, *(f"    {row}" for row in rows[1:])]
+def lines(bank: FilterFile, command: str) -> list[str]:
+    """Lines of a filter file that a command writes."""
+    low, high = bank.band
+    result = ["# FILTERS FOR ONLINE SYSTEM", "#", *textwrap.wrap(command, 90, **COMMENT), "#"]
+    result += [f"# MODULES {one.name}" for one in bank.module]
+    for one in bank.module:
+        result += ["", f"### {one.name}", f"# SAMPLING {one.name} {bank.rate:g}"]
+        error = f"{one.error:.2g} from {low:g} to {high:g} Hz off resonance"
+        result.append(f"# {one.output} over {one.input}, SI; relative error {error}")
+        for n, (part, text) in enumerate(zip(one.section, one.text, strict=True)):
+            design = foton.format_filter(part).replace(";", "; ")
+            wrapped = textwrap.wrap(design, 90, break_long_words=False)
+            result.append(f"# DESIGN   {one.name} {n} " + " \\\n#    ".join(wrapped))
+            gain, *numbers = re.findall(r"[-+.\de]*\d", text)
+            rows = [" ".join(numbers[k : k + 4]) for k in range(0, len(numbers), 4)]
+            result.append(f"{one.name} {n} 21 {len(rows)} 0 0 part{n + 1} {gain} {rows[0]}")
+            result += [f"    {row}" for row in rows[1:]]
+    return result

@@ -9,10 +9,8 @@ written, against the state space, off resonance.
 from __future__ import annotations
 
 import re
-import textwrap
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +22,7 @@ from suspension_cli.analyses.export.solve import (
 )
 from suspension_cli.design import foton, foton_file
 from suspension_cli.design.foton import Filter
+from suspension_cli.design.foton_file import FilterFile, Module
 from suspension_cli.errors import InputError
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.existing import comment_design
@@ -48,37 +47,6 @@ LONGEST = 35
 """Letters of the name of a module; front ends read 39."""
 
 
-@dataclass(frozen=True)
-class Module:
-    """A response as a filter module.
-
-    Attributes
-    ----------
-    section
-        Filters in s, in series.
-    text
-        Their coefficients at the sample rate, as design strings with `sos`.
-    error
-        Largest relative error in the band, off resonance.
-    """
-
-    name: str
-    output: str
-    input: str
-    section: list[Filter]
-    text: list[str]
-    error: float
-
-
-@dataclass(frozen=True)
-class FilterFile:
-    """Modules with their sample rate and the band of their errors, Hz."""
-
-    rate: float
-    band: tuple[float, float]
-    module: list[Module]
-
-
 def make(
     made: Exported,
     rate: float = 16384.0,
@@ -97,8 +65,8 @@ def make(
     for o, i in np.argwhere(form.gain != 0):
         exact, tried = whole[:, o, i], []
         for count in range(1, foton_file.SECTIONS + 1):
-            kept = [_units(roots[o, i], SHARE * rate) for roots in (form.zeros, form.poles)]
-            parts = _reduce(*kept, frequency[::STRIDE], exact[::STRIDE], count * ORDER)
+            zeros, poles = (_units(r[o, i], SHARE * rate) for r in (form.zeros, form.poles))
+            parts = _reduce(zeros, poles, frequency[::STRIDE], exact[::STRIDE], count * ORDER)
             text = [_digitise(part, rate) for part in parts]
             value = np.prod([foton.parse(one, rate).at(frequency) for one in text], axis=0)
             off = np.abs(value / exact - 1)[:, None, None]
@@ -117,12 +85,18 @@ def make(
 def _units(roots: Complex[np.ndarray, " root"], limit: float) -> Units:
     """Roots in Hz, positive in the left half plane, one of each pair, below a limit."""
     own = -np.asarray(roots, dtype=complex) / (2 * np.pi)
-    own = np.where(np.abs(own.imag) <= REAL * np.abs(own.real), own.real, own)
-    return own[(own.imag >= 0) & (np.abs(own) < limit)]
+    own = np.where(np.abs(np.imag(own)) <= REAL * np.abs(np.real(own)), np.real(own), own)
+    return own[(np.imag(own) >= 0) & (np.abs(own) < limit)]
+
+
+def _count(units: Any) -> Any:
+    """Number of roots that units stand for."""
+    return 1 + (np.imag(units) > 0)
 
 
 def _roots(unit: complex) -> tuple[complex, ...]:
-    return (unit, unit.conjugate()) if unit.imag else (unit,)
+    """The roots of a unit."""
+    return (unit, unit.conjugate()) if np.imag(unit) else (unit,)
 
 
 def _reduce(
@@ -133,7 +107,8 @@ def _reduce(
     most: int,
 ) -> list[Filter]:
     """Remove units until at most `most` poles are left, and no more zeros, and split the rest."""
-    poles = np.maximum(poles.real, 0.0) + 1j * poles.imag  # undamped modes have rounding errors
+    undamped = np.real(poles) < 0  # by rounding errors
+    poles = np.where(undamped, 1j * np.imag(poles), poles)
     one = np.ones((1, len(frequency)))  # a row for no zero and no pole
     above, below = (
         np.array([*(foton.normalised(1.0, _roots(u), ()).at(frequency) for u in units), *one])
@@ -141,7 +116,7 @@ def _reduce(
     )
     rest = exact * below.prod(0) / above.prod(0)
     while True:
-        counts = [np.append(1 + (units.imag > 0), 0) for units in (zeros, poles)]
+        counts = [np.append(_count(units), 0) for units in (zeros, poles)]
         order, spare = counts[1].sum(), counts[1].sum() - counts[0].sum()
         pairs = [(-1, n) for n in range(len(poles))] + [(n, -1) for n in range(len(zeros))]
         for n, count in enumerate(counts[1][:-1]):
@@ -164,18 +139,18 @@ def _reduce(
 def _deviation(values: Complex[np.ndarray, "*change frequency"]) -> tuple[np.ndarray, np.ndarray]:
     """Real constants nearest to values along the last axis, and their largest distances."""
     size = np.abs(values)
-    constant = np.sqrt(size.max(-1) * size.min(-1)) * np.sign(values.real.sum(-1))
+    constant = np.sqrt(size.max(-1) * size.min(-1)) * np.sign(np.real(values).sum(-1))
     return constant, np.abs(values / constant[..., None] - 1).max(-1)
 
 
 def _split(zeros: Units, poles: Units, gain: float) -> list[Filter]:
     """Split into filters of up to `ORDER` poles, pairs first, with the zeros next to them."""
-    zeros, poles = (some[np.lexsort((np.abs(some), some.imag == 0))] for some in (zeros, poles))
+    zeros, poles = (some[np.lexsort((np.abs(some), -_count(some)))] for some in (zeros, poles))
     ordered = [root for unit in poles for root in _roots(unit)]
     below = [ordered[n : n + ORDER] for n in range(0, len(ordered), ORDER)] or [[]]
     above: list[list[complex]] = [[] for _ in below]
     for unit in zeros:
-        room = [n for n, some in enumerate(below) if len(some) - len(above[n]) > (unit.imag > 0)]
+        room = [n for n in range(len(below)) if len(below[n]) >= len(above[n]) + _count(unit)]
         nearest = min(room, key=lambda n: min(abs(abs(unit) - abs(pole)) for pole in below[n]))
         above[nearest] += _roots(unit)
     made = [foton.normalised(1.0, tuple(z), tuple(p)) for z, p in zip(above, below, strict=True)]
@@ -190,22 +165,12 @@ def _digitise(part: Filter, rate: float) -> str:
     zeros, poles = (-2 * np.pi * np.array(some) for some in (made.zeros, made.poles))
     gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
     rows = signal.zpk2sos(*signal.bilinear_zpk(zeros, poles, gain, rate))
-    return foton_file.write_sections(rows)
+    gain = float(rows[:, 0].prod())
+    numbers = np.column_stack([rows[:, 4:], rows[:, 1:3] / rows[:, :1]]).ravel().tolist()
+    return f'sos({gain!r},[{";".join(map(repr, numbers))}],"o")'
 
 
 def write_foton(path: Path, made: Exported, origin: Provenance) -> None:
     """Write a filter file, with its design in comments."""
-    bank = made.filters or make(made)
-    low, high = bank.band
-    lines = ["# FILTERS FOR ONLINE SYSTEM", "#", *textwrap.wrap(f"# {origin.command}", 90), "#"]
-    lines += [f"# MODULES {one.name}" for one in bank.module]
-    for one in bank.module:
-        lines += ["", f"### {one.name}", f"# {one.output} over {one.input}, SI, within"]
-        lines[-1] += f" {one.error:.2g} from {low:g} to {high:g} Hz off resonance"
-        lines += [f"# SAMPLING {one.name} {bank.rate:g}"]
-        for n, (part, text) in enumerate(zip(one.section, one.text, strict=True)):
-            design = foton.format_filter(part).replace(";", "; ")
-            wrapped = " \\\n#    ".join(textwrap.wrap(design, 90, break_long_words=False))
-            lines += [f"# DESIGN   {one.name} {n} {wrapped}"]
-            lines += foton_file.section_lines(one.name, n, text)
+    lines = foton_file.lines(made.filters or make(made), origin.command)
     write_bytes(path, "\n".join([*lines, "", *comment_design(origin.design), ""]).encode())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.export.relaxation import relax
+from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
 from suspension_cli.linear import damped, eigenmodes, response, statespace
@@ -19,8 +20,6 @@ from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
-
-    from suspension_cli.analyses.export.foton import FilterFile
 
 
 @dataclass(frozen=True)
