@@ -246,6 +246,7 @@ def export(
     loss: bool = False,
     band: str = '0.1:100',
     accuracy: float = 0.01,
+    rate: float = 16384.0,
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     tolerance: float = 0.001,
@@ -256,9 +257,9 @@ def export(
     ----------
     design : Design
         The design, or the path of its file.
-    format : {"mat", "npz", "hdf5", "zpk", "control", "finesse"}
+    format : {"mat", "npz", "hdf5", "zpk", "control", "finesse", "foton"}
         mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python module
-        with an element of finesse 3.
+        with an element of finesse 3; foton: a filter file of a front end.
     inputs : str or sequence of str
         An input. Default: the support's six motions and six forces on the first stage; for finesse
         x, pitch and yaw of the support and of all stages of the main chain.
@@ -268,9 +269,12 @@ def export(
     loss : bool
         Include losses and the mass of wires, with the right Q and the right isolation.
     band : str
-        Band in which losses are right, Hz.
+        Band in which losses are right, and filters of foton, Hz.
     accuracy : float
-        Largest relative error of responses off resonance with losses; of Q twice that.
+        Largest relative error of responses off resonance with losses, and of filters of foton; of
+        Q twice that.
+    rate : float
+        Sample rate of foton, Hz.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}

@@ -247,7 +247,8 @@ def _add(made: Filter, name: str, arguments: str) -> Filter:
             remedy = 'write filter = { design = "...", rate = 16384.0 }'
             raise FotonError("is in z, which needs a sample rate", remedy)
         numbers = [_pair_roots(one) if name == "zroots" else _reals(one) for one in given]
-        found = getattr(designs, name)(*numbers, *[plane] * (name == "sos"))
+        order = {"order": plane} if name == "sos" else {}
+        found = getattr(designs, name)(*numbers, **order)
         gain, zeros, poles = designs.from_z(found, made.rate)
         return made * Filter(gain, zeros, poles, made.rate)
     if name in ("gain", "setgain"):
@@ -297,7 +298,7 @@ def _size(made: Filter, frequency: float) -> float:
     import numpy as np
 
     with np.errstate(all="ignore"):
-        size = float(abs(made.at(frequency)))
+        size = float(abs(made.at(np.array([frequency]))[0]))
     if not 0 < size < math.inf:
         raise FotonError("sets a gain where the filter is 0 or infinite", "name another place")
     return size

@@ -90,7 +90,7 @@ def zroots(zeros: Roots, poles: Roots, gain: Reals = (1.0,)) -> tuple[float, Roo
     if len(zeros) != len(poles):
         problem = f"has {len(zeros)} zeros and {len(poles)} poles"
         raise FotonError(problem, "give as many of each, with roots 0 for delays")
-    return gain[0], [1 - zero for zero in zeros], [1 - pole for pole in poles]
+    return complex(gain[0]).real, [1 - zero for zero in zeros], [1 - pole for pole in poles]
 
 
 def direct(above: Reals, below: Reals) -> tuple[float, Roots, Roots]:

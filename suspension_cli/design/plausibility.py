@@ -171,7 +171,7 @@ def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:
     for loop in design.control.loop if design.control is not None else ():
         for key in ("filter", "sensor_response"):
             given = getattr(loop, key) or ""
-            text = given if isinstance(given, str) else given.design
+            text = given if isinstance(given, str) else given.design or ""
             if factors := foton.find_without_plane(text):
                 bare = factors[0][:-1]
                 problem = (

@@ -344,7 +344,7 @@ class DigitalFilter(Table, frozen=True):
     sections: list[Annotated[int, Meta(ge=1, le=10)]] = key(
         "sections of the module that are on: 1 is FM1", []
     )
-    design: str = key(f"{FOTON}, made digital as Foton does; of a file, its sections", "")
+    design: str | None = key(f"{FOTON}, made digital as Foton does; of a file, its sections")
     rate: float | None = key("sample rate in Hz of the design", unit="Hz", gt=0, le=1e9)
     gain: units.Number = key("factor on the filter", 1.0)
     source: str = key("where the design comes from; filled in for a file", "")
@@ -368,7 +368,7 @@ def make_response(given: str | DigitalFilter) -> foton.Filter:
     """Make the filter that a key gives; raises `FotonError`."""
     if isinstance(given, str):
         return foton.parse(given)
-    made = foton.parse(given.design, given.rate or 0.0)
+    made = foton.parse(given.design or "gain(1)", given.rate or 0.0)
     return replace(made, gain=made.gain * given.gain)
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.polynomial import Chebyshev
 from scipy.signal import freqs_zpk
 
 from suspension_cli.design.foton import Filter, FotonError, format_filter, parse
+from tests.support.foton import sections
 
 F = 3.7
 S = 2j * np.pi * F
@@ -55,7 +57,19 @@ def test_round_trip():
         ('zpk([0],[2],1,"z")', 'column 1: zpk has no plane "z"; write "s" or "f" or "n"'),
         ("zpk([0],[2],i)", "column 1: zpk takes real numbers here"),
         ("gain(2) % 3", "column 9: '% 3' is not understood"),
-        ('ellip("LowPass",4,1,40,100)', "column 1: ellip is not known here"),
+        ('bessel("LowPass",4,100)', "column 1: bessel is not known here"),
+        ('butter("Low",4,100)', "column 1: butter takes a type, an order"),
+        ('butter("LowPass",4,10,20)', "column 1: butter takes a type, an order"),
+        ('cheby1("LowPass",4,-1,10)', "column 1: cheby1 cannot be designed: passband ripple"),
+        ('ellip("LowPass",4,40,1,10)', "not a finite number"),
+        ("resgain(1,2)", "column 1: resgain has no height"),
+        ("notch(0,2)", "column 1: notch takes a positive frequency and Q"),
+        ("rpoly([0],[1],1)", "column 1: rpoly has a polynomial that is 0"),
+        ('pole(0,"n") /. setgain(0,1)', "column 16: setgain sets a gain where the filter is 0"),
+        (
+            'sos(1,[0;0;0;0],"o")',
+            "column 1: sos is in z, which needs a sample rate; write filter =",
+        ),
         ('pole(-1,"n")', "column 1: pole takes a positive frequency"),
         (
             'zpk([],[1],1,"f")',
@@ -75,3 +89,141 @@ def test_errors_name_the_column(text, says):
     with pytest.raises(FotonError) as caught:
         parse(text)
     assert says in str(caught.value)
+
+
+def chebyshev(order, x):
+    return Chebyshev.basis(order)(x)
+
+
+EPSILON = 10**0.1 - 1
+"""Square of the ripple of 1 dB."""
+
+
+@pytest.mark.parametrize(
+    ("text", "square"),
+    [
+        ('butter("LowPass",3,2)', lambda f: 1 / (1 + (f / 2) ** 6)),
+        ('butter("HighPass",4,2)', lambda f: 1 / (1 + (2 / f) ** 8)),
+        ('butter("BandPass",3,2,8)', lambda f: 1 / (1 + ((f - 16 / f) / 6) ** 6)),
+        ('butter("BandStop",2,2,8)', lambda f: 1 / (1 + (6 / (f - 16 / f)) ** 4)),
+        ('cheby1("LowPass",5,1,2)', lambda f: 1 / (1 + EPSILON * chebyshev(5, f / 2) ** 2)),
+        ('cheby2("LowPass",4,40,2)', lambda f: 1 / (1 + 9999 / chebyshev(4, 2 / f) ** 2)),
+    ],
+)
+def test_designs_have_their_closed_forms(text, square):
+    f = np.geomspace(0.3, 30, 41)
+    np.testing.assert_allclose(np.abs(parse(text).at(f)) ** 2, square(f), rtol=1e-9)
+
+
+def test_published_coefficients_of_a_chebyshev_filter():
+    """Of order 3 with ripples of 0.5 dB: s^3 + 1.252913 s^2 + 1.534895 s + 0.715694 (tables of
+    filters, e.g. Weinberg, Network Analysis and Synthesis (1962))."""
+    poles = np.array(parse(f'cheby1("LowPass",3,0.5,{1 / (2 * np.pi)!r})').poles)
+    found = np.real(np.poly(-2 * np.pi * poles))
+    np.testing.assert_allclose(found, [1, 1.252913, 1.534895, 0.715694], rtol=1e-6)
+
+
+def test_an_elliptic_filter_has_ripples_of_equal_size():
+    f = np.linspace(1e-3, 1, 20001)
+    size = np.abs(parse('ellip("LowPass",5,1,60,1)').at(f))
+    peaks = size[1:-1][(size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])]
+    troughs = size[1:-1][(size[1:-1] < size[:-2]) & (size[1:-1] < size[2:])]
+    assert len(peaks) == len(troughs) == 2
+    np.testing.assert_allclose(peaks, 1.0, atol=1e-6)
+    np.testing.assert_allclose([*troughs, size[-1]], 10**-0.05, rtol=1e-5)
+    stopped = parse('ellip("LowPass",5,1,60,1)').at(np.geomspace(1.672, 100, 9999))
+    assert np.abs(stopped).max() == pytest.approx(1e-3, rel=1e-3)
+
+
+def resonance(f, f0, q):
+    return f0**2 - f**2 + 1j * f * f0 / q
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("notch(3,10,40)", resonance(F, 3, 500) / resonance(F, 3, 5)),
+        ("notch(3,10)", (9 - F**2) / resonance(F, 3, 5)),
+        ("resgain(3,10,20)", resonance(F, 3, 0.5) / resonance(F, 3, 5)),
+        ('2.5 pole(2,"n") * -2', -5 / (1 + 1j * F / 2)),
+        ("rpoly([1;2],[3;0;4],5)", 5 * (S + 2) / (3 * S**2 + 4)),
+        ('pole(2,"n") /. setgain(0,7)', 7 / (1 + 1j * F / 2)),
+        ('gain(-1) pole(2,"n") setgain(2,7)', -7 * 2**0.5 / (1 + 1j * F / 2)),
+    ],
+)
+def test_other_factors(text, value):
+    assert parse(text).at(F) == pytest.approx(value, rel=1e-12)
+
+
+def test_a_comb():
+    made, alone = parse("comb(3,10,20,3)"), [parse(f"resgain({f},10,20)") for f in (3, 6, 9)]
+    assert made.at(F) == pytest.approx(np.prod([one.at(F) for one in alone]), rel=1e-12)
+    assert abs(parse("resgain(3,10,20)").at(3.0)) == pytest.approx(10, rel=1e-12)
+    assert abs(parse("notch(3,10,20)").at(3.0)) == pytest.approx(0.1, rel=1e-12)
+
+
+def test_digital_filters_are_those_of_foton():
+    """Numbers in the documentation of foton.py (GDS 3.0): second-order sections of two zeros and
+    two poles at 16384 Hz, and the first samples of the impulse response of 4:0."""
+    (b0, b1, b2, _, a1, a2) = sections(parse('zpk([4;40],[0;10],1,"n")', 16384.0))[0]
+    found = [b0, b1, b2, a1, a2]
+    published = [0.06290589, -0.12475772, 0.0618533, -1.99617238, 0.99617238]
+    np.testing.assert_allclose(found, published, atol=5.1e-9)
+    (b0, b1, _, _, a1, _) = sections(parse('zpk([4],[0],4,"n")', 16384.0))[0]
+    np.testing.assert_allclose([b0, b1 - a1 * b0], [1.00076679, 0.00153398], atol=5.1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (
+            'sos(2,[-1.2;0.5;0.3;0.7],"o")',
+            lambda y: 2 * (1 + 0.3 * y + 0.7 * y**2) / (1 - 1.2 * y + 0.5 * y**2),
+        ),
+        (
+            "sos([2;0.3;0.7;-1.2;0.5])",
+            lambda y: 2 * (1 + 0.3 * y + 0.7 * y**2) / (1 - 1.2 * y + 0.5 * y**2),
+        ),
+        ("biquad(2,1,3,-1.2,0.5)", lambda y: (2 + y + 3 * y**2) / (1 - 1.2 * y + 0.5 * y**2)),
+        (
+            "direct([2;1;3;1],[1.2;-0.5])",
+            lambda y: (2 + y + 3 * y**2 + y**3) / (1 - 1.2 * y + 0.5 * y**2),
+        ),
+        ("zroots([-1;0],[0.9;0.5],3)", lambda y: 3 * (1 + y) / (1 - 0.9 * y) / (1 - 0.5 * y)),
+    ],
+)
+def test_coefficients_in_z(text, value):
+    f = np.array([0.01, 3.0, 30.0, 49.9])
+    made = parse(text, 100.0)
+    np.testing.assert_allclose(made.at(f), value(np.exp(-2j * np.pi * f / 100)), rtol=1e-11)
+    assert made.at(51.0) == 0
+    again = parse(format_filter(made), 100.0)
+    np.testing.assert_allclose(again.at(f), made.at(f), rtol=1e-9)
+
+
+def test_slow_roots_of_sections_keep_their_digits():
+    """At 1e-7 of the sample rate, against the same coefficients in 40 digits."""
+    from mpmath import exp, mp, mpc, mpf, pi
+
+    a1, a2 = -1.9999993, 0.99999930000001
+    found = parse(f'sos(1,[{a1!r};{a2!r};-2;1],"o")', 16384.0).at(1e-3)
+    with mp.workdps(40):
+        y = exp(-2 * mpc(0, 1) * pi * mpf(1e-3) / 16384)
+        exact = complex((1 - y) ** 2 / (1 + mpf(a1) * y + mpf(a2) * y**2))
+    assert found == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('sos(1,[1;2;3],"o")', "has 3 numbers beside the gain"),
+        ('sos(1,[0;1.1;0;0],"o")', "has a pole outside the unit circle"),
+        ('sos(1,[1;0;0;0],"o")', "or at half the sample rate"),
+        ("zroots([0],[0.1;0.2])", "has 1 zeros and 2 poles"),
+        ('pole(60,"n")', "has a root at 60 Hz, above half the sample rate"),
+        ("biquad(0,1,1,0,0)", "numbers too large or too small"),
+    ],
+)
+def test_errors_of_digital_filters(text, says):
+    with pytest.raises(FotonError, match=says):
+        parse(text, 100.0)
