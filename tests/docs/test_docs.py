@@ -53,7 +53,7 @@ TABLES = {
     "[[stage.spring]]": [schema.Spring],
     "[stage.damping]": [schema.Damping],
     "[support]": [schema.Support],
-    "[[control.loop]]": [schema.Loop],
+    "[[control.loop]]": [schema.Loop, schema.DigitalFilter],
     "[[perturbation]]": [schema.Perturbation],
     "[[tolerance.wire]]": [
         schema.WireTolerance,
