@@ -228,8 +228,8 @@ def test_faults_name_arguments():
         ),
         (lambda d: sus.animate(sus.response(d, frequency=1.0), 1, "x.gif"), r"result = response: "),
         (
-            lambda d: sus.export(d).save("x.txt"),
-            r'path = "x.txt": is of no .*mat, .npz, .h5, .js',
+            lambda d: sus.export(d).save("x.doc"),
+            r'path = "x.doc": is of no .*mat, .npz, .h5, .js',
         ),
         (lambda d: sus.export(d, format="zpk").save("x.mat"), r'path = "x.mat": .*; end it in .h5'),
         (lambda d: sus.export(d).to_xarray(), r"a state space has no labelled arrays; take system"),
