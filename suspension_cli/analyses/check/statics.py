@@ -20,6 +20,7 @@ from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.models.string import STRING
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
 from suspension_cli.scene.places import Places
@@ -213,7 +214,7 @@ class Statics:
 
 
 def solve(design: Design) -> Statics:
-    """Solve for the loads of a design in equilibrium.
+    """Solve for the loads of a design in the equilibrium of the string model.
 
     Raises
     ------
@@ -221,8 +222,9 @@ def solve(design: Design) -> Statics:
         If it cannot balance, or a wire is slack.
     """
     scene = expand(design)
-    balanced = balance(scene)
-    balanced.demand(scene)
+    strings = STRING.completed(scene, design)
+    balanced = balance(strings)
+    balanced.demand(strings)
     pose, ends = balanced.pose, _end_heights(scene, balanced)
     wires = tuple(wire_loads(design, scene, balanced))
     return Statics(

@@ -317,8 +317,8 @@ class Results:
     def _equilibria(self) -> list[tuple[int, Design, Scene, Equilibrium]]:
         """Places, scenes and equilibria of the designs that hang on taut wires."""
         known = []
-        for places, scene, _ in variants.alike(self.designs, registry.STRING.name):
-            found = equilibrium.solve(scene)
+        for places, scene, one in variants.alike(self.designs, registry.STRING.name):
+            found = equilibrium.solve(registry.STRING.completed(scene, one))
             for n in np.flatnonzero(found.converged & (found.tension > 0).all(-1)).tolist():
                 design = self.designs[places[n]]
                 assert design is not None
