@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import FRAME
+from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
 from suspension_cli.linear.pencil import Block, Pencil
@@ -70,15 +71,17 @@ class StateSpace:
     def at(
         self, frequency: Float[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency output input"]:
-        """Compute the transfer matrix by a dense solve at each frequency in Hz."""
+        """Compute the transfer matrix at frequencies in Hz, by dense solves of what is coupled."""
         s, own = 2j * np.pi * np.asarray(frequency), self.balanced()
-        result = np.empty((len(s), *self.d.shape), dtype=complex)
-        step = max(1, SOLVED // max(len(own.a), 1) ** 2)
-        for start in range(0, len(s), step):
-            some = slice(start, start + step)
-            dynamic = s[some, None, None] * np.eye(len(own.a)) - own.a
-            drive = np.broadcast_to(own.b.astype(complex), (len(dynamic), *own.b.shape))
-            result[some] = own.c @ np.linalg.solve(dynamic, drive) + self.d
+        result = np.tile(self.d.astype(complex), (len(s), 1, 1))
+        for group in connected_groups(own.a != 0):
+            a, b, c = own.a[np.ix_(group, group)], own.b[group].astype(complex), own.c[:, group]
+            step = max(1, SOLVED // len(a) ** 2)
+            for start in range(0, len(s), step):
+                some = slice(start, start + step)
+                dynamic = s[some, None, None] * np.eye(len(a)) - a
+                drive = np.broadcast_to(b, (len(dynamic), *b.shape))
+                result[some] += c @ np.linalg.solve(dynamic, drive)
         return result
 
 
