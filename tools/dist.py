@@ -1,11 +1,10 @@
 """Build the wheel and the source archive into dist/, and try the wheel as a new user would.
 
-    python -m tools.dist             # as `make dist`; needs the packages build and twine
-    python -m tools.dist FILE.whl    # try this wheel alone
+    python -m tools.dist         # as `make dist`; needs the packages build and twine
+    python -m tools.dist dist    # try the wheel in this folder alone
 
 A wheel is installed into an empty environment, and commands run there in an empty folder. Only
-Python's own library is used, so that `python -m tools.dist FILE.whl` runs on any system, without
-make and without this checkout's environment.
+Python's own library is used, so that the second form runs on any system, without make.
 """
 
 from __future__ import annotations
@@ -97,11 +96,14 @@ def call(*words: object, folder: Path | None = None) -> str:
     return done.stdout
 
 
-def main(*wheels: str) -> None:
-    """Try the wheels given, or build the archives and try that wheel."""
-    for wheel in map(Path, wheels) if wheels else [build(ROOT / "dist")]:
-        check_wheel(wheel)
-        print(f"{wheel}: installed and tried")
+def main(folder: str = "") -> None:
+    """Try the wheel of a folder, or build the archives and try theirs."""
+    (wheel,) = Path(folder).glob("*.whl") if folder else [build(ROOT / "dist")]
+    tag = os.environ.get("TAG")
+    if tag and tag.removeprefix("v") != wheel.name.split("-")[1]:
+        raise SystemExit(f"{wheel}: not the version of the tag {tag}; set it in version.py first")
+    check_wheel(wheel)
+    print(f"{wheel}: installed and tried")
 
 
 if __name__ == "__main__":

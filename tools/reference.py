@@ -37,7 +37,9 @@ from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = tuple(ROOT / "docs" / name for name in ("design-file.md", "commands.md", "api.md"))
-BLOCK = re.compile(r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
+BLOCK = re.compile(
+    r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
+)
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
 MODULES = (schema, wires, links, inverted_pendulum, filters, losses)
 """Modules with the types of tables."""
