@@ -3,8 +3,9 @@
 An argument at its default value takes that of the design's ``[analysis]`` table, if it gives one,
 as options of the commands do.
 
-Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function. A function
-is stable unless its docstring says "Provisional" under Notes; docs/api.md says what that means.
+Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function. A
+function is stable unless its docstring says "Provisional" under Notes; docs/api.md says what that
+means.
 """
 
 from __future__ import annotations

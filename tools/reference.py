@@ -1,10 +1,11 @@
 """Generate the tables of docs/design-file.md (keys, materials), docs/commands.md (options) and
-docs/api.md (stability of names), and the stub from which editors know the functions of the analyses (suspension_cli/__init__.pyi).
+docs/api.md (stability of names), and the stub from which editors know the functions of the
+analyses (suspension_cli/__init__.pyi).
 
 Keys come from the types of the file format, options from `--help`, stability from docstrings. A
 page marks the place of a table with `<!-- keys: WireSet -->`, `<!-- options: modes -->`,
-`<!-- materials: built-in -->` or `<!-- stability: api -->`; the text from there to `<!-- end -->` is regenerated. Run by `make reference`;
-`tests/docs/test_reference.py` fails if a page is stale.
+`<!-- materials: built-in -->` or `<!-- stability: api -->`; the text from there to `<!-- end -->`
+is regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a page is stale.
 """
 
 from __future__ import annotations
