@@ -358,8 +358,8 @@ def test_files_named_exist(document):
 
 
 def test_every_promise_names_its_test():
-    promises = [row for row in re.findall(r"^\|(.*)\|$", TEXT["promises.md"], re.MULTILINE)]
-    kept = [row for row in promises if not row.startswith((" promise ", "---"))]
+    lines = re.findall(r"^\|(.*)\|$", TEXT["promises.md"], re.MULTILINE)
+    kept = [row for row in lines if not row.startswith((" promise ", "---"))]
     assert len(kept) > 30
     for row in kept:
         assert re.search(r"`tests/[\w/]+\.py::test_\w+`", row), row
