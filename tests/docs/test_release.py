@@ -120,3 +120,13 @@ def test_issues_ask_for_design_and_version():
         asked = {part["id"] for part in yaml.safe_load(path.read_text())["body"]}
         assert {"design", "version"} <= asked
         assert "pendsus --version" in path.read_text()
+
+
+def test_the_paper_cites_its_references_and_shows_results():
+    text, references = ((ROOT / "paper" / f"paper.{end}").read_text() for end in ("md", "bib"))
+    header, body = text.split("---\n", 2)[1:]
+    keys = re.findall(r"^@\w+\{(\w+),", references, re.MULTILINE)
+    assert sorted(set(re.findall(r"@([a-z]+\d*)\b", body))) == sorted(keys)
+    assert yaml.safe_load(header)["title"] == CITATION["title"]
+    pictures = re.findall(r"\]\((\S+\.png)\)", body)
+    assert pictures and all((ROOT / "paper" / path).is_file() for path in pictures)
