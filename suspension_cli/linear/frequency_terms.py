@@ -306,7 +306,8 @@ class EvaluatedWires:
 class LossTerm:
     """Loss of a constant stiffness, i phi(omega) K, or of a damper, i omega C.
 
-    A stiffness given as a table against frequency also changes its real part.
+    A stiffness given as a table against frequency also changes its real part; so does the light of
+    a cavity, whose function is complex.
 
     Attributes
     ----------
@@ -322,6 +323,8 @@ class LossTerm:
         Whether the matrix also stores energy.
     storage
         Relative change (f,) of Re K from its static value; None if constant.
+    light
+        Pole and detuning (rad/s) of the cavity whose light acts (`models.cavity`); None for others.
     """
 
     cause: str
@@ -330,6 +333,7 @@ class LossTerm:
     angle: Function
     elastic: bool = True
     storage: Function | None = None
+    light: tuple[float, float] | None = None
 
     @property
     def dispersive(self) -> bool:
@@ -394,7 +398,7 @@ class EvaluatedLoss:
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
         """Dissipation x^H Im(f A) x, with the `matrix` of `LossTerm.within`."""
         key = self.term.cause, self.term.temperature
-        return {key: self.angle * quadratic_form(matrix, motion)}
+        return {key: np.real(self.angle) * quadratic_form(matrix, motion)}
 
 
 def quadratic_form(
