@@ -25,6 +25,7 @@ from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
+    cavities,
     filters,
     inverted_pendulum,
     links,
@@ -39,7 +40,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
 BLOCK = re.compile(r"<!-- (keys|options|materials): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, wires, links, inverted_pendulum, filters, losses)
+MODULES = (schema, wires, links, cavities, inverted_pendulum, filters, losses)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))
