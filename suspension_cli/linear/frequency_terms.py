@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
 
@@ -199,6 +199,11 @@ ALIKE = 1e-13
 def is_damper(term: Term) -> bool:
     """Whether a term is that of a damper."""
     return isinstance(term, LossTerm) and not term.elastic
+
+
+def is_light(term: Term) -> TypeGuard[LossTerm]:
+    """Whether a term is that of the light of a cavity."""
+    return isinstance(term, LossTerm) and term.light is not None
 
 
 def is_massive(term: Term) -> bool:

@@ -28,6 +28,7 @@ from suspension_cli.linear.frequency_terms import (
     Term,
     WireTerm,
     is_damper,
+    is_light,
     is_massive,
     quadratic_form,
 )
@@ -144,11 +145,10 @@ def _inertia_of_light(
 ) -> Float[np.ndarray, " mode"]:
     """Compute -x^H d Re(Z) / d(omega^2) x of the light of cavities, kg m^2."""
     result = np.zeros(len(omega))
-    for term in model.terms:
-        if isinstance(term, LossTerm) and term.light:
-            below, above = (np.real(term.at(omega * (1 + h)).value) for h in (-BESIDE, BESIDE))
-            slope = (above - below) / (4 * BESIDE * omega**2)
-            result -= slope * quadratic_form(term.matrix, x)
+    for term in filter(is_light, model.terms):
+        below, above = (np.real(term.at(omega * (1 + h)).value) for h in (-BESIDE, BESIDE))
+        slope = (above - below) / (4 * BESIDE * omega**2)
+        result -= slope * quadratic_form(term.matrix, x)
     return result
 
 

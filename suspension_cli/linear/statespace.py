@@ -26,7 +26,7 @@ import numpy as np
 from suspension_cli.conventions import FRAME
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
-from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
@@ -179,7 +179,7 @@ def _with_states_of_light(model: LinearSystem) -> LinearSystem:
     which are symmetric, give the force h (u + v) r = 2 h^2 Delta / ((s + gamma)^2 + Delta^2) r r.x;
     h^2 = (gamma^2 + Delta^2) |K_0 / 2 Delta| makes it K(s) of `models.cavity`.
     """
-    for term in (term for term in model.terms if isinstance(term, LossTerm) and term.light):
+    while term := next(filter(is_light, model.terms), None):
         assert term.light is not None
         pole, detuning = term.light
         squared, size = pole**2 + detuning**2, model.size
@@ -191,7 +191,8 @@ def _with_states_of_light(model: LinearSystem) -> LinearSystem:
         both = np.stack([force, force])
         stiffness = np.block([[-spring, both.T], [both, -light]])
         damping = np.diag([*np.zeros(size), -1.0, 1.0])
-        model = model.widened(names_of_light(term), 0 * damping, stiffness, damping)
+        others = replace(model, terms=tuple(one for one in model.terms if one is not term))
+        model = others.widened(names_of_light(term), 0 * damping, stiffness, damping)
     return model.constant
 
 
@@ -361,8 +362,8 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     """
     if not model.terms:
         return model
-    light = tuple(term for term in model.terms if isinstance(term, LossTerm) and term.light)
-    others = tuple(term for term in model.terms if term not in light)
+    light = tuple(filter(is_light, model.terms))
+    others = tuple(term for term in model.terms if not is_light(term))
     # dampers are constant already
     undamped = replace(model, damping=0 * model.damping, terms=others)
     squared, per_q, momentum = _undamped_modes(undamped)

@@ -84,7 +84,7 @@ def optical_spring(cavity: Cavity) -> tuple[float, float, float]:
     ...     finesse=1e4, detuning=3e3,
     ... )
     >>> round(optical_spring(cavity)[0])
-    556609
+    173052
     """
     pole, detuning = 2 * np.pi * cavity.half_width, 2 * np.pi * cavity.detuning
     if not detuning:

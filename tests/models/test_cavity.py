@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 import suspension_cli as sus
 from suspension_cli.design import reader
+from suspension_cli.drawing.geometry import sketch_at_rest
+from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models import registry
 
 MASSES, INERTIA, TORSION, PENDULUM = (40.0, 25.0), 0.75, 30.0, 3.0  # kg, kg m^2, N m/rad, rad/s
@@ -191,6 +193,17 @@ damper = 3e4
         sus.response(held, frequency=[1.0])
 
 
+def test_cavities_add_up():
+    """Two of half the power are one."""
+    *_, one = detuned(2.0, power=2e4)
+    half = one.replace({"cavity.arm.power": 1e4}).text
+    both = half + half[half.index("[[cavity]]") :].replace('"arm"', '"other"')
+    asked = {"inputs": "etm.force_x", "outputs": ["itm.x"], "allow_unstable": True}
+    found = [sus.response(d, frequency=[0.3, 40.0], **asked).value for d in (one, sus.parse(both))]
+    np.testing.assert_allclose(*found, rtol=1e-12)
+    assert len(sus.export(sus.parse(both), **asked).system.a) == 8  # each has two states
+
+
 def test_light_has_no_thermal_noise():
     """S = 4 k T k'' / omega |chi|^2 of the springs alone, with the light in chi."""
     spring, gamma, delta, design = detuned(-2e-4, power=2e4, loss=1e-3)
@@ -280,3 +293,9 @@ def test_pole_finesse_and_transmission_agree():
     assert transmission == pytest.approx(finesse, rel=0.01)
     [row] = sus.check(sus.parse(GOOD)).document()["cavities"]
     assert row["force_n"] == pytest.approx(2e5 / c, rel=1e-12) and row["pole_hz"] == 42.0
+
+
+def test_the_beam_is_drawn():
+    scene = expand(design := reader.parse(GOOD))
+    [beam] = [one for one in sketch_at_rest(design, scene).strokes(1) if one.kind == "light"]
+    np.testing.assert_array_equal(beam.points, [[0.0, 0.0, -0.5], [1.0, 0.0, -0.5]])
