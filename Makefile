@@ -10,7 +10,7 @@ DIST_READY := $(VENV)/dist-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability tradeoff optimise validation
+RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability tradeoff optimise validation cavity
 
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
@@ -76,6 +76,10 @@ modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 
 validation: $(READY) ## suspensions that were built, held against numbers of others
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.validation
+
+cavity: $(READY) ## optical spring of an arm between two quadruples, by pendsus and by finesse
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[finesse]'
+	cd results && MPLBACKEND=agg ../$(BIN)/python -W ignore ../docs/notebooks/cavity.py
 
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
 	$(BIN)/python -m tools.optimise

@@ -26,6 +26,7 @@ from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
+    cavities,
     filters,
     inverted_pendulum,
     links,
@@ -42,7 +43,7 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, wires, links, inverted_pendulum, filters, losses)
+MODULES = (schema, wires, links, cavities, inverted_pendulum, filters, losses)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))
