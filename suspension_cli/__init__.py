@@ -28,6 +28,7 @@ __all__ = [
     "examples",
     "export",
     "finesse",
+    "gwinc",
     "fit",
     "import_sumcon",
     "info",

@@ -487,13 +487,58 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
     return interferometer.suspend(made, name, mirror, facing)
 
 
+def gwinc(result: Result, frequency: Any = None) -> Any:
+    """Make the noise budget of gwinc whose mirrors hang on the suspension of a result of `export`.
+
+    Parameters
+    ----------
+    result : Result
+        Of `export` with `format="gwinc"`.
+    frequency : array or str, optional
+        Hz, or ``"FROM:COUNT:TO"`` as gwinc takes it; by default 6000 frequencies of the table's
+        band.
+
+    Returns
+    -------
+    gwinc.nb.Budget
+        The budget of strain of the result's interferometer.
+
+    Raises
+    ------
+    InputError
+        If the result is of another analysis or format.
+    RuntimeError
+        If the table does not have these frequencies, or gwinc does not know the interferometer.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> made = sus.export(sus.example("geo-silica-triple"), format="gwinc", band="10:100")
+    >>> sus.gwinc(made, frequency="20:10:50").run()["SuspensionThermal"].asd.shape
+    (10,)
+    """
+    from suspension_cli.analyses.export import gwinc_budget
+
+    made = _exported(result, "table", 'give a result of sus.export(..., format="gwinc")')
+    return gwinc_budget.suspend(made.table, made.interferometer)(freq=frequency)
+
+
 def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
     remedy = "give a result of sus.export"
+    made = _exported(result, "system", remedy)
+    if made.zpk is not None:
+        raise InputError.of("result", "has no state space", remedy, "export")
+    return made
+
+
+def _exported(result: object, what: str, remedy: str) -> Any:
+    """Return the data of a result of `export` that has a system or a table."""
     if not isinstance(result, Result):
         raise InputError.of("result", "is no result", remedy, arguments.shown(result))
-    if result.analysis.name != "export" or result.data.zpk is not None:
-        raise InputError.of("result", "has no state space", remedy, result.analysis.name)
+    if result.analysis.name != "export" or not hasattr(result.data, what):
+        kind = {"system": "state space"}.get(what, what)
+        raise InputError.of("result", f"has no {kind}", remedy, result.analysis.name)
     return result.data
 
 

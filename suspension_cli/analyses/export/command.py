@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.export.solve import Exported
 
-FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse")
+FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "gwinc")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
+BAND = "0.1:100"
+"""Band of losses by default, Hz."""
 MOST = 12
 """Largest number of responses that are all printed."""
 
@@ -58,7 +60,7 @@ class ExportAnalysis(Analysis):
             type=click.Choice(FORMATS),
             default="mat",
             help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python"
-            " module with an element of finesse 3.",
+            " module with an element of finesse 3; gwinc: a folder with a noise budget of gwinc.",
         ),
         options.signals(
             "input",
@@ -70,7 +72,7 @@ class ExportAnalysis(Analysis):
             "output",
             "An output",
             "the six motions of the first stage and of the mirror; for finesse x, pitch and yaw "
-            "of all stages of the main chain",
+            "of all stages of the main chain; for gwinc x of the mirror",
         ),
         option(
             "--loss/--no-loss",
@@ -80,15 +82,22 @@ class ExportAnalysis(Analysis):
         ),
         option(
             "--band",
-            default="0.1:100",
             metavar="FROM:TO",
-            help="Band in which losses are right, Hz.",
+            help="Band in which losses are right, Hz; for gwinc that of the table."
+            "  [default: 0.1:100; for gwinc 5:3000]",
         ),
         option(
             "--accuracy",
             type=click.FloatRange(1e-4, 0.5),
             default=0.01,
-            help="Largest relative error of responses off resonance with losses; of Q twice that.",
+            help="Largest relative error of responses off resonance with losses; of Q twice that;"
+            " for gwinc of interpolation.",
+        ),
+        option(
+            "--interferometer",
+            default="aLIGO",
+            help="For gwinc: the one whose budget gets the suspension, aLIGO, Aplus, Voyager, CE1,"
+            " ... or the path of a budget.",
         ),
         options.ALLOW_UNSTABLE,
         options.OVERRIDES,
@@ -114,6 +123,10 @@ class ExportAnalysis(Analysis):
         from suspension_cli.models.choice import Frequencies
 
         setting, loss = run.setting, run.setting["loss"]
+        if setting["format"] == "gwinc":
+            from suspension_cli.analyses.export import gwinc_tables
+
+            return gwinc_tables.solve(self, run)
         fidelity, tolerance = setting["fidelity"], setting["tolerance"]
         if loss:
             request = lambda _: Frequencies()  # noqa: E731
@@ -134,7 +147,7 @@ class ExportAnalysis(Analysis):
             interferometer.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
         if loss:
-            band, accuracy = parse_band(setting["band"], "--band"), setting["accuracy"]
+            band, accuracy = parse_band(setting["band"] or BAND, "--band"), setting["accuracy"]
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
             lossless = with_constant_loss(model).lossless
@@ -148,6 +161,10 @@ class ExportAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return names and the band of agreement."""
+        if result.extra["format"] == "gwinc":
+            from suspension_cli.analyses.export import gwinc_tables
+
+            return gwinc_tables.document(result)
         made: Exported = result.data
         system = made.system
         return {
@@ -165,6 +182,10 @@ class ExportAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return the size of the system and the band of agreement."""
+        if result.extra["format"] == "gwinc":
+            from suspension_cli.analyses.export import gwinc_tables
+
+            return gwinc_tables.text(result)
         made: Exported = result.data
         system, own = made.system, f"the {result.choice.level} model to {made.tolerance:g}"
         if made.band is None:
@@ -193,7 +214,10 @@ class ExportAnalysis(Analysis):
         """Return the path of the exported file."""
         from suspension_cli.analyses.export.file import FORMATS
 
-        return folder / f"{result.source.stem()}-statespace{FORMATS[result.extra['format']].suffix}"
+        form = result.extra["format"]
+        if form == "gwinc":  # which takes a dot for the start of a file's ending
+            return folder / f"{result.source.stem().replace('.', '_')}{FORMATS[form].suffix}"
+        return folder / f"{result.source.stem()}-statespace{FORMATS[form].suffix}"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the exported file, in the format of its ending."""
