@@ -488,20 +488,19 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
 
 
 def gwinc(result: Result, frequency: Any = None) -> Any:
-    """Make the noise budget of gwinc whose mirrors hang on the suspension of a result of `export`.
+    """Make a noise budget of gwinc whose mirrors hang as the design of a result of `export`.
 
     Parameters
     ----------
     result : Result
         Of `export` with `format="gwinc"`.
     frequency : array or str, optional
-        Hz, or ``"FROM:COUNT:TO"`` as gwinc takes it; by default 6000 frequencies of the table's
-        band.
+        Hz, or ``"FROM:COUNT:TO"``; by default 6000 frequencies of the table's band.
 
     Returns
     -------
     gwinc.nb.Budget
-        The budget of strain of the result's interferometer.
+        Of the strain of the result's interferometer.
 
     Raises
     ------
@@ -519,26 +518,20 @@ def gwinc(result: Result, frequency: Any = None) -> Any:
     """
     from suspension_cli.analyses.export import gwinc_budget
 
-    made = _exported(result, "table", 'give a result of sus.export(..., format="gwinc")')
+    made: Any = getattr(result, "data", None)
+    if not hasattr(made, "interferometer"):
+        remedy = 'give a result of sus.export(..., format="gwinc")'
+        raise InputError.of("result", "has no table for gwinc", remedy, arguments.shown(result))
     return gwinc_budget.suspend(made.table, made.interferometer)(freq=frequency)
 
 
 def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
     remedy = "give a result of sus.export"
-    made = _exported(result, "system", remedy)
-    if made.zpk is not None:
-        raise InputError.of("result", "has no state space", remedy, "export")
-    return made
-
-
-def _exported(result: object, what: str, remedy: str) -> Any:
-    """Return the data of a result of `export` that has a system or a table."""
     if not isinstance(result, Result):
         raise InputError.of("result", "is no result", remedy, arguments.shown(result))
-    if result.analysis.name != "export" or not hasattr(result.data, what):
-        kind = {"system": "state space"}.get(what, what)
-        raise InputError.of("result", f"has no {kind}", remedy, result.analysis.name)
+    if result.analysis.name != "export" or getattr(result.data, "zpk", "") is not None:
+        raise InputError.of("result", "has no state space", remedy, result.analysis.name)
     return result.data
 
 

@@ -19,14 +19,12 @@ if TYPE_CHECKING:
 
 FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "gwinc")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
-BAND = "0.1:100"
-"""Band of losses by default, Hz."""
 MOST = 12
 """Largest number of responses that are all printed."""
 
 
 class ExportAnalysis(Analysis):
-    """Export the state space of the model as DIR/NAME-statespace.*.
+    """Export the state space of the model as DIR/NAME-statespace.*, or a noise budget of gwinc.
 
     States, inputs and outputs have names and units. The band in which the export agrees with its
     own model, and those in which it agrees with the violin model to 1 % and 10 %, are measured and
@@ -38,7 +36,8 @@ class ExportAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
+        `analyses.export.gwinc_tables.Tables`: `table` and its `error`.
 
     Raises
     ------
@@ -96,6 +95,7 @@ class ExportAnalysis(Analysis):
         option(
             "--interferometer",
             default="aLIGO",
+            metavar="NAME",
             help="For gwinc: the one whose budget gets the suspension, aLIGO, Aplus, Voyager, CE1,"
             " ... or the path of a budget.",
         ),
@@ -147,7 +147,7 @@ class ExportAnalysis(Analysis):
             interferometer.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
         if loss:
-            band, accuracy = parse_band(setting["band"] or BAND, "--band"), setting["accuracy"]
+            band, accuracy = parse_band(setting["band"] or "0.1:100", "--band"), setting["accuracy"]
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
             lossless = with_constant_loss(model).lossless
@@ -161,15 +161,12 @@ class ExportAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return names and the band of agreement."""
-        if result.extra["format"] == "gwinc":
-            from suspension_cli.analyses.export import gwinc_tables
-
-            return gwinc_tables.document(result)
+        head = {"format": result.extra["format"], "file": result.extra.get("file")}
+        if head["format"] == "gwinc":
+            return head | result.data.document()
         made: Exported = result.data
         system = made.system
-        return {
-            "format": result.extra["format"],
-            "file": result.extra.get("file"),
+        return head | {
             "state": list(system.state),
             "input": list(system.input),
             "output": list(system.output),
@@ -183,9 +180,7 @@ class ExportAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return the size of the system and the band of agreement."""
         if result.extra["format"] == "gwinc":
-            from suspension_cli.analyses.export import gwinc_tables
-
-            return gwinc_tables.text(result)
+            return f"{result.choice.line}\n{result.data.text(result.extra.get('file', ''))}"
         made: Exported = result.data
         system, own = made.system, f"the {result.choice.level} model to {made.tolerance:g}"
         if made.band is None:
@@ -214,10 +209,10 @@ class ExportAnalysis(Analysis):
         """Return the path of the exported file."""
         from suspension_cli.analyses.export.file import FORMATS
 
-        form = result.extra["format"]
-        if form == "gwinc":  # which takes a dot for the start of a file's ending
-            return folder / f"{result.source.stem().replace('.', '_')}{FORMATS[form].suffix}"
-        return folder / f"{result.source.stem()}-statespace{FORMATS[form].suffix}"
+        stem, form = result.source.stem(), result.extra["format"]
+        # gwinc takes a dot for the start of a file's ending
+        stem = stem.replace(".", "_") if form == "gwinc" else f"{stem}-statespace"
+        return folder / f"{stem}{FORMATS[form].suffix}"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the exported file, in the format of its ending."""

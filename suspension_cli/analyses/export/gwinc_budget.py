@@ -12,12 +12,15 @@ from __future__ import annotations
 
 import copy
 import functools
+import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+INTERFEROMETER = "aLIGO"
+"""One of gwinc, or the path of a budget or of parameters, whose mirrors hang on this suspension."""
 Table = Mapping[str, np.ndarray]
 """`frequency` (f,), Hz; `horizontal_thermal` and `vertical_thermal` (f, 2 n), m/sqrt(Hz), of the
 upper and lower joints of n stages; `horizontal`, `vertical` and `coupling` (f,), from the support's
@@ -34,24 +37,14 @@ def interpolate(frequency: np.ndarray, value: np.ndarray, at: np.ndarray) -> np.
 
 
 def suspend(table: Table, interferometer: str, budget: str | None = None) -> type:
-    """Make the class of gwinc's budget of an interferometer with the suspension of a table.
-
-    Parameters
-    ----------
-    interferometer
-        Name of one of gwinc, or the path of a budget or of parameters, as `gwinc` takes it.
-    budget
-        Class of its budgets: ``"Displacement"``; None for that of strain.
-    """
+    """Make the class of the budget of an interferometer, by default of strain, with a table."""
     from gwinc import freq_from_spec, load_budget
 
     original = load_budget(interferometer, bname=budget)
     low, high = (float(table["frequency"][end]) for end in (0, -1))
 
     class Suspended(type(original)):
-        """The budget of the interferometer, with the suspension of the table."""
-
-        name = f"{original.name}, suspended as {table['name']}"
+        name = f"{original.name} with {table['name']}"
         _freq = f"{low}:6000:{high}"  # where gwinc looks for the default
 
         def __init__(self, freq: Any = None, ifo: Any = None, **other: Any) -> None:
@@ -88,7 +81,7 @@ def compute_suspension(table: Table, frequency: np.ndarray, ifo: Any) -> Any:
     check_band(table, frequency)
     known = table["frequency"]
     at = np.clip(frequency, known[0], known[-1])
-    found = precomp_suspension(frequency, ifo)  # for its coupling angle
+    found: Any = precomp_suspension(frequency, ifo)  # for its coupling angle
     angle = found.VHCoupling.theta
     found.hTable, found.vTable, found.tst_suscept, coupling = (
         interpolate(known, table[key], at)
@@ -115,3 +108,13 @@ def check_band(table: Table, frequency: np.ndarray) -> None:
             f"the table of {table['name']} has {low:g} to {high:g} Hz, and lacks some of"
             f" {frequency.min():g} to {frequency.max():g} Hz; export it again with --band"
         )
+
+
+def __getattr__(name: str) -> type:
+    """Make the budget that gwinc asks for by the name of this folder, or of one of its classes."""
+    folder = os.path.dirname(os.path.abspath(__file__))
+    file = os.path.join(folder, "suspension.npz")
+    if name.startswith("__") or not os.path.exists(file):
+        raise AttributeError(name)
+    budget = None if name in (os.path.basename(folder), ".") else name
+    return suspend(dict(np.load(file)), INTERFEROMETER, budget)
