@@ -3,7 +3,9 @@
 An argument at its default value takes that of the design's ``[analysis]`` table, if it gives one,
 as options of the commands do.
 
-Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function.
+Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function. A
+function is stable unless its docstring says "Provisional" under Notes; docs/api.md says what that
+means.
 """
 
 from __future__ import annotations
@@ -307,6 +309,10 @@ def import_sumcon(
     InputError
         If the file is no save, is damaged, or gives no valid design.
 
+    Notes
+    -----
+    Provisional: it follows the saves of another program.
+
     Examples
     --------
     >>> import suspension_cli as sus
@@ -470,6 +476,10 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
         If the result is of another analysis, has zeros and poles instead of matrices, or signals
         that finesse's mirrors do not have.
 
+    Notes
+    -----
+    Provisional: it follows the elements of another program.
+
     Examples
     --------
     >>> import finesse, suspension_cli as sus
@@ -487,12 +497,50 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
     return interferometer.suspend(made, name, mirror, facing)
 
 
+def gwinc(result: Result, frequency: Any = None) -> Any:
+    """Make a noise budget of gwinc whose mirrors hang as the design of a result of `export`.
+
+    Parameters
+    ----------
+    result : Result
+        Of `export` with `format="gwinc"`.
+    frequency : array or str, optional
+        Hz, or ``"FROM:COUNT:TO"``; by default 6000 frequencies of the table's band.
+
+    Returns
+    -------
+    gwinc.nb.Budget
+        Of the strain of the result's interferometer.
+
+    Raises
+    ------
+    InputError
+        If the result is of another analysis or format.
+    RuntimeError
+        If the table does not have these frequencies, or gwinc does not know the interferometer.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> made = sus.export(sus.example("geo-silica-triple"), format="gwinc", band="10:100")
+    >>> sus.gwinc(made, frequency="20:10:50").run()["SuspensionThermal"].asd.shape
+    (10,)
+    """
+    from suspension_cli.analyses.export import gwinc_budget
+
+    made: Any = getattr(result, "data", None)
+    if not hasattr(made, "interferometer"):
+        remedy = 'give a result of sus.export(..., format="gwinc")'
+        raise InputError.of("result", "has no table for gwinc", remedy, arguments.shown(result))
+    return gwinc_budget.suspend(made.table, made.interferometer)(freq=frequency)
+
+
 def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
     remedy = "give a result of sus.export"
     if not isinstance(result, Result):
         raise InputError.of("result", "is no result", remedy, arguments.shown(result))
-    if result.analysis.name != "export" or result.data.zpk is not None:
+    if result.analysis.name != "export" or getattr(result.data, "zpk", "") is not None:
         raise InputError.of("result", "has no state space", remedy, result.analysis.name)
     return result.data
 

@@ -53,11 +53,12 @@ def size(picture: Path) -> tuple[int, int]:
 COMMANDS = {
     "README": {"modes"},
     "budget": {"budget"},
+    "cavity": {"sweep"},
     "control": {"damp"},
     "tutorial": {"new", "check", "draw", "info", "modes", "sweep", "response", "thermal", "plot"},
     "diagnosis": {"response", "fit", "compare", "budget"},
 }
-PICTURES = {"tutorial": 5, "diagnosis": 2}
+PICTURES = {"tutorial": 5, "diagnosis": 2, "cavity": 1}
 
 
 @pytest.fixture(scope="module", params=COMMANDS)

@@ -1,1 +1,1 @@
-"""Export state space for control tools: mat, npz, hdf5, zpk, python-control, Foton."""
+"""Export state space for control tools, finesse and Foton; noise for gwinc."""
