@@ -84,7 +84,8 @@ def read(path: Path, module: str, numbers: Sequence[int]) -> tuple[str, float]:
     known |= {words[n][0] for n in starts}
     if module not in known:
         problem = f"has no module {format_value(module)}" if known else "is no Foton filter file"
-        raise InputError.of("", problem, suggest(module, sorted(known)))
+        remedy = suggest(module, sorted(known)) if known else "name the .txt file of a front end"
+        raise InputError.of("", problem, remedy)
     rates = {one[1]: one[2] for one in heads if one[0] == "SAMPLING" and len(one) > 2}
     rate = _number(rates.get(module, rates.get("RATE", "")))
     if not 0 < rate < math.inf:

@@ -175,21 +175,17 @@ class ExportAnalysis(Analysis):
         if head["format"] == "gwinc":
             return head | result.data.document()
         made: Exported = result.data
-        system = made.system
-        return (
-            head
-            | {
-                "state": list(system.state),
-                "input": list(system.input),
-                "output": list(system.output),
-                "band_hz": list(made.band) if made.band else None,
-                "tolerance": made.tolerance,
-                "worst_error": as_number(made.worst),
-                "worst_q_error": None if made.q_error is None else as_number(made.q_error),
-                "agreement": _agreement(made),
-            }
-            | _modules(made)
-        )
+        system, head = made.system, head | _modules(made)
+        return head | {
+            "state": list(system.state),
+            "input": list(system.input),
+            "output": list(system.output),
+            "band_hz": list(made.band) if made.band else None,
+            "tolerance": made.tolerance,
+            "worst_error": as_number(made.worst),
+            "worst_q_error": None if made.q_error is None else as_number(made.q_error),
+            "agreement": _agreement(made),
+        }
 
     def text(self, result: Result) -> str:
         """Return the size of the system and the band of agreement."""
