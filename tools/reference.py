@@ -46,11 +46,21 @@ TYPES = {
     for name in schema.json_schema()["$defs"]
 }
 """Tables of the file format, by name."""
-SHARED = {
+USUAL = {
     *("overrides", "out", "stem", "fidelity", "as_json", "as_csv", "plot", "picture_format"),
-    *("quiet", "verbose", "tolerance", "allow_unstable"),
+    *("quiet", "verbose"),
 }
-"""Parameters whose options the head of docs/commands.md explains once."""
+"""Parameters of most analyses, whose options the head of docs/commands.md explains once."""
+SHARED = USUAL | {
+    *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume")
+}
+"""These, and those of several commands, which the head explains too."""
+LIKE = {
+    "Wire": (wires.AnyWire, "`[stage.wires]`"),
+    "Blade": (wires.AnyBlade, "`[stage.blades]`"),
+}
+"""Tables whose keys from a common base are described in another table: the base, and the heading of
+the other in docs/design-file.md."""
 
 
 def page(text: str) -> str:
@@ -76,23 +86,35 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 
 def keys(name: str) -> str:
-    """Tabulate the keys of a table of the file format: values, default, meaning."""
+    """Tabulate the keys of a table of the file format: values, default, meaning.
+
+    Keys with the same values, default and meaning share a row; those of a table in `LIKE` are named
+    in the last one.
+    """
     kind = TYPES[name]
+    base, heading = LIKE.get(name, (None, ""))
+    known = set(base.__struct_fields__) if base else set()
     hints = get_type_hints(kind, include_extras=True)
     rows = []
     private = (one for one in kind.__mro__ if one is kind or one.__name__.startswith("_"))
     own = {key for one in private for key in getattr(one, "__annotations__", ())}
     fields = msgspec.structs.fields(kind)  # those that tables share after those of its own
     for field in sorted(fields, key=lambda field: not (field.required or field.name in own)):
+        if field.name in known:
+            continue
         hint = hints[field.name]
-        rows.append(
-            (
-                f"`{field.name}`",
-                takes(hint),
-                "required" if field.required else default(field.default),
-                description(hint),
-            )
+        row = (
+            takes(hint),
+            "required" if field.required else default(field.default),
+            description(hint),
         )
+        if rows and rows[-1][1:] == row:
+            rows[-1] = (f"{rows[-1][0]}, `{field.name}`", *row)
+        else:
+            rows.append((f"`{field.name}`", *row))
+    if base:
+        names = ", ".join(f"`{field}`" for field in base.__struct_fields__)
+        rows.append((names, f"as in {heading}", "", ""))
     return table(("key", "takes", "default", "meaning"), rows)
 
 
@@ -222,15 +244,19 @@ def options(name: str) -> str:
         raise KeyError(name)
     context = click.Context(command, info_name=f"pendsus {name}")
     rows, shared = [], []
+    is_usual = {param.name for param in command.params} >= USUAL
     for param in command.params:
         record = param.get_help_record(context)
         longest = max(param.opts, key=len)
+        if param.name in USUAL and is_usual:
+            continue
         if param.name in SHARED:
             shared.append(f"`{longest}`")
         elif record is not None and isinstance(param, click.Option):
             rows.append((f"`{record[0]}`", " ".join(record[1].split())))
     parts = [f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"]
     parts += [table(("option", "meaning"), rows)] if rows else []
+    shared = [*(["those of all analyses"] if is_usual else []), *shared]
     parts += [f"Shared options: {', '.join(shared)}."] if shared else []
     return "\n\n".join(parts)
 

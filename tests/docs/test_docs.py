@@ -26,7 +26,8 @@ from tests.support.optima import EXAMPLE
 from tests.support.paths import ROOT
 from tests.support.quick_tradeoff import hurry
 
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.md"))
 LINKING = [
     *DOCUMENTS,
     ROOT / "CONTRIBUTING.md",
@@ -184,7 +185,8 @@ TESTED = {
             for word in words_of(line.removeprefix("$ "))
         )
         for block in blocks(TEXT["diagnosis.md"], "console")
-        for line in block[:1]
+        for line in block
+        if line.startswith("$ ")
     ),
 }
 """Lines that other tests run."""
@@ -307,6 +309,12 @@ def test_first_steps_end_with_the_modes_of_the_design_itself(folder):
     for line in rest[1:]:
         called(line)
     assert Path("results/my-modes.h5").read_bytes() == first
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_are_short_and_listed(page):
+    assert len(page.read_text().splitlines()) <= 60
+    assert f"(examples/{page.name})" in TEXT["index.md"]
 
 
 def test_every_command_is_in_the_reference():
