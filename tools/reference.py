@@ -79,14 +79,14 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     kept = [n for n, title in enumerate(head) if n == 0 or not rows or any(row[n] for row in rows)]
     lines = [
         [head[n] for n in kept],
-        ["---"] * len(kept),
         *([row[n].replace("|", r"\|") for n in kept] for row in rows),
     ]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    first, *others = ("| " + " | ".join(line) + " |" for line in lines)
+    return "\n".join((first, "|" + "---|" * len(kept), *others))
 
 
 def keys(name: str) -> str:
-    """Tabulate the keys of a table of the file format: values, default, meaning.
+    """Tabulate the keys of a table of the file format: values with their default, and meaning.
 
     Keys with the same values, default and meaning share a row; those of a table in `LIKE` are named
     in the last one.
@@ -103,19 +103,16 @@ def keys(name: str) -> str:
         if field.name in known:
             continue
         hint = hints[field.name]
-        row = (
-            takes(hint),
-            "required" if field.required else default(field.default),
-            description(hint),
-        )
+        given = ", required" if field.required else default(field.default)
+        row = (takes(hint) + given, description(hint))
         if rows and rows[-1][1:] == row:
             rows[-1] = (f"{rows[-1][0]}, `{field.name}`", *row)
         else:
             rows.append((f"`{field.name}`", *row))
     if base:
         names = ", ".join(f"`{field}`" for field in base.__struct_fields__)
-        rows.append((names, f"as in {heading}", "", ""))
-    return table(("key", "takes", "default", "meaning"), rows)
+        rows.append((names, f"as in {heading}", ""))
+    return table(("key", "takes", "meaning"), rows)
 
 
 def number(value: float | None) -> str:
@@ -138,7 +135,7 @@ def built_in(_: str) -> str:
 
 
 def default(value: Any) -> str:
-    """Format a default as written in the file; empty if the key is simply absent."""
+    """Describe a default as written in the file; empty if the key is simply absent."""
     if (
         value is None
         or value is msgspec.NODEFAULT
@@ -146,7 +143,7 @@ def default(value: Any) -> str:
         or isinstance(value, msgspec.Struct)
     ):
         return ""
-    return f"`{msgspec.json.encode(value).decode()}`"
+    return f", default `{msgspec.json.encode(value).decode()}`"
 
 
 def bare(hint: Any) -> tuple[Any, list[msgspec.Meta]]:
@@ -181,6 +178,8 @@ def takes(hint: Any) -> str:
         return list_of(bare(get_args(kind)[0])[0], metas)
     if get_origin(kind) is dict:
         return "tables"
+    if kind is schema.Distribution:
+        return "distribution"
     if issubclass(kind, msgspec.Struct):
         return (
             f"`{{ {', '.join(kind.__struct_fields__)} }}`"

@@ -447,7 +447,7 @@ def test_datasets_of_a_results_file(group, folder, monkeypatch):
     called(f"pendsus {MAKES[group]} --out out")
     (path,) = (folder / "out").glob("*.h5")
     described = {
-        name: row[1:3]
+        name: (row[0].partition("[")[2].removesuffix("]"), row[1])
         for row in rows(sections("format.md")[f"Group {group}"])
         for name in named(row[0])
     }

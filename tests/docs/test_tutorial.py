@@ -52,7 +52,6 @@ def size(picture: Path) -> tuple[int, int]:
 
 COMMANDS = {
     "README": {"modes"},
-    "budget": {"budget"},
     "control": {"damp"},
     "damping": {"new", "damp", "budget"},
     "diagnosis": {"response", "fit", "compare"},
