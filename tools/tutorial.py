@@ -1,7 +1,7 @@
 """Run the commands of README.md and docs/ whose output is shown, in a temporary folder per page.
 
-A page shows a command as `$ pendsus ...`, and below it the output; Python whose output is shown is a
-block of `python` followed by one of `text`. On a page that makes a design, blocks of TOML are
+A page shows a command as `$ pendsus ...`, and below it the output; Python whose output is shown is
+a block of `python` followed by one of `text`. On a page that makes a design, blocks of TOML are
 edits of it. `make tutorial` copies the output and pictures into the pages;
 `tests/docs/test_tutorial.py` compares the two. A line `...` stands for any number of lines; of such
 an output each line shown is replaced by the one most like it.

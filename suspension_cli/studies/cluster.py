@@ -27,7 +27,8 @@ def describe_exposure(scheduler: str) -> str:
         return ""
     return (
         f"--scheduler {scheduler} has no TLS: whoever reaches it can run programs on its machines"
-        " and on this one, and read and change what is sent; docs/examples/cluster.md shows how to set it up"
+        " and on this one, and read and change what is sent; docs/examples/cluster.md shows how to"
+        " set it up"
     )
 
 

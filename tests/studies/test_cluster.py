@@ -141,7 +141,7 @@ def test_a_scheduler_that_goes_away(tmp_path):
 
 
 def quoted():
-    """Commands of docs/examples/cluster.md: certificate, scheduler, worker; environment; and pendsus."""
+    """Commands of docs/examples/cluster.md: certificate, scheduler, worker; environment; pendsus."""
     page = (ROOT / "docs" / "examples" / "cluster.md").read_text()
     lines = "".join(re.findall(r"^```\n(.*?)^```", page, re.MULTILINE | re.DOTALL)).splitlines()
     *commands, _ = (shlex.split(line) for line in lines if not line.startswith("export "))

@@ -69,8 +69,8 @@ def section() -> Section:
     result = Section("KAGRA: SUMCON's equations of motion")
     found = [compare_with_sumcon(name) for name in SUSPENSIONS]
     result.lines += [
-        "[SUMCON](../docs/migrating.md#saves-of-sumcon) is KAGRA's modeller of suspensions. `pendsus import` converts"
-        " its saves; below, modes and responses without damping are held against the mass and"
+        "[SUMCON](../docs/migrating.md#saves-of-sumcon) is KAGRA's modeller of suspensions."
+        " `pendsus import` converts its saves; below, modes and responses without damping are held against the mass and"
         " stiffness matrices that SUMCON itself derived from them. `string` with hinges is"
         " SUMCON's model of a wire and has to agree; `beam` bends wires exactly, and differs where"
         " SUMCON's hinges, which take the thin end of a wire as endless, are too simple. Responses"
