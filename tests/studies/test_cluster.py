@@ -141,9 +141,9 @@ def test_a_scheduler_that_goes_away(tmp_path):
 
 
 def quoted():
-    """Commands of docs/examples/cluster.md: certificate, scheduler, worker; environment; pendsus."""
+    """Commands of docs/examples/cluster.md: certificate, scheduler, worker; keys; and pendsus."""
     page = (ROOT / "docs" / "examples" / "cluster.md").read_text()
-    lines = "".join(re.findall(r"^```\n(.*?)^```", page, re.MULTILINE | re.DOTALL)).splitlines()
+    lines = "".join(re.findall(r"^```bash\n(.*?)^```", page, re.MULTILINE | re.DOTALL)).splitlines()
     *commands, _ = (shlex.split(line) for line in lines if not line.startswith("export "))
     keys = dict(line.removeprefix("export ").split("=") for line in lines if "export " in line)
     return commands, keys, shlex.split(lines[-1])
