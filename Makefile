@@ -6,15 +6,16 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 DOCS_READY := $(VENV)/docs-ready
 BENCH_READY := $(VENV)/bench-ready
+DIST_READY := $(VENV)/dist-ready
 
 
 # What `make all` makes; a new result is one more word here and a section in results/README.md.
-RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability tradeoff optimise validation
+RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal stability tradeoff optimise validation cavity
 
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help all $(RESULTS) test test-kernels test-oldest test-pythons lint docs reference tutorial bench golden mutations clean
+.PHONY: help all $(RESULTS) test test-kernels test-oldest test-pythons lint docs reference tutorial bench golden mutations dist clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 14
@@ -31,6 +32,10 @@ $(DOCS_READY): $(READY)
 
 $(BENCH_READY): $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@touch $@
+
+$(DIST_READY): $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dist]'
 	@touch $@
 
 all: $(RESULTS)  ## every table, figure and chart, into results/
@@ -72,6 +77,10 @@ modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 validation: $(READY) ## suspensions that were built, held against numbers of others
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.validation
 
+cavity: $(READY) ## optical spring of an arm between two quadruples, by pendsus and by finesse
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[finesse]'
+	cd results && MPLBACKEND=agg ../$(BIN)/python -W ignore ../docs/notebooks/cavity.py
+
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
 	$(BIN)/python -m tools.optimise
 
@@ -92,8 +101,8 @@ test-oldest:     ## run the tests with the oldest versions of all libraries that
 	$(PYTHON) tools/oldest.py > build/oldest.txt
 	PIP_CONSTRAINT=build/oldest.txt $(MAKE) test VENV=build/oldest
 
-test-pythons:    ## run the tests on Python 3.12 and 3.13, where these are to be had
-	@for version in 3.12 3.13; do \
+test-pythons:    ## run the tests on Python 3.12 to 3.14, where these are to be had
+	@for version in 3.12 3.13 3.14; do \
 		if python$$version -c '' 2>/dev/null; then $(MAKE) test VENV=build/python$$version PYTHON=python$$version || exit 1; \
 		else echo "python$$version: not on this machine"; fi; done
 
@@ -123,5 +132,8 @@ golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers c
 mutations: $(READY) ## damage 1,000 designs, data files, results, options and arguments (ten minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.mutations
 
+dist: $(DIST_READY) ## the wheel and the source archive, into dist/, and the wheel tried in an empty environment
+	$(BIN)/python -m tools.dist
+
 clean:           ## remove the environment and caches
-	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis build *.egg-info
+	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis build dist *.egg-info

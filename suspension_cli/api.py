@@ -3,7 +3,9 @@
 An argument at its default value takes that of the design's ``[analysis]`` table, if it gives one,
 as options of the commands do.
 
-Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function.
+Import it as ``import suspension_cli as sus``; docs/api.md has examples of every function. A
+function is stable unless its docstring says "Provisional" under Notes; docs/api.md says what that
+means.
 """
 
 from __future__ import annotations
@@ -307,6 +309,10 @@ def import_sumcon(
     InputError
         If the file is no save, is damaged, or gives no valid design.
 
+    Notes
+    -----
+    Provisional: it follows the saves of another program.
+
     Examples
     --------
     >>> import suspension_cli as sus
@@ -469,6 +475,10 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
     InputError
         If the result is of another analysis, has zeros and poles instead of matrices, or signals
         that finesse's mirrors do not have.
+
+    Notes
+    -----
+    Provisional: it follows the elements of another program.
 
     Examples
     --------

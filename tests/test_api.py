@@ -353,6 +353,20 @@ def test_notebooks(name, said, capsys, monkeypatch):
     assert said in capsys.readouterr().out
 
 
+def test_notebook_with_finesse(tmp_path, capsys, monkeypatch):
+    """Lines and dots are compared by tests/analyses/export/test_finesse_cavity.py."""
+    pytest.importorskip("finesse")
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.chdir(tmp_path)
+    path = ROOT / "docs" / "notebooks" / "cavity.py"
+    assert len(path.read_text().splitlines()) <= 60
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sus.PendsusWarning)
+        runpy.run_path(str(path))
+    assert "   2 Hz: 1.36e-05 m/N at 10 Hz" in capsys.readouterr().out
+    assert (tmp_path / "cavity.png").stat().st_size > 1e4
+
+
 def test_defaults_are_those_of_the_analysis_table():
     """Of the design's [analysis.xcouple]: its grids and its point; an argument wins."""
     stage = sus.example("husman2000/figure6")

@@ -1,10 +1,11 @@
-"""Generate the tables of docs/design-file.md (keys, materials) and docs/commands.md (options),
-and the stub from which editors know the functions of the analyses (suspension_cli/__init__.pyi).
+"""Generate the tables of docs/design-file.md (keys, materials), docs/commands.md (options) and
+docs/api.md (stability of names), and the stub from which editors know the functions of the
+analyses (suspension_cli/__init__.pyi).
 
-Keys come from the types of the file format, options from `--help`. A page marks the place of a
-table with `<!-- keys: WireSet -->`, `<!-- options: modes -->` or `<!-- materials: built-in -->`;
-the text from there to `<!-- end -->` is regenerated. Run by `make reference`;
-`tests/docs/test_reference.py` fails if a page is stale.
+Keys come from the types of the file format, options from `--help`, stability from docstrings. A
+page marks the place of a table with `<!-- keys: WireSet -->`, `<!-- options: modes -->`,
+`<!-- materials: built-in -->` or `<!-- stability: api -->`; the text from there to `<!-- end -->`
+is regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a page is stale.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
+    cavities,
     filters,
     inverted_pendulum,
     links,
@@ -36,10 +38,12 @@ from suspension_cli.design import (
 from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
-PAGES = (ROOT / "docs" / "design-file.md", ROOT / "docs" / "commands.md")
-BLOCK = re.compile(r"<!-- (keys|options|materials): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
+PAGES = tuple(ROOT / "docs" / name for name in ("design-file.md", "commands.md", "api.md"))
+BLOCK = re.compile(
+    r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
+)
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, wires, links, inverted_pendulum, filters, losses)
+MODULES = (schema, wires, links, cavities, inverted_pendulum, filters, losses)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))
@@ -65,7 +69,7 @@ the other in docs/design-file.md."""
 
 def page(text: str) -> str:
     """Regenerate the tables of a page."""
-    makers = {"keys": keys, "options": options, "materials": built_in}
+    makers = {"keys": keys, "options": options, "materials": built_in, "stability": stability}
     return BLOCK.sub(
         lambda found: (
             f"<!-- {found[1]}: {found[2]} -->\n\n{makers[found[1]](found[2])}\n\n<!-- end -->"
@@ -258,6 +262,17 @@ def options(name: str) -> str:
     shared = [*(["those of all analyses"] if is_usual else []), *shared]
     parts += [f"Shared options: {', '.join(shared)}."] if shared else []
     return "\n\n".join(parts)
+
+
+def stability(_: str) -> str:
+    """Tabulate the public names: stable, or provisional where the docstring says so."""
+    rows = []
+    for name in sus.__all__:
+        if not name.startswith("_"):
+            text = inspect.getdoc(getattr(sus, name)) or ""
+            kind = "provisional" if "\nProvisional: " in text else "stable"
+            rows.append((f"`{name}`", kind, text.partition("\n")[0].rstrip(".")))
+    return table(("name", "stability", "what it does, or is"), rows)
 
 
 def stub() -> str:

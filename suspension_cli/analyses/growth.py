@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 
 from suspension_cli.design import faults
 from suspension_cli.design.checks import find_active
@@ -65,7 +66,13 @@ def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | N
     """
     static = eigenmodes.solve(system.constant)
     if not static.stable:
-        return Growth(Fault("stage", "the equilibrium is unstable", RAISE), static, static=True)
+        fault = Fault("stage", "the equilibrium is unstable", RAISE)
+        dark = replace(design, cavity=[])
+        if design.cavity and eigenmodes.solve(kind.system(dark).constant).stable:
+            keys = [f"cavity.{one.name}.power" for one in design.cavity]
+            problem = "the pressure of the light makes the equilibrium unstable"
+            fault = Fault(keys[0], problem, f"lower {', '.join(keys)}, or stiffen this motion")
+        return Growth(fault, static, static=True)
     if not system.active:
         return None
     light = registry.BEAM.system(design) if kind.has_wire_mass else system
@@ -74,6 +81,7 @@ def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | N
         return None
     parts = [fault for part, fault in find_active(design, faults.tables(design)) if part.active]
     keys = ", ".join(fault.key for fault in parts)
-    remedy = f"make {keys} less negative, or damp this motion more"
+    less = "less negative" if all("detuning" not in fault.key for fault in parts) else "smaller"
+    remedy = f"make {keys} {less}, or damp this motion more"
     problem = "an active element makes the motion grow, so there is no steady state"
     return Growth(Fault(parts[0].key, problem, remedy), found, static=False)

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import faults, materials, units
+from suspension_cli.design.cavities import Cavity
 from suspension_cli.design.derive import add_keystones, com_positions, part_loss, set_geometry
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.filters import SUFFIX
@@ -246,7 +247,7 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
     for kind, item in design.between_bodies:
         path, (first, second) = f"{kind}.{item.name}", item.between
         if item.name in taken:
-            problem = "is the name of another link, damper or stage"
+            problem = "is the name of another link, damper, cavity or stage"
             yield fault_of(item, path, "name", problem, "give each a name of its own")
         taken.append(item.name)
         problem, remedy = "", "name two bodies"
@@ -267,9 +268,13 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
 
 def find_active(
     design: Design, tables: Iterable[tuple[str, Table]]
-) -> Iterator[tuple[Link | Damper | Spring, Fault]]:
+) -> Iterator[tuple[Link | Damper | Spring | Cavity, Fault]]:
     """Find which of some tables of a design give power to the motion, each with what does so."""
     for path, part in tables:
+        if isinstance(part, Cavity) and part.active:
+            remedy = "make it negative, or lower the power"
+            problem = "is positive, so that the delay of the optical spring drives the motion"
+            yield part, fault_of(part, path, "detuning", problem, remedy)
         if not isinstance(part, (Link, Damper, Spring)):
             continue
         if problem := _negative(part.damping):

@@ -16,6 +16,7 @@ from msgspec import Meta
 from suspension_cli.conventions import AVOGADRO, DOFS
 from suspension_cli.design import demand, foton, imperfections, tables, units
 from suspension_cli.design.bodies import Body
+from suspension_cli.design.cavities import Cavity
 from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
 from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
@@ -548,15 +549,16 @@ class Design(Table, frozen=True):
     perturbation: list[Perturbation] = []
     link: list[Link] = key("springs between any two bodies", [])
     damper: list[Damper] = key("dampers between any two bodies", [])
+    cavity: list[Cavity] = key("light between two mirrors, with its pressure on them", [])
     analysis: dict[str, Raw] = key(
         "defaults for a command's options, under the options' own names", {}
     )
 
     @property
     def is_active(self) -> bool:
-        """Whether a spring, link or damper may give power to the motion."""
+        """Whether a spring, link, damper or cavity may give power to the motion."""
         springs = (spring for stage in self.stage for spring in stage.spring)
-        return any(part.active for part in (*springs, *self.link, *self.damper))
+        return any(part.active for part in (*springs, *self.link, *self.damper, *self.cavity))
 
     @property
     def between_bodies(self) -> list[tuple[str, BetweenBodies]]:

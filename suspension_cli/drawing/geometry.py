@@ -271,6 +271,10 @@ def _attachments(sketch: Sketch) -> Iterator[Stroke]:
     yield from (Stroke("blade", line) for line in sketch.leaves)
     yield from (Stroke("leg", line) for line in _ends(scene, pose, scene.struts))
     yield from _springs(sketch)
+    number = Places.of(sketch.design).number
+    for cavity in sketch.design.cavity:
+        ends = np.array([number[name] for name in cavity.between])
+        yield Stroke("light", position_of(scene, pose, ends, np.zeros((2, 3))))
 
 
 def wire_ends(scene: Scene, pose: Pose) -> Array:

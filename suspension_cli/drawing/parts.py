@@ -23,6 +23,7 @@ WIDTHS = {
     "wire": (1.0, 0.2),
     "leg": (1.2, 0.2),
     "link": (0.9, 0.35),
+    "light": (0.5, -0.1),
 }
 """Width of lines relative to that of a wire, and their order above that of the bodies."""
 ZIGZAG = (

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
 
@@ -201,6 +201,11 @@ def is_damper(term: Term) -> bool:
     return isinstance(term, LossTerm) and not term.elastic
 
 
+def is_light(term: Term) -> TypeGuard[LossTerm]:
+    """Whether a term is that of the light of a cavity."""
+    return isinstance(term, LossTerm) and term.light is not None
+
+
 def is_massive(term: Term) -> bool:
     """Whether a term is that of wires with mass."""
     return isinstance(term, WireTerm) and term.strand.massive
@@ -306,7 +311,8 @@ class EvaluatedWires:
 class LossTerm:
     """Loss of a constant stiffness, i phi(omega) K, or of a damper, i omega C.
 
-    A stiffness given as a table against frequency also changes its real part.
+    A stiffness given as a table against frequency also changes its real part; so does the light of
+    a cavity, whose function is complex.
 
     Attributes
     ----------
@@ -322,6 +328,8 @@ class LossTerm:
         Whether the matrix also stores energy.
     storage
         Relative change (f,) of Re K from its static value; None if constant.
+    light
+        Pole and detuning (rad/s) of the cavity whose light acts (`models.cavity`); None for others.
     """
 
     cause: str
@@ -330,6 +338,7 @@ class LossTerm:
     angle: Function
     elastic: bool = True
     storage: Function | None = None
+    light: tuple[float, float] | None = None
 
     @property
     def dispersive(self) -> bool:
@@ -394,7 +403,7 @@ class EvaluatedLoss:
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
         """Dissipation x^H Im(f A) x, with the `matrix` of `LossTerm.within`."""
         key = self.term.cause, self.term.temperature
-        return {key: self.angle * quadratic_form(matrix, motion)}
+        return {key: np.real(self.angle) * quadratic_form(matrix, motion)}
 
 
 def quadratic_form(

@@ -28,6 +28,7 @@ from suspension_cli.linear.frequency_terms import (
     Term,
     WireTerm,
     is_damper,
+    is_light,
     is_massive,
     quadratic_form,
 )
@@ -42,6 +43,8 @@ SLOW = 1e-4
 """Decay rate over frequency up to which it follows from the dissipation."""
 STEP = 1e-20
 """Relative complex step in frequency, for derivatives of stiffnesses."""
+BESIDE = 1e-5
+"""Relative step of central differences in frequency."""
 UNIT = 1e-9
 """A loss angle in rad, so small that dissipation is proportional to it."""
 
@@ -95,8 +98,9 @@ def evaluate(
     for n, (term, ends) in enumerate(moving):
         energy[n] = _wire_energies(term, ends, np.where(oscillates, omega, 1.0)) * oscillates
     weight, lost = bodily + energy.sum((0, 1)), lost + power
+    inertia = weight + _inertia_of_light(model, np.where(oscillates, omega, 1.0), x)
     some = oscillates & (np.abs(lost) > NOTHING * omega**2 * weight)
-    sigma = np.where(some, -lost / np.where(some, 2 * omega * weight, 1.0), 0.0)
+    sigma = np.where(some, -lost / np.where(some, 2 * omega * inertia, 1.0), 0.0)
     slow = oscillates & (np.abs(np.real(value)) <= SLOW * omega)
     refined = np.where(slow, sigma + 1j * omega, value)
     decays = np.real(refined) < 0
@@ -132,6 +136,20 @@ def _dissipation(
         if not is_damper(term):
             elastic += sum(_with_unit_loss(term, omega).dissipated(ends, x).values()) / UNIT
     return lost if model.active else np.maximum(lost, 0.0), elastic
+
+
+def _inertia_of_light(
+    model: LinearSystem,
+    omega: Float[np.ndarray, " mode"],
+    x: Inexact[np.ndarray, "coordinate mode"],
+) -> Float[np.ndarray, " mode"]:
+    """Compute -x^H d Re(Z) / d(omega^2) x of the light of cavities, kg m^2."""
+    result = np.zeros(len(omega))
+    for term in filter(is_light, model.terms):
+        below, above = (np.real(term.at(omega * (1 + h)).value) for h in (-BESIDE, BESIDE))
+        slope = (above - below) / (4 * BESIDE * omega**2)
+        result -= slope * quadratic_form(term.matrix, x)
+    return result
 
 
 def _with_unit_loss(term: Term, omega: Float[np.ndarray, " mode"]) -> Any:

@@ -24,8 +24,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import FRAME
+from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
+from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
@@ -70,15 +72,17 @@ class StateSpace:
     def at(
         self, frequency: Float[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency output input"]:
-        """Compute the transfer matrix by a dense solve at each frequency in Hz."""
+        """Compute the transfer matrix at frequencies in Hz, by dense solves of what is coupled."""
         s, own = 2j * np.pi * np.asarray(frequency), self.balanced()
-        result = np.empty((len(s), *self.d.shape), dtype=complex)
-        step = max(1, SOLVED // max(len(own.a), 1) ** 2)
-        for start in range(0, len(s), step):
-            some = slice(start, start + step)
-            dynamic = s[some, None, None] * np.eye(len(own.a)) - own.a
-            drive = np.broadcast_to(own.b.astype(complex), (len(dynamic), *own.b.shape))
-            result[some] = own.c @ np.linalg.solve(dynamic, drive) + self.d
+        result = np.tile(self.d.astype(complex), (len(s), 1, 1))
+        for group in connected_groups(own.a != 0):
+            a, b, c = own.a[np.ix_(group, group)], own.b[group].astype(complex), own.c[:, group]
+            step = max(1, SOLVED // len(a) ** 2)
+            for start in range(0, len(s), step):
+                some = slice(start, start + step)
+                dynamic = s[some, None, None] * np.eye(len(a)) - a
+                drive = np.broadcast_to(b, (len(dynamic), *b.shape))
+                result[some] += c @ np.linalg.solve(dynamic, drive)
         return result
 
 
@@ -125,7 +129,12 @@ def assemble(
     a: list[Array] = []
     b: list[Array] = []
     c: list[Array] = []
-    feed, damping = rows[:, :6] @ moves, model.damping + _equivalent_damping(model.constant)
+    feed = rows[:, :6] @ moves
+    model = _with_states_of_light(
+        replace(model, damping=model.damping + _equivalent_damping(model.constant))
+    )
+    rows, forces = (_pad(part, model.size) for part in (rows, forces.T))
+    forces, damping = forces.T, model.damping
     states: list[str] = []
     for block in Pencil.of(model.constant).blocks:
         if not rows[:, block.keep].any() or not (undriven or block.is_driven(moves, forces).any()):
@@ -157,8 +166,48 @@ def assemble(
     )
 
 
+def _pad(rows: Float[np.ndarray, "row _"], size: int) -> Float[np.ndarray, "row coordinate"]:
+    """Give rows a column of zeros for each further coordinate."""
+    return np.pad(rows, ((0, 0), (0, size - rows.shape[1])))
+
+
+def _with_states_of_light(model: LinearSystem) -> LinearSystem:
+    """Replace the light of cavities by two massless coordinates each, its sidebands.
+
+    With the optical spring K_0 r r^T, r the row of its elongation, and its pole gamma and detuning
+    Delta, the equations
+
+        (s + gamma) u + Delta v = h r . x,    Delta u - (s + gamma) v = h r . x,
+
+    which are symmetric, give the force h (u + v) r = 2 h^2 Delta / ((s + gamma)^2 + Delta^2) r r.x;
+    h^2 = (gamma^2 + Delta^2) |K_0 / 2 Delta| makes it K(s) of `models.cavity`.
+    """
+    while term := next(filter(is_light, model.terms), None):
+        assert term.light is not None
+        pole, detuning = term.light
+        squared, size = pole**2 + detuning**2, model.size
+        spring = term.matrix * (squared / (-2 * pole))
+        lead = int(np.abs(np.diag(spring)).argmax())
+        row = spring[lead] / np.sqrt(np.abs(spring[lead, lead]))
+        force = np.sqrt(squared / np.abs(2 * detuning)) * row
+        light = np.array([[pole, detuning], [detuning, -pole]])
+        both = np.stack([force, force])
+        stiffness = np.block([[-spring, both.T], [both, -light]])
+        damping = np.diag([*np.zeros(size), -1.0, 1.0])
+        others = replace(model, terms=tuple(one for one in model.terms if one is not term))
+        model = others.widened(names_of_light(term), 0 * damping, stiffness, damping)
+    return model.constant
+
+
+def names_of_light(term: LossTerm) -> list[str]:
+    """Names of the coordinates of the light of a cavity."""
+    return [f"light-{n}.{term.cause.split('.')[0]}" for n in (1, 2)]
+
+
 def _unit(state: str) -> str:
     name, _, kind = state.partition(" ")
+    if name.startswith("light-"):
+        return "sqrt(J s)"
     if name.startswith("relaxation"):
         return "s sqrt(J)"
     if name.startswith("wire-"):
@@ -310,17 +359,20 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     """Replace terms that depend on frequency by a constant loss that gives every mode its Q.
 
     For a system without batch axes and without wires that have mass. State spaces and closed loops
-    need constant matrices. With mode shapes v of unit modal mass, K'' = sum over modes of
-    (omega^2 / Q) (M v) (M v)^T keeps the width of each resonance. Between and far above the
-    resonances the losses differ from the design's.
+    need constant matrices; the light of cavities, which has states, stays. With mode shapes v of
+    unit modal mass, K'' = sum over modes of (omega^2 / Q) (M v) (M v)^T keeps the width of each
+    resonance. Between and far above the resonances the losses differ from the design's.
     """
     if not model.terms:
         return model
+    light = tuple(filter(is_light, model.terms))
+    others = tuple(term for term in model.terms if not is_light(term))
     # dampers are constant already
-    squared, per_q, momentum = _undamped_modes(replace(model, damping=0 * model.damping))
+    undamped = replace(model, damping=0 * model.damping, terms=others)
+    squared, per_q, momentum = _undamped_modes(undamped)
     relative = np.eye(model.size)  # rigid motion is lossless
     relative[:, :6] = 0.0 if model.rigid is None else -model.rigid
     relative[:6, :6] = 0.0
     loss = relative.T @ ((momentum * (squared * per_q)) @ momentum.T) @ relative
-    plain = model.lossless
+    plain = replace(model.lossless, terms=light)
     return replace(plain, soft=plain.soft + 0.5j * (loss + loss.T)) if per_q.any() else plain

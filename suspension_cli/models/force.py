@@ -270,8 +270,8 @@ class Force(Model):
 
     def unsuitable(self, design: Design) -> str:
         """Why a design is not a symmetric chain; "" if it is one."""
-        if design.link or design.damper:
-            return "it has [[link]] or [[damper]]"
+        if design.link or design.damper or design.cavity:
+            return "it has [[link]], [[damper]] or [[cavity]]"
         if reason := beyond_symmetric_chains(design):
             return reason
         above = SUPPORT

@@ -1,4 +1,4 @@
-"""Viscous dampers and a compliant support structure, added to the linear model of any model."""
+"""Dampers, light and a compliant support structure, added to the linear model of any model."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from suspension_cli.conventions import DOFS, FRAME, SUPPORT
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Support
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models.cavity import with_cavity
 from suspension_cli.rotations import cross_matrix
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ def surrounded(
     design: Design,
     position: Float[np.ndarray, "*batch 1+body 3"] | None = None,
 ) -> LinearSystem:
-    """A linear model with the design's dampers and its support structure.
+    """A linear model with the design's dampers, cavities and support structure.
 
     `position` has the nominal COM of the support and of all bodies, of each design of a batch;
     default: those of the one design.
@@ -30,6 +31,8 @@ def surrounded(
     if position is None:
         position = nominal_positions(design)
     damped = with_dampers(model, design, position)
+    for cavity in design.cavity:
+        damped = with_cavity(damped, cavity)
     return replace(with_frame(damped, design), active=design.is_active)
 
 
@@ -97,6 +100,7 @@ def _compliant(support: Support) -> list[int]:
 
 
 def surroundings_key(design: Design) -> tuple[str, ...]:
-    """Support structure and dampers, which designs of one batch share."""
+    """Support structure, dampers and cavities, which designs of one batch share."""
     # repr of floats is exact
-    return (repr(design.support), repr([stage.damping for stage in design.stage]))
+    dampers = [stage.damping for stage in design.stage]
+    return (repr(design.support), repr(dampers), repr(design.cavity))

@@ -168,7 +168,8 @@ def balance(
     wire[status == SLACK] = slack[status == SLACK].argmax(-1) if slack.shape[-1] else -1
     if model.orientation is None:  # no body of the batch is turned
         model = replace(model, orientation=found.pose.rotation)
-    mirrors = is_mirror_symmetric(scene)
+    # the height of a mirror turns the axis of its cavity, as its pitch does
+    mirrors = is_mirror_symmetric(scene) & [not design.cavity, True]
     return Builds(model, status, wire, found.residual, mirrors, scene, found.pose)
 
 
@@ -177,11 +178,11 @@ def _unstable(
 ) -> Bool[np.ndarray, " build"]:
     """Find builds with an unstable mode.
 
-    The pivots of the tangent stiffness identify most stable ones, unless the support
-    structure moves too.
+    The pivots of the tangent stiffness identify most stable ones, unless the support structure
+    moves too, or light pushes.
     """
     unclear = np.ones(model.batch, dtype=bool)
-    if found.pivot is not None and design.support is None:
+    if found.pivot is not None and design.support is None and not design.cavity:
         unclear = ~(found.pivot > CLEAR)
     if unclear.all():
         return batch_modes.grows(model)

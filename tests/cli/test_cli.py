@@ -286,14 +286,6 @@ def test_the_package_runs_as_a_module(tmp_path):
     assert done[2].returncode == 2 and done[2].stderr.count("\n") == 1
 
 
-def test_licence_and_citation_agree_with_the_package():
-    citation, licence = ((ROOT / name).read_text() for name in ("CITATION.cff", "LICENSE"))
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    lines = citation.splitlines()
-    assert f"version: {__version__}" in lines and f"license: {project['license']}" in lines
-    assert licence.startswith(f"{project['license']} License\n\nCopyright (c) ")
-
-
 def test_overrides(tmp_path):
     file, out = from_template(tmp_path), tmp_path / "out"
     nominal = modes_json(file, "--out", out)

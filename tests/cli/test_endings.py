@@ -16,6 +16,7 @@ from suspension_cli.linear import eigenmodes, response
 from tests.support.commandline import assert_refused, from_template, process, run, written
 from tests.support.golden import CONFIGS
 
+FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="Linux alone has /dev/full")
 MAIN = "from suspension_cli.cli.main import main; main(prog_name='pendsus')"
 
 
@@ -30,7 +31,10 @@ def shell(redirection, *args):
 
 @pytest.mark.parametrize(
     ("redirection", "reason"),
-    [(">&-", "Bad file descriptor"), ("> /dev/full", "No space left on device")],
+    [
+        (">&-", "Bad file descriptor"),
+        pytest.param("> /dev/full", "No space left on device", marks=FULL),
+    ],
 )
 def test_standard_output_closed_or_full(redirection, reason):
     result = shell(redirection, "schema")
@@ -51,7 +55,7 @@ def test_standard_output_closed_by_its_reader():
     )
 
 
-@pytest.mark.parametrize("redirection", ["2>&-", "2> /dev/full"])
+@pytest.mark.parametrize("redirection", ["2>&-", pytest.param("2> /dev/full", marks=FULL)])
 def test_a_closed_or_full_stderr_changes_no_exit_code(redirection, tmp_path):
     assert shell(redirection, "new", "single", tmp_path / "x.toml").returncode == 0
     assert shell(redirection, "new", "no-such-design", tmp_path / "x.toml").returncode == 2

@@ -343,7 +343,8 @@ def scaled(document, rng):
         keys = [part for part in way if isinstance(part, str)]
         factor = powers.get(keys[-1], 1.0)
         if (
-            keys[0] in ("control", "tolerance", "analysis", "constants", "gas", "materials")
+            keys[0]
+            in ("control", "tolerance", "analysis", "constants", "gas", "materials", "cavity")
             or "spring" in keys
         ):
             continue

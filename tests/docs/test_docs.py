@@ -354,10 +354,23 @@ def test_links_lead_somewhere(document):
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_files_named_exist(document):
+    """And tests, named as `tests/FILE.py::FUNCTION`."""
     for name in re.findall(
         r"`((?:docs|tools|tests|configs|suspension_cli)/[^`\s*]+)`", document.read_text()
     ):
-        assert (ROOT / name).exists(), name
+        path, _, function = name.partition("::")
+        assert (ROOT / path).exists(), name
+        if function:
+            text = (ROOT / path).read_text()
+            assert re.search(rf"^def {re.escape(function)}\(", text, re.MULTILINE), name
+
+
+def test_every_promise_names_its_test():
+    lines = re.findall(r"^\|(.*)\|$", TEXT["promises.md"], re.MULTILINE)
+    kept = [row for row in lines if not row.startswith((" promise ", "---"))]
+    assert len(kept) > 30
+    for row in kept:
+        assert re.search(r"`tests/[\w/]+\.py::test_\w+`", row), row
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

@@ -52,6 +52,7 @@ def size(picture: Path) -> tuple[int, int]:
 
 COMMANDS = {
     "README": {"modes"},
+    "cavity": {"sweep"},
     "control": {"damp"},
     "damping": {"new", "damp", "budget"},
     "diagnosis": {"response", "fit", "compare"},
@@ -61,7 +62,7 @@ COMMANDS = {
     "tower": {"check", "modes", "response", "budget"},
     "triple": {"new", "modes", "sweep", "thermal"},
 }
-PICTURES = {"triple": 1, "diagnosis": 1, "quadruple": 1}
+PICTURES = {"triple": 1, "diagnosis": 1, "quadruple": 1, "cavity": 1}
 
 
 @pytest.fixture(scope="module", params=COMMANDS)

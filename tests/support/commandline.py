@@ -7,7 +7,6 @@ import copy
 import json
 import multiprocessing.util
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -70,6 +69,8 @@ def become(words: list[str], out: int, err: int, limit: int | None = None) -> No
         sys.stdout, sys.stderr = (os.fdopen(handle, "w", closefd=False) for handle in (1, 2))
         sys.argv = ["-c", *words]
         if limit is not None:
+            import resource  # which Windows lacks
+
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
         main(prog_name="pendsus")
     except SystemExit as end:

@@ -97,6 +97,7 @@ class CheckAnalysis(Analysis):
             "links": list_documents(loads.links),
             "inverted_pendulums": list_documents(loads.legs),
             "filters": list_documents(loads.filters),
+            "cavities": list_documents(loads.cavities),
             "profiles": list_documents(loads.profiles),
         }
         document |= {name: rows for name, rows in rare.items() if rows}
@@ -117,7 +118,7 @@ class CheckAnalysis(Analysis):
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
         file, choice = escape_unprintable(result.source.file) or result.name, found.choice
         lines = [f"{file}: {verdict}; simplest valid model: {choice.level} ({choice.reason})"]
-        for parts in (loads.wires, loads.blades, loads.legs, loads.filters):
+        for parts in (loads.wires, loads.blades, loads.legs, loads.filters, loads.cavities):
             if parts:
                 lines.append(render(parts, _merge_equal))
         lines += _link_tables(loads.links)

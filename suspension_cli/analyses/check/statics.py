@@ -11,6 +11,7 @@ import numpy as np
 
 from suspension_cli.analyses.check import towers
 from suspension_cli.analyses.check.columns import Column
+from suspension_cli.analyses.check.light import CavityLoad, cavity_loads
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
 from suspension_cli.design.derive import gravity_strength, wire_line_densities
@@ -204,6 +205,7 @@ class Statics:
     links: tuple[LinkLoad, ...] = ()
     legs: tuple[LegLoad, ...] = ()
     filters: tuple[FilterLoad, ...] = ()
+    cavities: tuple[CavityLoad, ...] = ()
     profiles: tuple[ReducedProfile, ...] = ()
     weights: WireWeights | None = None
 
@@ -247,6 +249,7 @@ def solve(design: Design) -> Statics:
         links=tuple(_links(design)),
         legs=towers.leg_loads(design, scene, balanced),
         filters=towers.filter_loads(design, scene, balanced),
+        cavities=tuple(cavity_loads(design)),
         profiles=tuple(_profiles(design)),
         weights=_weigh_wires(design, scene, wires),
     )

@@ -238,7 +238,7 @@ def find_stability(
             if grows := growth.find_growth(design, model, system):
                 fault = grows.fault
                 problem = fault.problem.replace(":", f" in the {model.name} model:", 1)
-                remedy = fault.remedy + ", or stiffen the flexures of legs" * grows.static
+                remedy = fault.remedy + ", or stiffen the flexures of legs" * (fault.key == "stage")
                 found.append(ImplausibleNumber(fault.key, problem, remedy, fault.value))
             return model.name, modes, found
     return None, None, []

@@ -20,6 +20,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Loop
 from suspension_cli.elimination import connected_groups
 from suspension_cli.linear import poles, quality, roots, signals, statespace
+from suspension_cli.linear.frequency_terms import is_light
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
@@ -200,6 +201,8 @@ def _find_blocks(states: tuple[str, ...], plant: Plant, blocks: list[ClosedBlock
     place = {name: n for n, name in enumerate(plant.model.coordinate)}
     for loop, pushed in zip(plant.loops, plant.pushed, strict=True):
         place[f"loop {loop.name}"] = int(np.flatnonzero(pushed[6:])[0]) + 6
+    for term in filter(is_light, plant.model.terms):
+        place |= dict.fromkeys(statespace.names_of_light(term), int(term.columns[-1]))
     numbers = [place[name if name in place else name.rpartition(" ")[0]] for name in states]
     return np.array([next(n for n, b in enumerate(blocks) if at in b.keep) for at in numbers])
 

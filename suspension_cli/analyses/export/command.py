@@ -137,7 +137,8 @@ class ExportAnalysis(Analysis):
             band, accuracy = parse_band(setting["band"], "--band"), setting["accuracy"]
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
-            lossless = with_constant_loss(model).lossless
+            constant = with_constant_loss(model)
+            lossless = replace(constant.lossless, terms=constant.terms)
             made = export.build(lossless, inputs, outputs, zpk=zpk)
             if model.is_lossy or model.terms:
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")

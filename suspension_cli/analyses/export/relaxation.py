@@ -31,7 +31,7 @@ import numpy as np
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.composition import Fibre
 
@@ -261,6 +261,8 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
     about: list[tuple[float, float, str]] = []  # frequency, drag and stage of each
     for term in model.terms:
         if isinstance(term, LossTerm):
+            if is_light(term):
+                continue
             if term.elastic:
                 elements.append(Lossy(_deformations(term.matrix), term.angle, term.storage))
             else:
@@ -288,7 +290,7 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
     unit = np.diag(np.ones(len(drives)))
     names = [f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)]
     system = _widened(
-        replace(model.lossless, ground=None),
+        replace(model.lossless, terms=tuple(filter(is_light, model.terms)), ground=None),
         names,
         np.block([[mass, drives.T], [drives, unit]]),
         np.diag(np.append(np.zeros(size), omega**2)),

@@ -38,6 +38,10 @@ class TradeoffAnalysis(Analysis):
     InputError
         If the equilibrium is unstable.
 
+    Notes
+    -----
+    Provisional: the questions that it asks, and so its results, may change.
+
     Examples
     --------
     >>> import suspension_cli as sus
