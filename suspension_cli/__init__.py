@@ -29,6 +29,7 @@ __all__ = [
     "export",
     "finesse",
     "fit",
+    "gwinc",
     "import_sumcon",
     "info",
     "load",

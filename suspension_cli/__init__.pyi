@@ -244,33 +244,39 @@ def export(
     inputs: Names = (),
     outputs: Names = (),
     loss: bool = False,
-    band: str = '0.1:100',
+    band: str | None = None,
     accuracy: float = 0.01,
+    interferometer: str = 'aLIGO',
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     tolerance: float = 0.001,
 ) -> Result:
-    """Export the state space of the model as DIR/NAME-statespace.*.
+    """Export the state space of the model as DIR/NAME-statespace.*, or a noise budget of gwinc.
 
     Parameters
     ----------
     design : Design
         The design, or the path of its file.
-    format : {"mat", "npz", "hdf5", "zpk", "control", "finesse"}
+    format : {"mat", "npz", "hdf5", "zpk", "control", "finesse", "gwinc"}
         mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python module
-        with an element of finesse 3.
+        with an element of finesse 3; gwinc: a folder with a noise budget of gwinc.
     inputs : str or sequence of str
         An input. Default: the support's six motions and six forces on the first stage; for finesse
         x, pitch and yaw of the support and of all stages of the main chain.
     outputs : str or sequence of str
         An output. Default: the six motions of the first stage and of the mirror; for finesse x,
-        pitch and yaw of all stages of the main chain.
+        pitch and yaw of all stages of the main chain; for gwinc x of the mirror.
     loss : bool
         Include losses and the mass of wires, with the right Q and the right isolation.
-    band : str
-        Band in which losses are right, Hz.
+    band : str, optional
+        Band in which losses are right, Hz; for gwinc that of the table. Default: 0.1:100; for
+        gwinc 5:3000.
     accuracy : float
-        Largest relative error of responses off resonance with losses; of Q twice that.
+        Largest relative error of responses off resonance with losses; of Q twice that; for gwinc
+        of interpolation.
+    interferometer : str
+        For gwinc: the one whose budget gets the suspension, aLIGO, Aplus, Voyager, CE1, ... or the
+        path of a budget.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
@@ -282,7 +288,8 @@ def export(
     -------
     Result
         With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
+        `analyses.export.gwinc_tables.Tables`: `table` and its `error`.
 
     Raises
     ------
@@ -351,6 +358,7 @@ def fit(
     materials.steel302.youngs_modulus: 1.66e+11 +- 2.8e+09
     stage.test.body.inertia.2: 0.118 +- 0.0039
     """
+gwinc = api.gwinc
 import_sumcon = api.import_sumcon
 
 def info(

@@ -497,12 +497,50 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
     return interferometer.suspend(made, name, mirror, facing)
 
 
+def gwinc(result: Result, frequency: Any = None) -> Any:
+    """Make a noise budget of gwinc whose mirrors hang as the design of a result of `export`.
+
+    Parameters
+    ----------
+    result : Result
+        Of `export` with `format="gwinc"`.
+    frequency : array or str, optional
+        Hz, or ``"FROM:COUNT:TO"``; by default 6000 frequencies of the table's band.
+
+    Returns
+    -------
+    gwinc.nb.Budget
+        Of the strain of the result's interferometer.
+
+    Raises
+    ------
+    InputError
+        If the result is of another analysis or format.
+    RuntimeError
+        If the table does not have these frequencies, or gwinc does not know the interferometer.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> made = sus.export(sus.example("geo-silica-triple"), format="gwinc", band="10:100")
+    >>> sus.gwinc(made, frequency="20:10:50").run()["SuspensionThermal"].asd.shape
+    (10,)
+    """
+    from suspension_cli.analyses.export import gwinc_budget
+
+    made: Any = getattr(result, "data", None)
+    if not hasattr(made, "interferometer"):
+        remedy = 'give a result of sus.export(..., format="gwinc")'
+        raise InputError.of("result", "has no table for gwinc", remedy, arguments.shown(result))
+    return gwinc_budget.suspend(made.table, made.interferometer)(freq=frequency)
+
+
 def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
     remedy = "give a result of sus.export"
     if not isinstance(result, Result):
         raise InputError.of("result", "is no result", remedy, arguments.shown(result))
-    if result.analysis.name != "export" or result.data.zpk is not None:
+    if result.analysis.name != "export" or getattr(result.data, "zpk", "") is not None:
         raise InputError.of("result", "has no state space", remedy, result.analysis.name)
     return result.data
 

@@ -296,7 +296,8 @@ class Result(Sourced):
 
         A path that ends in .csv gets the numbers as CSV, as ``--csv`` writes them: a row per
         frequency, mode or point. Arrays with other rows go into files beside it, NAME-ROWS.csv.
-        The file of `export` has the format of its ending: .mat, .npz, .h5, .json (python-control).
+        The file of `export` has the format of its ending: .mat, .npz, .h5, .json (python-control);
+        a noise budget of gwinc is a folder.
 
         Raises
         ------

@@ -17,8 +17,9 @@ def read_design(path: Path) -> str | None:
     Parameters
     ----------
     path
-        Ending in ``.h5``, ``.mat``, ``.npz`` or ``.json``.
+        Ending in ``.h5``, ``.mat``, ``.npz`` or ``.json``; or a folder for gwinc.
     """
+    path = path / "suspension.npz" if path.is_dir() else path
     if not os.path.isfile(path):
         return None
     try:

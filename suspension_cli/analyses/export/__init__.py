@@ -1,1 +1,1 @@
-"""Export state space for control tools: mat, npz, hdf5, zpk, python-control."""
+"""Export state space for control tools and finesse, noise for gwinc."""

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.export.solve import Exported
 
-FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse")
+FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "gwinc")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
 MOST = 12
 """Largest number of responses that are all printed."""
 
 
 class ExportAnalysis(Analysis):
-    """Export the state space of the model as DIR/NAME-statespace.*.
+    """Export the state space of the model as DIR/NAME-statespace.*, or a noise budget of gwinc.
 
     States, inputs and outputs have names and units. The band in which the export agrees with its
     own model, and those in which it agrees with the violin model to 1 % and 10 %, are measured and
@@ -36,7 +36,8 @@ class ExportAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model.
+        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
+        `analyses.export.gwinc_tables.Tables`: `table` and its `error`.
 
     Raises
     ------
@@ -58,7 +59,7 @@ class ExportAnalysis(Analysis):
             type=click.Choice(FORMATS),
             default="mat",
             help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python"
-            " module with an element of finesse 3.",
+            " module with an element of finesse 3; gwinc: a folder with a noise budget of gwinc.",
         ),
         options.signals(
             "input",
@@ -70,7 +71,7 @@ class ExportAnalysis(Analysis):
             "output",
             "An output",
             "the six motions of the first stage and of the mirror; for finesse x, pitch and yaw "
-            "of all stages of the main chain",
+            "of all stages of the main chain; for gwinc x of the mirror",
         ),
         option(
             "--loss/--no-loss",
@@ -80,15 +81,23 @@ class ExportAnalysis(Analysis):
         ),
         option(
             "--band",
-            default="0.1:100",
             metavar="FROM:TO",
-            help="Band in which losses are right, Hz.",
+            help="Band in which losses are right, Hz; for gwinc that of the table."
+            "  [default: 0.1:100; for gwinc 5:3000]",
         ),
         option(
             "--accuracy",
             type=click.FloatRange(1e-4, 0.5),
             default=0.01,
-            help="Largest relative error of responses off resonance with losses; of Q twice that.",
+            help="Largest relative error of responses off resonance with losses; of Q twice that;"
+            " for gwinc of interpolation.",
+        ),
+        option(
+            "--interferometer",
+            default="aLIGO",
+            metavar="NAME",
+            help="For gwinc: the one whose budget gets the suspension, aLIGO, Aplus, Voyager, CE1,"
+            " ... or the path of a budget.",
         ),
         options.ALLOW_UNSTABLE,
         options.OVERRIDES,
@@ -114,6 +123,10 @@ class ExportAnalysis(Analysis):
         from suspension_cli.models.choice import Frequencies
 
         setting, loss = run.setting, run.setting["loss"]
+        if setting["format"] == "gwinc":
+            from suspension_cli.analyses.export import gwinc_tables
+
+            return gwinc_tables.solve(self, run)
         fidelity, tolerance = setting["fidelity"], setting["tolerance"]
         if loss:
             request = lambda _: Frequencies()  # noqa: E731
@@ -134,7 +147,7 @@ class ExportAnalysis(Analysis):
             interferometer.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
         if loss:
-            band, accuracy = parse_band(setting["band"], "--band"), setting["accuracy"]
+            band, accuracy = parse_band(setting["band"] or "0.1:100", "--band"), setting["accuracy"]
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
             constant = with_constant_loss(model)
@@ -149,11 +162,12 @@ class ExportAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return names and the band of agreement."""
+        head = {"format": result.extra["format"], "file": result.extra.get("file")}
+        if head["format"] == "gwinc":
+            return head | result.data.document()
         made: Exported = result.data
         system = made.system
-        return {
-            "format": result.extra["format"],
-            "file": result.extra.get("file"),
+        return head | {
             "state": list(system.state),
             "input": list(system.input),
             "output": list(system.output),
@@ -166,6 +180,8 @@ class ExportAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return the size of the system and the band of agreement."""
+        if result.extra["format"] == "gwinc":
+            return f"{result.choice.line}\n{result.data.text(result.extra.get('file', ''))}"
         made: Exported = result.data
         system, own = made.system, f"the {result.choice.level} model to {made.tolerance:g}"
         if made.band is None:
@@ -194,7 +210,10 @@ class ExportAnalysis(Analysis):
         """Return the path of the exported file."""
         from suspension_cli.analyses.export.file import FORMATS
 
-        return folder / f"{result.source.stem()}-statespace{FORMATS[result.extra['format']].suffix}"
+        stem, form = result.source.stem(), result.extra["format"]
+        # gwinc takes a dot for the start of a file's ending
+        stem = stem.replace(".", "_") if form == "gwinc" else f"{stem}-statespace"
+        return folder / f"{stem}{FORMATS[form].suffix}"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the exported file, in the format of its ending."""

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.analyses.analysis import as_number, plain
+from suspension_cli.analyses.export import gwinc_tables
 from suspension_cli.analyses.export.interferometer import write_finesse
 from suspension_cli.analyses.export.solve import AGREEMENT, Exported
 from suspension_cli.errors import Fault, InputError, format_value
@@ -29,15 +30,20 @@ MAT_HEAD = f"MATLAB 5.0 MAT-file, written by pendsus {__version__}".encode().lju
 It replaces that of scipy, which contains the time of day."""
 
 
-def format_of(path: Path, made: Exported) -> str:
-    """Name of the format of a path's ending.
+def format_of(path: Path, made: Exported | gwinc_tables.Tables) -> str:
+    """Name of the format of a path's ending; of a table for gwinc it is a folder, without ending.
 
     Raises `InputError` if there is none; only HDF5 has zeros, poles and gain.
     """
+    if isinstance(made, gwinc_tables.Tables):
+        if path.suffix:
+            problem, remedy = "is no folder that gwinc reads", "leave out the dot"
+            raise InputError.of("--out", problem, remedy, format_value(str(path)))
+        return "gwinc"
     endings = {
         Path(f"x{form.suffix}").suffix: name
         for name, form in FORMATS.items()
-        if (name == "zpk") == (made.zpk is not None)
+        if name != "gwinc" and (name == "zpk") == (made.zpk is not None)
     }
     if path.suffix.lower() not in endings:
         problem = "is of no format" if made.zpk is None else "is of no format with zeros and poles"
@@ -84,7 +90,7 @@ class Format:
     """A file format: the end of the file name, and the function that writes the file."""
 
     suffix: str
-    write: Callable[[Path, Exported, Provenance], None]
+    write: Callable[[Path, Any, Provenance], None]
 
 
 FORMATS = {
@@ -94,6 +100,7 @@ FORMATS = {
     "zpk": Format("-zpk.h5", _write_hdf5),
     "control": Format("-control.json", _write_control),
     "finesse": Format("-finesse.py", write_finesse),
+    "gwinc": Format("-gwinc", gwinc_tables.write),
 }
 
 

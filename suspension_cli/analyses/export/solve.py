@@ -125,8 +125,9 @@ class Agreement:
     high: Float[np.ndarray, "tolerance output input"]
 
 
-GRID = 801
-"""Number of frequencies at which a system is compared with the direct solution."""
+GRID = 800
+"""Number of frequencies at which a system is compared with the direct solution. With an odd number
+the only mode of a design without loss would be one of them."""
 FAINT = 1e-6
 """Fraction of an output's largest response below which errors are relative to it."""
 AGREEMENT = (0.01, 0.1)
