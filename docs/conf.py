@@ -23,7 +23,13 @@ logger = getLogger(__name__)
 project = "pendsus"
 html_title = "pendsus"
 root_doc = "docs/index"
-include_patterns = ["docs/*.md", "results/*.md", "CONTRIBUTING.md", "CHANGELOG.md"]
+include_patterns = [
+    "docs/*.md",
+    "docs/examples/*.md",
+    "results/*.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 napoleon_google_docstring = False
 autodoc_typehints = "none"

@@ -50,11 +50,21 @@ TYPES = {
     for name in schema.json_schema()["$defs"]
 }
 """Tables of the file format, by name."""
-SHARED = {
+USUAL = {
     *("overrides", "out", "stem", "fidelity", "as_json", "as_csv", "plot", "picture_format"),
-    *("quiet", "verbose", "tolerance", "allow_unstable"),
+    *("quiet", "verbose"),
 }
-"""Parameters whose options the head of docs/commands.md explains once."""
+"""Parameters of most analyses, whose options the head of docs/commands.md explains once."""
+SHARED = USUAL | {
+    *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume")
+}
+"""These, and those of several commands, which the head explains too."""
+LIKE = {
+    "Wire": (wires.AnyWire, "`[stage.wires]`"),
+    "Blade": (wires.AnyBlade, "`[stage.blades]`"),
+}
+"""Tables whose keys from a common base are described in another table: the base, and the heading of
+the other in docs/design-file.md."""
 
 
 def page(text: str) -> str:
@@ -73,31 +83,40 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     kept = [n for n, title in enumerate(head) if n == 0 or not rows or any(row[n] for row in rows)]
     lines = [
         [head[n] for n in kept],
-        ["---"] * len(kept),
         *([row[n].replace("|", r"\|") for n in kept] for row in rows),
     ]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    first, *others = ("| " + " | ".join(line) + " |" for line in lines)
+    return "\n".join((first, "|" + "---|" * len(kept), *others))
 
 
 def keys(name: str) -> str:
-    """Tabulate the keys of a table of the file format: values, default, meaning."""
+    """Tabulate the keys of a table of the file format: values with their default, and meaning.
+
+    Keys with the same values, default and meaning share a row; those of a table in `LIKE` are named
+    in the last one.
+    """
     kind = TYPES[name]
+    base, heading = LIKE.get(name, (None, ""))
+    known = set(base.__struct_fields__) if base else set()
     hints = get_type_hints(kind, include_extras=True)
     rows = []
     private = (one for one in kind.__mro__ if one is kind or one.__name__.startswith("_"))
     own = {key for one in private for key in getattr(one, "__annotations__", ())}
     fields = msgspec.structs.fields(kind)  # those that tables share after those of its own
     for field in sorted(fields, key=lambda field: not (field.required or field.name in own)):
+        if field.name in known:
+            continue
         hint = hints[field.name]
-        rows.append(
-            (
-                f"`{field.name}`",
-                takes(hint),
-                "required" if field.required else default(field.default),
-                description(hint),
-            )
-        )
-    return table(("key", "takes", "default", "meaning"), rows)
+        given = ", required" if field.required else default(field.default)
+        row = (takes(hint) + given, description(hint))
+        if rows and rows[-1][1:] == row:
+            rows[-1] = (f"{rows[-1][0]}, `{field.name}`", *row)
+        else:
+            rows.append((f"`{field.name}`", *row))
+    if base:
+        names = ", ".join(f"`{field}`" for field in base.__struct_fields__)
+        rows.append((names, f"as in {heading}", ""))
+    return table(("key", "takes", "meaning"), rows)
 
 
 def number(value: float | None) -> str:
@@ -120,7 +139,7 @@ def built_in(_: str) -> str:
 
 
 def default(value: Any) -> str:
-    """Format a default as written in the file; empty if the key is simply absent."""
+    """Describe a default as written in the file; empty if the key is simply absent."""
     if (
         value is None
         or value is msgspec.NODEFAULT
@@ -128,7 +147,7 @@ def default(value: Any) -> str:
         or isinstance(value, msgspec.Struct)
     ):
         return ""
-    return f"`{msgspec.json.encode(value).decode()}`"
+    return f", default `{msgspec.json.encode(value).decode()}`"
 
 
 def bare(hint: Any) -> tuple[Any, list[msgspec.Meta]]:
@@ -163,6 +182,8 @@ def takes(hint: Any) -> str:
         return list_of(bare(get_args(kind)[0])[0], metas)
     if get_origin(kind) is dict:
         return "tables"
+    if kind is schema.Distribution:
+        return "distribution"
     if issubclass(kind, msgspec.Struct):
         return (
             f"`{{ {', '.join(kind.__struct_fields__)} }}`"
@@ -226,15 +247,19 @@ def options(name: str) -> str:
         raise KeyError(name)
     context = click.Context(command, info_name=f"pendsus {name}")
     rows, shared = [], []
+    is_usual = {param.name for param in command.params} >= USUAL
     for param in command.params:
         record = param.get_help_record(context)
         longest = max(param.opts, key=len)
+        if param.name in USUAL and is_usual:
+            continue
         if param.name in SHARED:
             shared.append(f"`{longest}`")
         elif record is not None and isinstance(param, click.Option):
             rows.append((f"`{record[0]}`", " ".join(record[1].split())))
     parts = [f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"]
     parts += [table(("option", "meaning"), rows)] if rows else []
+    shared = [*(["those of all analyses"] if is_usual else []), *shared]
     parts += [f"Shared options: {', '.join(shared)}."] if shared else []
     return "\n\n".join(parts)
 

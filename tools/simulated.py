@@ -4,9 +4,9 @@ Writes the data of `measured/triple/`, an example of files of measurements: a CS
 along x and an XML as diaggui saves it of pitch and x of the upper mass. The simulated suspension
 differs from the design by `IMPERFECT`, its sensors and coils by `TRUTH`.
 
-Writes the CSV files of `measured/diagnosis/` for docs/diagnosis.md: x and pitch of the upper mass
-over the voltage of their coils. That suspension differs from the design by `BUILT`, and its sensor
-of x by `SENSOR_X`.
+Writes the CSV files of `measured/diagnosis/` for docs/examples/diagnosis.md: x and pitch of the
+upper mass over the voltage of their coils. That suspension differs from the design by `BUILT`, and
+its sensor of x by `SENSOR_X`.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def write_triple() -> None:
 
 
 def write_diagnosis() -> None:
-    """Write the files of docs/diagnosis.md."""
+    """Write the files of docs/examples/diagnosis.md."""
     built, random = sus.read(DIAGNOSIS / "triple.toml").replace(BUILT), np.random.default_rng(1)
     frequency = np.geomspace(0.4, 5.0, 60)
     for file, (coil, sensor, gain, noise) in CHANNELS.items():

@@ -157,7 +157,8 @@ def document(found: dict[str, Tradeoff], methods: Any, text: dict[str, str]) -> 
         "",
         f"Made by `make tradeoff` in one run, on one thread ({platform.machine()}, {versions})."
         " Times are processor times, medians of samples that all models or methods take in turns."
-        " [docs/tradeoff.md](../docs/tradeoff.md) says how this is measured, and what to use when.",
+        " [Choosing the model](../docs/choosing.md#by-hand-speed-against-accuracy) says what to use"
+        " when.",
         "",
         "![Which model to use for a fused-silica triple](tradeoff.png)",
         "",

@@ -1,9 +1,10 @@
 """Run the commands of README.md and docs/ whose output is shown, in a temporary folder per page.
 
-A page shows a command as `$ pendsus ...`, and below it the output. In a tutorial, blocks of TOML
-are edits of the design that the page makes. `make tutorial` copies the output and pictures of the
-commands into the pages; `tests/docs/test_tutorial.py` compares the two. A line `...` stands for any
-number of lines; of such an output each line shown is replaced by the one most like it.
+A page shows a command as `$ pendsus ...`, and below it the output; Python whose output is shown is
+a block of `python` followed by one of `text`. On a page that makes a design, blocks of TOML are
+edits of it. `make tutorial` copies the output and pictures into the pages;
+`tests/docs/test_tutorial.py` compares the two. A line `...` stands for any number of lines; of such
+an output each line shown is replaced by the one most like it.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ import shlex
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from difflib import SequenceMatcher
+from io import StringIO
 from pathlib import Path
 
 from click.testing import CliRunner
@@ -25,35 +27,38 @@ from suspension_cli.cli.main import main as pendsus
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
+SHOWN = re.compile(r"^\$ pendsus |^```text$", re.MULTILINE)
+"""Start of an output that is shown."""
 PAGES = {
     file.stem: file
-    for file in (ROOT / "README.md", *sorted(DOCS.glob("*.md")))
-    if "\n$ pendsus " in file.read_text(encoding="utf-8")
+    for file in (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
+    if SHOWN.search(file.read_text(encoding="utf-8"))
 }
 """Pages that show output, by name."""
 FILES = {"diagnosis": ROOT / "measured" / "diagnosis"}
 """Folder of the files that a page starts with, beside the shipped folders."""
 PART = re.compile(
     r"^(\$ pendsus .*\n(?:(?!```$|\$ ).*\n)*)|^```toml\n((?:(?!```$).*\n)*)"
-    r"|^!\[[^]]*\]\((images/[^)]*)\)$|^(pendsus new .*)$",
+    r"|^!\[[^]]*\]\(((?:\.\./)?images/[^)]*)\)$|^(pendsus new .*)$"
+    r"|^```python\n((?:(?!```$).*\n)*)```\n\n```text\n((?:(?!```$).*\n)*)",
     re.MULTILINE,
 )
 
 
 @dataclass(frozen=True)
 class Step:
-    """One command, edit or picture of the page.
+    """One command, edit, picture or piece of Python of the page.
 
     Attributes
     ----------
     kind : str
-        console, toml or picture.
+        console, toml, picture or python.
     text : str
-        Text in the page.
+        Text in the page; of Python, the output.
     span : tuple of int
         Its start and end there.
     found : str or Path
-        Output of the program (console) or file of the picture (picture).
+        Output of the program (console, python) or file of the picture (picture).
     """
 
     kind: str
@@ -81,9 +86,11 @@ def folder(page: str) -> Iterator[Path]:
 def steps(page: str) -> Iterator[Step]:
     """Run the steps of the page in the current folder.
 
-    The picture `images/PAGE-KIND.png` is the last `NAME-KIND.png` that was written.
+    The picture `images/PAGE-KIND.png` is the last `NAME-KIND.png` that was written. All Python of a
+    page shares its names.
     """
     drawn: dict[str, Path] = {}
+    names: dict[str, object] = {}
     design = Path()
     for part in PART.finditer(page):
         if part[4]:
@@ -97,10 +104,14 @@ def steps(page: str) -> Iterator[Step]:
             design = Path(new[1]) if new else design
             yield Step("console", part[1], part.span(1), f"$ {line}\n{printed}")
         elif part[2] and design.is_file():
-            design.write_text(replace_last_table(design.read_text(), part[2]))
+            design.write_text(edit_last_table(design.read_text(), part[2]))
             yield Step("toml", part[2], part.span(2))
         elif part[3]:
             yield Step("picture", part[3], part.span(3), drawn[kind_of(part[3])])
+        elif part[5] is not None:
+            with redirect_stdout(StringIO()) as stream:
+                exec(part[5], names)
+            yield Step("python", part[6], part.span(6), stream.getvalue())
 
 
 def kind_of(picture: str) -> str:
@@ -112,9 +123,10 @@ def kind_of(picture: str) -> str:
     return Path(picture).name.partition("-")[2]
 
 
-def replace_last_table(design: str, table: str) -> str:
-    """Replace the last table of a design from the heading of `table` on."""
-    return design[: design.rindex(table.partition("\n")[0])] + table
+def edit_last_table(design: str, table: str) -> str:
+    """Replace the last table of a design that has the heading of `table`, or append `table`."""
+    before, _, _ = design.rpartition(table.partition("\n")[0])
+    return (before or f"{design}\n") + table
 
 
 def run_command(line: str) -> str:
@@ -151,7 +163,7 @@ def regenerate(name: str) -> None:
     pieces, done = [], 0
     with folder(name):
         for step in steps(page):
-            if step.kind == "console":
+            if step.kind in ("console", "python"):
                 pieces += [page[done : step.span[0]], renew(step.text, str(step.found))]
                 done = step.span[1]
             elif step.kind == "picture":

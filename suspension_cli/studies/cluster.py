@@ -27,7 +27,8 @@ def describe_exposure(scheduler: str) -> str:
         return ""
     return (
         f"--scheduler {scheduler} has no TLS: whoever reaches it can run programs on its machines"
-        " and on this one, and read and change what is sent; docs/cluster.md shows how to set it up"
+        " and on this one, and read and change what is sent; docs/examples/cluster.md shows how to"
+        " set it up"
     )
 
 
@@ -71,7 +72,7 @@ def connected(scheduler: str) -> Iterator[Client]:
 
     remedy = "start `dask scheduler` and `dask worker`, and give its address"
     if is_encrypted(scheduler):
-        remedy = "set the certificate and key of the cluster as docs/cluster.md says"
+        remedy = "set the certificate and key of the cluster as docs/examples/cluster.md says"
     try:
         asyncio.run(probe())  # without a scheduler, Client takes long to give up
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)

@@ -26,7 +26,8 @@ from tests.support.optima import EXAMPLE
 from tests.support.paths import ROOT
 from tests.support.quick_tradeoff import hurry
 
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.md"))
 LINKING = [
     *DOCUMENTS,
     ROOT / "CONTRIBUTING.md",
@@ -184,7 +185,8 @@ TESTED = {
             for word in words_of(line.removeprefix("$ "))
         )
         for block in blocks(TEXT["diagnosis.md"], "console")
-        for line in block[:1]
+        for line in block
+        if line.startswith("$ ")
     ),
 }
 """Lines that other tests run."""
@@ -307,6 +309,12 @@ def test_first_steps_end_with_the_modes_of_the_design_itself(folder):
     for line in rest[1:]:
         called(line)
     assert Path("results/my-modes.h5").read_bytes() == first
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_are_short_and_listed(page):
+    assert len(page.read_text().splitlines()) <= 60
+    assert f"(examples/{page.name})" in TEXT["index.md"]
 
 
 def test_every_command_is_in_the_reference():
@@ -446,16 +454,18 @@ def test_groups_of_all_analyses_are_compared():
 
 @pytest.mark.parametrize("group", MAKES)
 def test_datasets_of_a_results_file(group, folder, monkeypatch):
-    """Names, units and axes of a group are those of docs/format.md, and none is left out."""
+    """Names, units and axes of a group are those of docs/format.md, and none is left out but axes
+    and texts of units that other rows name."""
     hurry(monkeypatch)
     (folder / "goals.toml").write_text(GOALS)
     called(f"pendsus {MAKES[group]} --out out")
     (path,) = (folder / "out").glob("*.h5")
     described = {
-        name: row[1:3]
+        name: (row[0].partition("[")[2].removesuffix("]"), row[1])
         for row in rows(sections("format.md")[f"Group {group}"])
         for name in named(row[0])
     }
+    axes_and_units = re.findall(r"\w+", " ".join(", ".join(row) for row in described.values()))
     found = set()
     with h5py.File(path) as file:
         assert set(file[group].attrs) <= set(named(TEXT["format.md"]))
@@ -463,6 +473,10 @@ def test_datasets_of_a_results_file(group, folder, monkeypatch):
         for dataset in datasets(file[group]):
             name = re.sub(r"\b\d+\b", "N", dataset.name.removeprefix(f"/{group}/"))
             name = "NAME" if name in swept else re.sub("^.* from .*/", "OUTPUT from INPUT/", name)
+            if name not in described:
+                assert name.rpartition("/")[2] in axes_and_units, name
+                assert dataset.is_scale or dataset.attrs["units"] == "name", name
+                continue
             found.add(name)
             axes, units = described[name]
             pattern = re.sub(r"\\{\w+\\}", ".+", re.escape(units))

@@ -141,9 +141,9 @@ def test_a_scheduler_that_goes_away(tmp_path):
 
 
 def quoted():
-    """Commands of docs/cluster.md: certificate, scheduler, worker; environment; and pendsus."""
-    page = (ROOT / "docs" / "cluster.md").read_text()
-    lines = "".join(re.findall(r"^```\n(.*?)^```", page, re.MULTILINE | re.DOTALL)).splitlines()
+    """Commands of docs/examples/cluster.md: certificate, scheduler, worker; keys; and pendsus."""
+    page = (ROOT / "docs" / "examples" / "cluster.md").read_text()
+    lines = "".join(re.findall(r"^```bash\n(.*?)^```", page, re.MULTILINE | re.DOTALL)).splitlines()
     *commands, _ = (shlex.split(line) for line in lines if not line.startswith("export "))
     keys = dict(line.removeprefix("export ").split("=") for line in lines if "export " in line)
     return commands, keys, shlex.split(lines[-1])
@@ -201,7 +201,7 @@ def test_nobody_without_the_key_is_let_in(scheme, encrypted, monkeypatch, tmp_pa
     assert done.exit_code == 2 and not list(tmp_path.iterdir())
     [line] = done.stderr.splitlines()
     assert line.startswith(f'{FILE}: --scheduler = "{address}": does not answer (')
-    assert ("docs/cluster.md" in line) == (scheme == "tls")
+    assert ("docs/examples/cluster.md" in line) == (scheme == "tls")
 
 
 @pytest.mark.parametrize(

@@ -69,10 +69,11 @@ def section() -> Section:
     result = Section("KAGRA: SUMCON's equations of motion")
     found = [compare_with_sumcon(name) for name in SUSPENSIONS]
     result.lines += [
-        "[SUMCON](../docs/sumcon.md) is KAGRA's modeller of suspensions. `pendsus import` converts"
-        " its saves; below, modes and responses without damping are held against the mass and"
-        " stiffness matrices that SUMCON itself derived from them. `string` with hinges is"
-        " SUMCON's model of a wire and has to agree; `beam` bends wires exactly, and differs where"
+        "[SUMCON](../docs/migrating.md#saves-of-sumcon) is KAGRA's modeller of suspensions."
+        " `pendsus import` converts its saves; below, modes and responses without damping are held"
+        " against the mass and stiffness matrices that SUMCON itself derived from them. `string`"
+        " with hinges is SUMCON's model of a wire and has to agree; `beam` bends wires exactly, and"
+        " differs where"
         " SUMCON's hinges, which take the thin end of a wire as endless, are too simple. Responses"
         " are those from the suspension point and from actuators, at 31 frequencies from 0.02 to"
         " 20 Hz.",
