@@ -1,1 +1,1 @@
-"""Export state space for control tools and finesse, noise for gwinc."""
+"""Export state space for control tools, finesse and Foton; noise for gwinc."""

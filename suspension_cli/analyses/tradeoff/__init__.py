@@ -1,1 +1,1 @@
-"""Measure speed and accuracy of every model and method."""
+"""Measure speed and accuracy of every model for a design."""
