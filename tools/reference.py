@@ -265,14 +265,14 @@ def options(name: str) -> str:
 
 
 def stability(_: str) -> str:
-    """Tabulate the public names: stable, or provisional where the docstring says so."""
-    rows = []
+    """List the public names: stable, or provisional where the docstring says so."""
+    names: dict[str, list[str]] = {"stable": [], "provisional": []}
     for name in sus.__all__:
         if not name.startswith("_"):
             text = inspect.getdoc(getattr(sus, name)) or ""
-            kind = "provisional" if "\nProvisional: " in text else "stable"
-            rows.append((f"`{name}`", kind, text.partition("\n")[0].rstrip(".")))
-    return table(("name", "stability", "what it does, or is"), rows)
+            names["provisional" if "\nProvisional: " in text else "stable"].append(f"`{name}`")
+    rows = [(kind, ", ".join(found)) for kind, found in names.items()]
+    return table(("stability", "names"), rows)
 
 
 def stub() -> str:
