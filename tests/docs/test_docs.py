@@ -408,7 +408,7 @@ def test_every_table_of_the_design_file_is_described():
     [
         ("README.md", "model", registry.FILES),
         ("budget.md", "source", (*ground.SHIPPED, "none")),
-        ("control.md", "`--format`", export.FORMATS),
+        ("handing-over.md", "`--format`", export.FORMATS),
         ("optimise.md", "kind", get_args(goals.Kind)),
     ],
 )
