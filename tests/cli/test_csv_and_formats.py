@@ -30,19 +30,6 @@ def table(path):
     return head, rows
 
 
-def test_responses_have_a_row_per_frequency(folder):
-    head, rows = table(folder / "double-response.csv")
-    assert head == [
-        "frequency (Hz)",
-        "value [test.x, support.x] real (m/m)",
-        "value [test.x, support.x] imag (m/m)",
-    ]
-    found = sus.load(folder / "double-response.h5")
-    numbers = np.array(rows, dtype=float)
-    assert (numbers[:, 0] == found.frequency).all()
-    assert (numbers[:, 1] + 1j * numbers[:, 2] == found.value[:, 0, 0]).all()
-
-
 def test_modes_and_points_of_a_sweep_have_rows(folder, tmp_path):
     design = folder / "single.toml"
     done = run("modes", design, "--fidelity", "string", "--csv", "--no-plot", "--out", tmp_path)

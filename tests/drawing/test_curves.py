@@ -28,10 +28,6 @@ def triple():
     return sus.read(CONFIGS / "geo-silica-triple.toml")
 
 
-def test_every_stage_has_one_colour():
-    assert stage_colours(["a", "b", "a", "c"]) == dict(zip("abc", PALETTE, strict=False))
-
-
 @pytest.mark.parametrize("loss", [0.0, 1e-6])
 def test_phase_steps_at_poles_and_zeros_and_nowhere_else(loss):
     """Poles at 1 and 3, a zero at 2: lossless steps are those of a little loss, within a turn."""
@@ -91,32 +87,6 @@ def test_added_points_reach_a_tip_and_keep_the_grid():
     assert set(grid) <= set(frequency)
     assert np.abs(value).max() == pytest.approx(1e9, rel=0.05)
     assert len(frequency) < 400
-
-
-def test_a_curve_of_rounding_errors_is_not_refined_without_end():
-    """A coupling that is 0 but for rounding changes at random on any grid."""
-
-    def solve(frequency):
-        pole = 1 / (1 - frequency**2 + 1e-6j * frequency)
-        noise = 1e-16 * np.sin(1e9 * frequency) * np.exp(3 * np.sin(1e7 * frequency))
-        return np.stack([pole, noise], axis=-1)[:, None, :]
-
-    grid = np.geomspace(0.1, 10, 20)
-    frequency, value = add_points(solve, grid, solve(grid), np.array([1.0]))
-    assert len(frequency) < 2000
-    assert np.abs(value[:, 0, 0]).max() == pytest.approx(1e6, rel=1e-3)
-
-
-@pytest.mark.filterwarnings("error")
-def test_added_points_do_not_depend_on_the_size():
-    def count(size):
-        grid = np.geomspace(0.1, 10, 5)
-        return len(add_points(lambda f: size * pole(f), grid, size * pole(grid), np.empty(0))[0])
-
-    def pole(f):
-        return (1 / (1 - f**2 + 1e-2j * f))[:, None, None]
-
-    assert count(1e-250) == count(1e200) == count(1.0) > count(0.0)
 
 
 def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
@@ -223,18 +193,6 @@ def test_avoided_crossings_are_found():
     modes = mixed.removeprefix("a: ").partition(" mix")[0].split(" and ")
     assert {*modes} <= {*found.result}
     assert_legible(figure)
-
-
-def test_letters_of_crossings_lie_apart():
-    """Also where modes meet at nearly the same point."""
-    modes = ("test pitch", "upper roll")
-    near = [Crossing(0.002 + 1e-6 * n, 0.66, modes, (0.3 / (n + 1),) * 2) for n in range(5)]
-    figure = draw_sweep(sweep_result(), "A design", ["upper", "test"], near)
-    found = [text for text in figure.axes[0].texts if text.get_text() in "abcde"]
-    assert len(found) == 5
-    places = np.array([text.xyann for text in found])
-    apart = np.linalg.norm(places[:, None] - places, axis=2)
-    assert apart[~np.eye(5, dtype=bool)].min() > 7
 
 
 def coupling(values):

@@ -41,18 +41,6 @@ def test_pose_is_that_of_the_equilibrium():
     assert drop == pytest.approx([0, 0, -1e-3 / np.cos(np.arctan(0.133 / 0.377))], rel=0.2)
 
 
-def test_mass_is_turned_against_its_wires():
-    still, shown, factor = displaced('body = "test"\nrotation = [0.0, 0.001, 0.0]')
-    (body,), (drawn,) = lines(still, "body"), lines(shown, "body")
-    angle = 0.001 * factor
-    middle = body[:-1].mean(0)
-    turned = middle + (body - middle) @ (
-        np.eye(3) + angle * np.array([[0, 0, -1], [0, 0, 0], [1, 0, 0]])
-    )
-    assert drawn == pytest.approx(turned, abs=1e-3 * angle)
-    assert (lines(shown, "wire") == lines(still, "wire")).all()
-
-
 def test_nothing_to_displace():
     assert displaced()[2] is None
     assert displaced('wire = "test.1"\nk_factor = 1.1')[2] is None  # trimmed to its tension

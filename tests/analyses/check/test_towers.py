@@ -7,9 +7,8 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.check import solve, statics
-from suspension_cli.analyses.check.lossless import find_lossless
 from suspension_cli.design import reader
-from tests.design.test_towers_input import GOOD
+from tests.design.test_parts import TOWER as GOOD
 
 G = 9.81
 
@@ -74,13 +73,3 @@ def test_tipping_is_a_finding():
     assert found.document()["inverted_pendulums"][0]["frequency_hz"] is None
     assert "tips over at" in str(found)
     assert not sus.modes(sus.parse(text), fidelity="string").stable
-
-
-def test_a_design_without_towers_reports_none():
-    found = sus.check(sus.example("double"))
-    assert "filters" not in found.document() and "legs" not in str(found)
-
-
-def test_parts_without_loss_are_named():
-    names = [item.part for item in find_lossless(reader.parse(GOOD), "string")]
-    assert {"ip.inverted_pendulum", "ip.filter"} <= set(names)

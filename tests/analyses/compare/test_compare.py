@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.compare.solve import find_changes
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import run, strict_json, written
 
 TRIPLE, DOUBLE = sus.example("geo-silica-triple"), sus.example("double")
 
@@ -99,15 +98,6 @@ def test_modes_are_paired_by_shape_and_not_by_order():
     for n, label in enumerate(found.label):
         assert found.frequency[n, 0] == first.frequency[first.label.index(label)]
         assert found.frequency[n, 1] == second.frequency[second.label.index(label)]
-
-
-def test_a_stage_that_only_one_has():
-    found = sus.compare(sus.example("double"), sus.template("triple"), fidelity="string")
-    paths = [change.path for change in found.change[1]]
-    assert any(change.before == "not given" for change in found.change[1])
-    assert not any(path.startswith("stage.middle.") for path in paths)
-    count = np.isfinite(found.modes.frequency).sum(0)
-    assert count.tolist() == [12, 18]
 
 
 def test_stored_results_and_designs_on_one_grid(folder, tmp_path):
@@ -207,27 +197,3 @@ def test_refused(items, words, folder, tmp_path):
     assert done.exit_code == 2
     assert words in done.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_results_that_have_nothing_to_compare(folder, tmp_path):
-    design = folder / "a.toml"
-    done = run("export", design, "--format", "hdf5", "--fidelity", "string", "--out", tmp_path)
-    assert done.exit_code == 0, done.stderr
-    (stored,) = tmp_path.glob("*.h5")
-    done = run("compare", design, stored, "--out", tmp_path / "out")
-    assert_refused(done, stored, tmp_path / "out")
-
-
-def test_changes_have_units_that_builders_use():
-    before = TRIPLE.text
-    after = TRIPLE.replace(
-        {"stage.upper.body.mass": 6.0, "stage.upper.body.inertia": [0.08, 0.004, 0.08]}
-    ).text
-    assert [(c.words, c.before, c.after) for c in find_changes(before, after)] == [
-        ("upper body mass", "5.86 kg", "6 kg"),
-        (
-            "upper body inertia",
-            "0.08126 kg m^2, 0.00381 kg m^2, 0.08338 kg m^2",
-            "0.08 kg m^2, 0.004 kg m^2, 0.08 kg m^2",
-        ),
-    ]

@@ -8,12 +8,10 @@ from matplotlib.text import Text
 
 import suspension_cli as sus
 from suspension_cli.design import foton
-from suspension_cli.files.hdf5 import open_results
 from tests.support import plants, scenes
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import run, strict_json, written
 
 DAMPERS = {"x": 20.0, "y": 20.0, "z": 30.0, "roll": 0.2, "pitch": 0.05, "yaw": 0.2}
-UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
 
 QUICK = ("--fidelity", "force")
 FOTON = 'zpk([0],[-20;-10+i*17;-10-i*17],3e6,"f")'
@@ -112,38 +110,6 @@ def test_results_hold_the_run(done):
     assert np.abs(loaded.undamped[-800:]).max() > 0.5 * np.abs(loaded.undamped).max()
 
 
-def test_options_of_the_run(tmp_path):
-    file = written(
-        tmp_path,
-        damped(["yaw"]) | {"analysis": {"damp": {"duration": 5.0, "output": "middle.yaw"}}},
-        "triple.toml",
-    )
-    answer = strict_json(
-        run("damp", file, "--json", "--out", tmp_path, "--frequency", "1,2", *QUICK).stdout
-    )
-    assert (answer["output"], answer["impulse"]) == ("middle.yaw", "middle.torque_yaw")
-    options = ("--output", "test.z@0,0.1,0", "--impulse", "support.z", "--frequency", "1,2")
-    answer = strict_json(run("damp", file, "--json", "--out", tmp_path, *options, *QUICK).stdout)
-    assert (answer["output"], answer["impulse"], answer["frequency_hz"]) == (
-        "test.z@0,0.1,0",
-        "support.z",
-        [1.0, 2.0],
-    )
-    with open_results(tmp_path / "triple-damp.h5") as results:
-        assert results["damp"]["time"][-1] == 5.0
-
-
-def test_table_for_people(tmp_path):
-    file = written(tmp_path, damped(["x", "pitch"]), "triple.toml")
-    options = ("--no-plot", "--frequency", "0.1:50:50", *QUICK)
-    result = run("damp", file, "--out", tmp_path / "out", *options)
-    assert result.exit_code == 0
-    assert "closed-loop pole" in result.stdout
-    assert "loop-pitch" in result.stdout
-    assert "warning" not in result.stderr
-    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["triple-damp.h5"]
-
-
 def test_a_loop_that_drives_itself(tmp_path):
     """Found unstable, reported, and still written: a finding about the loops, not a fault of the
     file."""
@@ -183,27 +149,6 @@ def test_what_control_leaves_alone(kind, tmp_path):
     assert answer["margins"][0]["phase"] == pytest.approx(90.0, abs=1.0)
 
 
-@pytest.mark.parametrize(
-    ("changes", "key", "message"),
-    [
-        ({"sensor": "uper.x"}, "control.loop.loop-x.sensor", "names no body"),
-        ({"sensor": "upper.q"}, "control.loop.loop-x.sensor", "names no motion or force"),
-        ({"sensor": "upper"}, "control.loop.loop-x.sensor", "names a body, but no motion"),
-        ({"sensor": "support.x"}, "control.loop.loop-x.sensor", "is not a motion of a stage"),
-        ({"sensor": "upper.force_x"}, "control.loop.loop-x.sensor", "is not a motion of a stage"),
-        ({"sensor": "upper.x@1,2"}, "control.loop.loop-x.sensor", "is no point"),
-        ({"actuator": "upper.x"}, "control.loop.loop-x.actuator", "is not a force or torque"),
-        ({"actuator": "support.force_x"}, "control.loop.loop-x.actuator", "has no effect"),
-        ({"gain": 3.0}, "control.loop.loop-x", "are both given"),
-    ],
-)
-def test_bad_loops(changes, key, message, tmp_path):
-    file, out = written(tmp_path, damped(**changes), "triple.toml"), tmp_path / "out"
-    (line,) = assert_refused(run("damp", file, "--json", "--out", out), file, out)
-    assert line.startswith(key)
-    assert message in line
-
-
 def test_the_loops_that_are_drawn():
     found = sus.damp(sus.parse(sus.example("triple-damped").text), fidelity="string")
 
@@ -213,13 +158,6 @@ def test_the_loops_that_are_drawn():
 
     assert drawn() == "loop gain of the 3 most critical of 6 loops, others closed"
     assert drawn(loops=["yaw"]) == "loop gain of 1 of 6 loops, others closed"
-
-
-def test_an_unstable_plant_may_be_requested(tmp_path):
-    options = ("--frequency", "1,2", "--allow-unstable", *UNSTABLE)
-    result = run("damp", written(tmp_path, damped()), "--json", "--out", tmp_path, *options)
-    assert result.exit_code == 0, result.stderr
-    assert strict_json(result.stdout)["stable"] is False
 
 
 def test_foton_strings_beside_the_results(tmp_path):

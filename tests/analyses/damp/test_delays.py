@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import msgspec
@@ -132,25 +131,3 @@ def test_noise_of_sensors():
     np.testing.assert_array_equal(control.evaluate_noise(one, f), [2e-9] * 3)
     np.testing.assert_allclose(control.evaluate_noise(cornered, f), 2e-9 * np.sqrt(1 + 3 / f))
     np.testing.assert_allclose(control.evaluate_noise(listed, f), [1e-8, 1e-9, 1e-10])
-
-
-@pytest.mark.parametrize("delay", [1e-4, 0.03, 0.1])
-def test_growing_poles(delay):
-    """As many as det(1 + H G) turns around 0 on the imaginary axis (argument principle)."""
-    loops = [loop("upper.x", damper=25.0, delay=delay), loop("upper.yaw", damper=0.3, delay=delay)]
-    closed = plant(plants.raw("triple", loss=True), loops, "string")
-    # poles of the open loop without loss would lie on the axis
-    damping = closed.model.damping + 1e-6 * closed.model.mass
-    closed = replace(closed, model=replace(closed.model, damping=damping))
-    found, opened = pole_values(closed), pole_values(closed.with_loops([]))
-
-    def change(frequency):
-        back = control.compute_open_loop(closed, frequency)
-        return (np.linalg.det(np.eye(2) + back) - 1)[:, None]
-
-    corners = np.abs(np.concatenate([found.value, opened.value])) / (2 * np.pi)
-    _, value = margins.refine_grid(change, corners, faint=1e-6)
-    turns = np.angle((1 + value[1:]) / (1 + value[:-1])).sum() / np.pi
-    growing = np.sum(np.where(found.value.imag != 0, 2, 1)[found.growth_rate > 0])
-    assert growing == -round(turns)
-    assert (growing > 0) == (delay > 0.05)

@@ -210,65 +210,6 @@ def test_the_command(tmp_path):
 
 
 ONE = {"design": str(CASES[0]), "mode": [{"frequency": 11.3, "uncertainty": 0.1}]}
-BAD = {
-    "both forms": ({"mode": ONE["mode"]}, "mode: conflicts with experiment"),
-    "names twice": (
-        {"experiment": [ONE, ONE]},
-        "experiment.2.name: table1-case1 is also that of an earlier one",
-    ),
-    "no such experiment": (
-        {"parameter": [{"name": E, "experiments": ["lnog"]}]},
-        "parameter.1.experiments = [\"lnog\"]: lnog names no experiment; did you mean 'long'?",
-    ),
-    "twice in one": (
-        {"parameter": [{"name": E}, {"name": E, "experiments": ["long"]}]},
-        "parameter.2.name",
-    ),
-    "label": (
-        {
-            "experiment": [
-                ONE,
-                ONE | {"name": "b", "mode": [{"frequency": 1.0, "uncertainty": 0.1, "label": "q"}]},
-            ]
-        },
-        'experiment.b.mode.1.label = "q"',
-    ),
-    "values differ": (
-        {"parameter": [{"name": "stage.test.wires.l"}]},
-        'parameter.1.name = "stage.test.wires.l": has different values',
-    ),
-    "not in all": (
-        {
-            "experiment": [ONE, ONE | {"name": "b", "set": ["stage.test.wires.d_upper=0.001"]}],
-            "parameter": [{"name": "stage.test.wires.d_upper"}],
-        },
-        (
-            'parameter.1.name = "stage.test.wires.d_upper": the design of table1-case1 gives no'
-            " such number; give a start, or list only experiments"
-        ),
-    ),
-    "leads nowhere": (
-        {"parameter": [{"name": "stage.upper.wires.l", "start": 0.3}]},
-        "parameter.1 = 0.3: stage.upper.wires.l: there is no 'upper' here",
-    ),
-    "overrides": (
-        {"experiment": [ONE | {"set": ["stage.q=1"]}]},
-        'experiment.1.set = "stage.q=1": there is no',
-    ),
-    "no file name": (
-        {"experiment": [ONE | {"name": "a b/c"}]},
-        'experiment."a b/c".name = "a b/c": is not acceptable; give letters, digits',
-    ),
-    "no modes": ({"experiment": [{"design": "x"}]}, "experiment.1.mode: missing"),
-}
-
-
-@pytest.mark.parametrize("kind", BAD)
-def test_faults_of_the_file(kind, tmp_path):
-    changes, problem = BAD[kind]
-    file = joint(tmp_path, **changes)
-    lines = assert_refused(run("fit", file, "--out", tmp_path / "out"), file, tmp_path / "out")
-    assert any(line.startswith(problem) for line in lines), lines
 
 
 def test_designs_are_given_once(tmp_path):

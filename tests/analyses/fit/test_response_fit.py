@@ -22,9 +22,7 @@ from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.errors import InputError
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import response, signals
-from suspension_cli.measurements.resonances import find_peaks
 from suspension_cli.measurements.transfer_function import MeasuredResponse
-from suspension_cli.studies import parameters
 from suspension_cli.studies.response_matrix import Plant
 from tests.support.commandline import assert_refused, run, strict_json
 from tests.support.golden import CONFIGS
@@ -90,41 +88,6 @@ def paths_value(text, path):
     return paths.value_at(reader.read_toml("", text), path)
 
 
-def test_an_added_damping_is_that_q():
-    """Half the height of the peak is 1/(2 Q) of its frequency away, for that mode alone."""
-    plant = Plant.of(reader.parse(DOUBLE))
-    known, mode = signals.bodies_with_signals(plant.system), 5
-    name = f"{plant.modes.home[mode][0]}.{plant.modes.home[mode][1]}"
-    body, dof = name.split(".")
-    force = signals.FORCES[("x", "y", "z", "roll", "pitch", "yaw").index(dof)]
-    inputs, outputs = (
-        [signals.parse_input(f"{body}.{force}", known)],
-        [signals.parse_output(name, known)],
-    )
-    damping = np.zeros(len(plant.modes.omega_squared))
-    damping[mode] = 1e-3
-    center = plant.modes.frequency[mode]
-    grid = center * (1 + np.array([-0.5e-3, 0.0, 0.5e-3]))
-    size = np.abs(plant.respond(grid, inputs, outputs, damping).value[:, 0, 0])
-    np.testing.assert_allclose(size / size[1], [np.sqrt(0.5), 1, np.sqrt(0.5)], rtol=0.02)
-
-
-def test_peaks_of_one_function():
-    """Frequency, width and residue of two resonances with noise, within a few sigma."""
-    random, grid = np.random.default_rng(1), np.geomspace(0.5, 5.0, 300)
-    true = ((1.1, 0.01, 2.0), (2.3, 0.02, -1.0))
-    value = sum(r / ((2 * np.pi) ** 2 * (f**2 - grid**2 + 1j * grid * f * d)) for f, d, r in true)
-    sigma = 0.02 * np.abs(value)
-    noise = random.standard_normal((2, len(grid)))
-    measured = value + sigma * (noise[0] + 1j * noise[1])
-    found = find_peaks(MeasuredResponse("", "", "", grid, measured, sigma, sigma))
-    assert len(found) == 2
-    for peak, (f, damping, residue) in zip(found, true, strict=True):
-        assert abs(peak.frequency - f) < 4 * peak.sigma + 1e-4
-        assert peak.damping == pytest.approx(damping, rel=0.1)
-        assert peak.residue.real == pytest.approx(residue, rel=0.1)
-
-
 def test_the_truth_lies_in_the_95_percent_region_and_wrong_channels_are_found():
     """4 builds with resonances up to tens of per cent off, each with a sensor or an actuator that
     is inverted or scaled; docs/fit.md has 200 with all 36 functions."""
@@ -151,17 +114,6 @@ def test_channels_are_found_exchanged_and_left_alone_when_right():
             found = trials.spoil(given, "exchange", side, names).fit().responses
             assert trials.is_found(found.corrections, "exchange", side, names), (seed, found)
         assert given.fit().responses.corrections == ()
-
-
-def test_a_quadruple_with_2_mm_among_20_numbers():
-    """All 36 functions at the top mass, calibrated to 5 %: d of the second stage."""
-    given, true = trials.quadruple(0, frequency=np.geomspace(0.2, 10.0, 60))
-    found = given.fit()
-    n = found.name.index("stage.upper.wires.d")
-    assert len(found.name) == 20 and not found.misfit and not found.responses.corrections
-    assert found.sigma[n] < 0.1e-3
-    assert abs(found.value[n] - true[found.name[n]]) < 4 * found.sigma[n]
-    assert trials.distance(found, true) < stats.chi2(20).ppf(0.999)
 
 
 def test_only_a_sum_is_known():
@@ -268,26 +220,6 @@ def test_a_wrong_height_is_found_at_high_q(monkeypatch):
     assert len(calls) < 200  # 143 on one machine
 
 
-def test_a_search_starts_again_from_the_best_single_change(monkeypatch):
-    """One function of high Q, d wrong by 4 mm, six numbers that are hardly known: the first search
-    ends at three times the chi^2 of a change of d alone."""
-    values = {item.name: item.value for item in parameters.every(DOUBLE)}
-    free = [
-        Free(name=name, prior=values[name], uncertainty=10 * sigma)
-        for name, sigma in trials.DOUBLE.items()
-    ]
-    name, true = "stage.upper.wires.d", values["stage.upper.wires.d"] + 4e-3
-    given = trials.simulate(
-        DOUBLE, {name: true}, free, np.random.default_rng(1),
-        stage="upper", dofs=("x",), frequency=np.geomspace(0.2, 20, 240), q=1e4,
-    )  # fmt: skip
-    found = given.fit()
-    n = found.name.index(name)
-    assert not found.misfit and abs(found.value[n] - true) < 4 * found.sigma[n]
-    monkeypatch.setattr(fit, "ROUNDS", 0)
-    assert given.fit().chi_squared > 2 * found.chi_squared
-
-
 def test_a_spring_that_the_model_lacks_is_not_absorbed_in_silence():
     """A torsion spring on the upper mass looks like a height of its wires' ends, m g d: only the
     prior of that height contradicts it."""
@@ -314,13 +246,6 @@ def test_factors_are_named():
     assert "root of 10" in name_factor(3.15)
     assert "2 pi" in name_factor(1 / 6.3)
     assert name_factor(1.7) == "1.7"
-
-
-def test_default_parameters_have_priors():
-    found = {item.name: item for item in default_parameters(DOUBLE)}
-    assert found["stage.upper.wires.d"].uncertainty == 1e-3
-    assert found["stage.upper.body.mass"].uncertainty == pytest.approx(0.002 * 3.0)
-    assert "constants.gravity" not in found and "stage.upper.body.size.1" not in found
 
 
 @pytest.fixture

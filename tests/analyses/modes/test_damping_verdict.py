@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
 import suspension_cli as sus
 from tests.support.commandline import modes_json, run
@@ -83,24 +82,3 @@ def test_towers_are_judged_if_asked():
     none = sus.modes(sus.read(DOUBLE), damping="none")
     assert set(none.verdict) == {""}
     assert json.loads(json.dumps(none.document()))["damping"] is None
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ("at=tets", "is no stage; did you mean 'test'?"),
-        ("band=5:1", "is no band of frequencies"),
-        ("band=0.5", "is no band of frequencies"),
-        ("band=x:1", "is no band of frequencies"),
-        ("band=nan:1", "is no band of frequencies"),
-        ("bond=1:2", "give for example band=0.5:5,at=top, or none"),
-        ("top", "give for example band=0.5:5,at=top, or none"),
-    ],
-)
-def test_what_is_no_band_or_stage(given, said, tmp_path):
-    result = run("modes", DOUBLE, "--damping", given, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "--damping" in result.stderr
-    assert said in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()

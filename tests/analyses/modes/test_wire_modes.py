@@ -7,13 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import linear_sum_assignment
 
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, mode_count, response, signals
 from suspension_cli.models import registry
 from tests.support import finite_elements, scenes
@@ -65,41 +63,9 @@ def test_frequencies_are_those_of_finite_elements(seed):
     assert found[:6] == pytest.approx(expected[:6], rel=2e-4)
 
 
-def test_nearly_equal_pairs_are_resolved():
-    """Violin modes of one wire in two planes whose thickness differs by a part in 1e9."""
-    raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=True)
-    side = 3e-4
-    raw["stage"][0]["wires"]["section"] = {"width": side * (1 + 1e-9), "thickness": side}
-    model = registry.VIOLIN.system(scenes.design_of(raw))
-    found = wire_modes.solve(model, 1.2 * _first_violin(model))
-    kinds = [home[1] for home, order in zip(found.home, found.order, strict=True) if order]
-    assert kinds.count("violin-x") == kinds.count("violin-y") == len(kinds) // 2 > 0
-    strand = model.terms[0].strand
-    soft, stiff = (strand.held_resonances(part, 1.0)[0] for part in ("bend-1", "bend-2"))
-    assert 0 < stiff / soft - 1 < 1e-9
-    frequency = found.frequency[found.order > 0]
-    assert (np.diff(frequency) >= 0).all()
-    assert np.abs(frequency[0] * 2 * np.pi / soft - 1) < 1e-3
-
-
 def _first_violin(model):
     strand = model.terms[0].strand
     return strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
-
-
-@pytest.mark.parametrize("seed", [0, 2, 3])
-def test_modes_are_orthogonal_and_their_energy_is_all_there(seed):
-    """Shares sum to 1; at a mode the dynamic stiffness of the bodies takes its shape to nothing."""
-    design = scenes.design_of(random_design(seed))
-    model = registry.VIOLIN.system(design)
-    found = wire_modes.solve(model, 1.3 * _first_violin(model))
-    assert found.fractions.sum(1) == pytest.approx(1.0, abs=1e-9)
-    assert (found.fractions > -1e-12).all()
-    assert (found.order > 0).any()
-    bodies = eigenmodes.solve(registry.BEAM.system(design))
-    # the mass of wires, at most 1 % of the bodies'
-    assert found.frequency[:6] == pytest.approx(bodies.frequency[:6], rel=2e-3)
-    assert found.q[:6] == pytest.approx(bodies.q[:6], rel=2e-2)
 
 
 @pytest.mark.parametrize("which", ["body", "violin"])
@@ -148,20 +114,6 @@ def test_dilution_of_a_pendulum_on_one_wire():
     assert found.dilution[number] == pytest.approx(0.5 / u, rel=0.02)
 
 
-def test_order_of_shapes_pairs_with_the_beam():
-    """Modes of bodies on `violin` and on `beam` are the same motions."""
-    design = scenes.design_of(random_design(2))
-    quick = eigenmodes.solve(registry.BEAM.system(design))
-    model = registry.VIOLIN.system(design)
-    slow = wire_modes.solve(model, 1.5 * float(quick.frequency[-1]))
-    n = len(quick.q)
-    mass = model.mass[6 : 6 + quick.shape.shape[1], 6 : 6 + quick.shape.shape[1]]
-    overlap = np.abs(quick.shape @ mass @ slow.shape[:n].T)
-    rows, columns = linear_sum_assignment(-overlap)
-    assert (rows == columns).all()
-    assert overlap[rows, columns].min() > 0.99
-
-
 def test_held_twisting_is_diluted_by_tension_alone():
     """Wires that twist between bodies that all but stand still: every wire has its mode, with its
     energy in shear, which is lossy, and in its tension: 1 + T (r^2/2)/(G pi r^4/2)."""
@@ -177,25 +129,6 @@ def test_held_twisting_is_diluted_by_tension_alone():
             .mean()
         )
         assert found.dilution[here] == pytest.approx(1 + pull / shear, abs=1e-6)
-
-
-def test_orders_of_wires_that_are_not_alike():
-    """Each violin mode is near the multiple, by its order, of the first of its own wire."""
-    model = registry.VIOLIN.system(read(CONFIGS / "five-wires.toml").design)
-    found = wire_modes.solve(model, 600.0)
-    assert found.order.max() > 1
-    firsts = np.array(
-        [
-            term.strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
-            for term in model.terms
-            if hasattr(term, "strand")
-        ]
-    )
-    assert len(firsts) > 2
-    for frequency, order in zip(
-        found.frequency[found.order > 0], found.order[found.order > 0], strict=True
-    ):
-        assert np.abs(frequency / (order * firsts) - 1).min() < 0.01
 
 
 def test_ends_at_their_own_temperature():
@@ -225,9 +158,3 @@ def test_ends_at_their_own_temperature():
     assert parts["both"]["test.bending-lower"] == pytest.approx(
         parts["warm"]["test.bending-lower"], rel=1e-6
     )
-
-
-def test_nothing_below_the_lowest_mode():
-    model = registry.VIOLIN.system(read(CONFIGS / "double.toml").design)
-    with pytest.raises(InputError, match="is below the lowest mode"):
-        wire_modes.solve(model, 0.1)

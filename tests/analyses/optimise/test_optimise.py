@@ -11,11 +11,9 @@ import pytest
 from suspension_cli.analyses.optimise.free_parameters import FreeDesign
 from suspension_cli.design import goals, reader
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
-from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.designs import TEXTS
-from tests.support.golden import CONFIGS
 from tests.support.optima import ANGLED, FIGURE3, PAPER, TRIPLE, VERTICAL, WANTED, WIRES, G, solved
 
 
@@ -120,25 +118,6 @@ def test_what_is_not_known_is_not_met():
     assert found.limits.met.all() and not found.met
 
 
-def test_nothing_that_is_known_is_a_fault():
-    raw = tomllib.loads(VERTICAL.read_text())
-    wires = raw["stage"][0]["wires"]
-    del wires["radius"], wires["material"]
-    wires["k"] = 4e4
-    with pytest.raises(
-        InputError,
-        match=(
-            r"no goal names a quantity that is known for this design; give"
-            r" stage.test.wires.radius"
-        ),
-    ):
-        solved(
-            reader.write_toml(raw),
-            [Goal(kind="stress", at_most=0.5)],
-            [Free(name=f"{WIRES}.l", lower=0.1, upper=1.0)],
-        )
-
-
 def test_ties_hold_to_the_last_bit():
     """Numbers that follow are what their terms make of the numbers written, and keep to bounds of
     their own."""
@@ -165,35 +144,6 @@ def test_ties_hold_to_the_last_bit():
     assert upper.body.mass == -0.3 + (1.1 * test.body.mass + 1e3 * upper.wires.radius)
     assert test.wires.l >= 0.3 - 1e-9
     assert found.numbers.tied.tolist() == [False, False, True, True]
-
-
-def test_numbers_that_follow_keep_to_their_bounds_whatever_goals_ask():
-    """As free numbers do: a goal that cannot be met does not push them out."""
-    goal, free = (
-        [Goal(kind="band", modes=["test longitudinal"], at_least=5.0)],
-        [Free(name=f"{WIRES}.l", lower=0.1, upper=1.0)],
-    )
-    tie = Equal(name=f"{WIRES}.radius", terms={f"{WIRES}.l": 1e-3}, lower=2e-4, upper=3e-4)
-    found = solved(VERTICAL, goal, free, [tie])
-    assert (
-        not found.met
-        and found.numbers.after == pytest.approx([0.2, 2e-4])
-        and found.numbers.bound.tolist() == [0, -1]
-    )
-
-
-@pytest.mark.parametrize("lower", [2e-4, None])
-def test_what_the_bound_of_a_number_that_follows_costs(lower):
-    """The depth of the mass on vertical wires is l and a constant."""
-    goal, free = (
-        [Goal(kind="height", maximise=True)],
-        [Free(name=f"{WIRES}.l", lower=0.1, upper=1.0)],
-    )
-    tie = Equal(name=f"{WIRES}.radius", terms={f"{WIRES}.l": 1e-3}, lower=lower, upper=3e-4)
-    found = solved(VERTICAL, goal, free, [tie])
-    assert found.numbers.after == pytest.approx([0.3, 3e-4]) and found.stationarity < 1e-6
-    cost = np.nan if lower is None else 1e-4 / 1e-3 / found.quantities.after[0]
-    assert found.numbers.multiplier == pytest.approx([0.0, cost], nan_ok=True)
 
 
 def test_modes_are_followed_by_their_shapes_through_crossings():
@@ -239,32 +189,6 @@ def test_modes_lie_apart():
         ratios, gaps = np.divide(ranked[1:], ranked[:-1]), np.diff(ranked)
         assert found.met and (ratios if limit.apart is None else gaps).min() >= limit.at_least
         assert found.quantities.before.min() < limit.at_least <= found.quantities.after.min()
-
-
-def test_from_an_unstable_design_to_a_stable_one():
-    """Wires below the centre of mass, close together: it tips over, until they are wide enough."""
-    text = reader.read(FIGURE3, (f"{WIRES}.d=-0.02", f"{WIRES}.s=1e-3")).text
-    assert not eigenmodes.solve(registry.STRING.system(reader.parse(text))).stable
-    found = solved(
-        text,
-        [Goal(kind="band", dof=["x"], at_least=0.7)],
-        [Free(name=f"{WIRES}.s", lower=1e-4, upper=0.05, scale="log")],
-    )
-    assert found.met and np.isnan(found.quantities.before).any()
-    assert eigenmodes.solve(registry.STRING.system(reader.parse(found.design))).stable
-
-
-def test_limits_are_met_on_the_checking_model():
-    """Wires that bend make a soft pendulum stiffer than strings do: the search is on them."""
-    found = solved(
-        CONFIGS / "double.toml",
-        [Goal(kind="band", dof=["x"], lowest=1, equals=0.6)],
-        [Free(name=f"{WIRES}.l", lower=0.1, upper=0.9)],
-        level="beam",
-    )
-    assert found.fidelity == "beam" and found.met
-    again = eigenmodes.solve(registry.BEAM.system(reader.parse(found.design)))
-    assert again.frequency[found.quantities.mode[0]] == pytest.approx(0.6, rel=1e-6)
 
 
 def test_the_search_continues_on_the_models_that_its_result_needs():

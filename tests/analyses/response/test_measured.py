@@ -12,7 +12,6 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.design.measured import Measured, Transducer
-from suspension_cli.errors import PendsusWarning
 from suspension_cli.measurements.resonances import find_peaks
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from tests.support.commandline import run, strict_json
@@ -149,19 +148,6 @@ def test_command(tmp_path):
     assert len(again.plot(scale="absolute").axes) == 4
 
 
-def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
-    """400 points in um instead of m."""
-    at = np.geomspace(0.3, 5.0, 400)
-    signals = {"inputs": ["upper.force_x"], "outputs": ["upper.x"], "fidelity": "string"}
-    given = sus.response(design, frequency=at, **signals)
-    file = file_of(tmp_path, at, 1e6 * given.value[:, 0, 0])
-    with pytest.warns(PendsusWarning, match=r"is the file in um\? then set gain = 1e-06"):
-        found = sus.response(design, measured=[file], **signals)
-    assert found.measured[0].median == pytest.approx(1e6)
-    assert found.measured[0].data.unit == "m/N" and np.isnan(found.measured[0].chi_squared)
-    assert not found.plot().axes[0].containers  # no error bars
-
-
 @pytest.mark.parametrize(
     ("tables", "words", "says"),
     [
@@ -202,21 +188,3 @@ def test_results_and_folders_are_no_measurements(design, tmp_path):
     assert done.exit_code == 2 and done.stderr.count("\n") == 1
     assert "is a file of measurements (it has [[transfer_function]]), not a design" in done.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_loops_closed(tmp_path):
-    """Data measured with the loops closed are compared with closed-loop responses."""
-    damped = sus.example("triple-damped")
-    at = np.geomspace(0.3, 6.0, 60)
-    signals = {"inputs": ["support.x"], "outputs": ["test.x"]}
-    given = sus.response(damped, **signals, frequency=at, closed_loop=True, fidelity="string")
-    rows = zip(at.tolist(), given.value[:, 0, 0].tolist(), strict=True)
-    text = "".join(f"{f!r},{value.real!r},{value.imag!r}\n" for f, value in rows)
-    (tmp_path / "x.csv").write_text("f,re,im\n" + text)
-    found = sus.response(
-        damped, **signals, measured=[tmp_path / "x.csv"], closed_loop=True, fidelity="string"
-    )
-    assert np.allclose(found.measured[0].ratio, 1, rtol=1e-9)
-    (tmp_path / "out").mkdir()
-    found.save(tmp_path / "out" / "r.h5")
-    assert np.allclose(sus.load(tmp_path / "out" / "r.h5").measured[0].ratio, 1, rtol=1e-9)

@@ -9,7 +9,6 @@ from suspension_cli.linear import eigenmodes, response
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
 
-UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
 INPUTS, OUTPUTS = ("support.x", "upper.torque_pitch"), ("test.x@0,0,0.001", "test.pitch", "upper.z")
 MATRIX = [word for name in INPUTS for word in ("--input", name)]
 MATRIX += [word for name in OUTPUTS for word in ("--output", name)]
@@ -73,15 +72,6 @@ def test_several_are_a_list(file, out):
     assert not any(answer["responses"][4]["real"])  # upper.z does not come from support.x
 
 
-def test_by_default_from_the_support_to_the_last_stage(file, out):
-    answer = json_of(file, out)
-    assert (answer["input"], answer["output"]) == ("support.x", "test.x")
-    frequency = np.array(answer["frequency_hz"])
-    assert len(frequency) == 2000
-    assert (frequency[0], frequency[-1]) == (0.1, 100.0)
-    np.testing.assert_allclose(frequency[1:] / frequency[:-1], 1000 ** (1 / 1999), rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("grid", "values"),
     [
@@ -97,16 +87,6 @@ def test_by_default_from_the_support_to_the_last_stage(file, out):
 def test_grids(grid, values, file, out):
     found = json_of(file, out, "--frequency", grid, "--fidelity", "force")["frequency_hz"]
     assert found == pytest.approx(values, rel=1e-14)
-
-
-def test_an_unstable_design_must_be_requested(file, out):
-    (line,) = assert_refused(run("response", file, "--json", "--out", out, *UNSTABLE), file, out)
-    assert "unstable" in line
-    assert "--allow-unstable" in line
-    result = run("response", file, "--json", "--out", out, "--allow-unstable", *UNSTABLE, "-q")
-    assert result.exit_code == 0
-    assert result.stderr.startswith("warning: triple is unstable")
-    assert len(strict_json(result.stdout)["real"]) == 2000
 
 
 @pytest.mark.parametrize(
@@ -155,54 +135,3 @@ def test_on_a_lossless_resonance(file, out, tmp_path):
     modes = eigenmodes.solve(plants.model("triple", "force")).frequency.tolist()
     triple = json_of(file, tmp_path / "triple", "--frequency", ",".join(map(repr, modes)))
     assert np.isfinite(triple["real"]).all()
-
-
-def test_defaults_from_the_design(out, tmp_path):
-    table = {"input": ["support.z"], "output": ["middle.z"], "frequency": "1:2:3:lin"}
-    design = plants.raw("triple") | {"analysis": {"response": table | {"fidelity": "string"}}}
-    file = written(tmp_path, design, "triple.toml")
-    keys = ("input", "output", "fidelity", "frequency_hz")
-    answer = json_of(file, out, model=())
-    expected = ["support.z", "middle.z", "string", [1.0, 1.5, 2.0]]
-    assert [answer[key] for key in keys] == expected
-    answer = json_of(file, out, "--output", "test.z", "--fidelity", "force", "--frequency", "4")
-    assert [answer[key] for key in keys] == ["support.z", "test.z", "force", [4.0]]
-
-
-@pytest.mark.parametrize(
-    ("table", "key"),
-    [
-        ({"inputs": "support.x"}, "inputs"),
-        ({"scale": "loud"}, "scale"),
-        ({"fidelity": "guess"}, "fidelity"),
-        ({"allow-unstable": True}, "allow-unstable"),
-    ],
-)
-def test_bad_defaults(table, key, out, tmp_path):
-    file = written(
-        tmp_path, plants.raw("triple") | {"analysis": {"response": table}}, "triple.toml"
-    )
-    (line,) = assert_refused(run("response", file, "--json", "--out", out), file, out)
-    assert line.startswith(f"analysis.response.{key} = ")
-
-
-def test_pictures(file, out):
-    assert run("response", file, "--no-plot", "--out", out).exit_code == 0
-    assert {path.name for path in out.iterdir()} == {"triple-response.h5"}
-    assert run("response", file, "--out", out, "--frequency", "0.1:50:200").exit_code == 0
-    assert {path.name for path in out.iterdir()} == {"triple-response.h5", "triple-response.png"}
-    (out / "triple-response.png").unlink()
-    grid = ("--frequency", "0.1:50:200")
-    result = run("response", file, "--json", "--plot", "--scale", "absolute", "--out", out, *grid)
-    strict_json(result.stdout)
-    assert (out / "triple-response.png").stat().st_size > 10_000
-
-
-def test_text_for_people(file, out):
-    options = ("--no-plot", "--out", out, "--fidelity", "force", "--frequency", "0.1:10:100")
-    result = run("response", file, *options)
-    first, second = result.stdout.splitlines()
-    assert first.startswith("model: force (")
-    assert second.startswith("test.x / support.x (m/m): 1.0")
-    assert "at 0.1 Hz" in second
-    assert "at 10 Hz" in second

@@ -314,13 +314,6 @@ def test_sections_of_wires():
     )
 
 
-def test_steps_of_a_taper_are_no_number_that_changes_a_little():
-    found = solved((CONFIGS / "geo-silica-triple.toml").read_text(), "test vertical")
-    share = dict(zip(found.parameter, found.one_percent[:, 0], strict=True))
-    assert not [name for name in share if name.endswith("steps")]
-    assert share["stage.test.wires.sections.2.radius.2"] > 0
-
-
 def test_units_of_time_mass_and_length():
     """f is 1/s: scaled units of time, mass and length scale g (m/s^2), E (kg/(m s^2)), masses and
     all lengths, and nothing else."""
@@ -354,18 +347,3 @@ def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
         row[0] for row in reported["derivative"]
     } == {None}
     assert any(row[1] for row in reported["derivative"])
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(
-    "results",
-    [["test.x/support.x:0"], ["test.x/support.x:10", "5", "test.x@0,0,0.001/test.z/support.z:50"]],
-)
-def test_all_text_lies_within_the_picture(results):
-    """Also of few results, and where nothing moves anything."""
-    from suspension_cli.analyses.sensitivity import picture
-
-    figure = picture.draw(solved((CONFIGS / "quadruple.toml").read_text(), *results), "")
-    for axes in figure.axes:
-        box = axes.get_tightbbox()
-        assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1

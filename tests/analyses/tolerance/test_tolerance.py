@@ -155,31 +155,6 @@ def everything():
     }
 
 
-def test_factors_are_those_of_the_table():
-    labels = [factor.label for factor in job_of(everything()).factors]
-    units = {factor.label: factor.unit for factor in job_of(everything()).factors}
-    own = [
-        "k",
-        "radius",
-        "length",
-        *(f"{end} {axis}" for end in ("upper", "lower") for axis in "xyz"),
-    ]
-    expected = [f"upper.{n} {what}" for n in (1, 2, 3, 4) for what in own]
-    expected += [
-        "test.2 k",
-        "test.2 upper x",
-        "test.2 upper y",
-        "test.2 upper z",
-        "upper.3 k",
-        "test mass",
-    ]
-    expected += [f"test {what} {axis}" for what in ("inertia", "com") for axis in "xyz"]
-    assert labels == [*expected, "upper.blade1 stiffness", "upper.blade2 stiffness"]
-    assert {label for label, unit in units.items() if unit == "m"} == {
-        label for label in labels if label.split(" ")[1] in ("length", "upper", "lower", "com")
-    }
-
-
 def test_deviations_get_into_the_scene():
     job = job_of(everything())
     scene, base, drawn = (
@@ -325,22 +300,6 @@ def test_labels_go_through_a_crossing():
     assert (
         found["frequency"][:, home.index("pitch")] > found["frequency"][:, home.index("roll")]
     ).sum() > 5
-
-
-def test_a_wire_that_lets_a_body_spin():
-    raw = scenes.raw_of(
-        {
-            "name": "test",
-            "body": {"mass": 5.6, "inertia": [0.02, 0.02, 0.03]},
-            "wires": {"count": 1, "l": 0.28, "d": 0.01, "k": 1e4},
-        }
-    )
-    found = job_of(
-        raw | {"tolerance": {"body": [{"stage": "test", "com": {"normal": 1e-3}}]}}, 200
-    ).compute(0, 200)
-    assert not found["status"].any()
-    assert (found["frequency"][:, 0] == 0).all()
-    assert (found["frequency"][:, 1:] > 0).all()
 
 
 @settings(deadline=None, max_examples=30)

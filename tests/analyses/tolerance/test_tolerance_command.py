@@ -12,7 +12,7 @@ import pytest
 from suspension_cli.analyses.tolerance import report
 from suspension_cli.analyses.tolerance.statistics import QUANTILES
 from suspension_cli.equilibrium import solve as equilibrium
-from tests.support.commandline import edited, run, strict_json, written
+from tests.support.commandline import run, strict_json, written
 from tests.support.couplings import FILE
 from tests.support.golden import CONFIGS
 
@@ -95,35 +95,6 @@ def test_nothing_but_failures(tmp_path, monkeypatch):
     assert all(value is None for mode in answer["modes"] for value in mode["quantiles_hz"])
     assert (
         run("tolerance", file, "--builds", "4", "--workers", "1", "--out", tmp_path).exit_code == 0
-    )
-
-
-def test_defaults_come_from_the_design(tmp_path):
-    raw = edited(
-        RAW,
-        {
-            ("tolerance",): {"body": [{"stage": "test", "com": {"normal": 1e-4}}]},
-            ("analysis",): {"tolerance": {"builds": 12, "seed": 4, "limit": 1e-5, "frequency": 20}},
-        },
-    )
-    file = written(tmp_path, raw)
-    result = run("tolerance", file, "--json", "--out", tmp_path)
-    answer = strict_json(result.stdout)
-    assert (
-        answer["builds"],
-        answer["seed"],
-        answer["coupling"]["limit"],
-        answer["coupling"]["frequency_hz"],
-    ) == (12, 4, 1e-5, 20.0)
-    assert (
-        strict_json(run("tolerance", file, "--json", "--out", tmp_path, "--seed", "5").stdout)[
-            "modes"
-        ]
-        != answer["modes"]
-    )
-    assert (
-        strict_json(run("tolerance", file, "--json", "--out", tmp_path, "--workers", "1").stdout)
-        == answer
     )
 
 

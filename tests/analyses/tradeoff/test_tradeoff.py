@@ -9,7 +9,7 @@ import tomli_w
 import suspension_cli as sus
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.tradeoff import measure, picture
-from suspension_cli.analyses.tradeoff.result import Answer, Entry, Tradeoff, format_time
+from suspension_cli.analyses.tradeoff.result import Answer, Entry, format_time
 from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.files.hdf5 import open_results
 from tests.support import scenes
@@ -65,23 +65,6 @@ def errors(answer):
     return {entry.model: entry.error for entry in answer.entries if np.isfinite(entry.error)}
 
 
-def test_json(out, loaded):
-    answer = strict_json((out / "answer.json").read_text())
-    assert list(answer) == ["command", "design", "questions"]
-    assert {part["quantity"] for part in answer["questions"]} == {
-        "modes",
-        "response",
-        "thermal",
-        "coupling",
-    }
-    for part in answer["questions"]:
-        assert [one["model"] for one in part["models"]] == MODELS
-        assert (part["reference"], part["models"][-1]["error"]) == ("violin", 0.0)
-        assert all((one["time_s"] is None) == bool(one["left_out"]) for one in part["models"])
-        assert part["advice"].startswith(f"Use {part['best']}")
-    assert loaded.document() == answer
-
-
 # Errors, against the results of the other commands.
 
 
@@ -117,23 +100,6 @@ def test_errors_of_responses(answers, band):
     assert low["beam"] < low["string"] < 0.05 and min(high["beam"], high["string"]) > 0.5
 
 
-def test_errors_of_noise_and_coupling(answers):
-    design = sus.read(str(CASE))
-    frequency = np.geomspace(10.0, 100.0, 200)
-    beam, violin = (
-        sus.thermal(design, outputs="test.x", frequency=frequency, fidelity=name).data[0].amplitude
-        for name in MODELS[3:]
-    )
-    assert errors(answers["noise"])["beam"] == pytest.approx(np.abs(beam / violin - 1).max(), 0.02)
-    assert [entry.model for entry in answers["noise"].options] == ["beam", "violin"]
-    sweep = {"sweep": "k,offset"}
-    builds = {name: sus.xcouple(design, **sweep, fidelity=name).ratio for name in MODELS[2:]}
-    exact = builds["violin"]
-    for name in ("string", "beam"):
-        wanted = np.abs(builds[name] - exact).max() / np.abs(exact).max()
-        assert errors(answers["coupling"])[name] == pytest.approx(wanted, rel=1e-9)
-
-
 def hanging(stage):
     return sus.parse(tomli_w.dumps(scenes.raw_of(stage)))
 
@@ -161,12 +127,6 @@ def test_models_that_are_left_out(monkeypatch):
     assert found.answers[4].advice == "left out: nothing dissipates"
     assert found.answers[5].advice == "left out: the mirror hangs on no wire"
     assert_legible(picture.draw(found.data, "Springs"))
-
-
-def test_designs_beyond_symmetric_chains(monkeypatch):
-    hurry(monkeypatch)
-    found = sus.tradeoff(sus.example("five-wires"), quantities="modes")
-    assert [entry.model for entry in found.answers[0].options] == MODELS[2:]
 
 
 # Advice.
@@ -261,13 +221,6 @@ def test_refusals(tmp_path):
     for options in (["--quantity", "mode"], ["--fidelity", "beam"]):
         assert run("tradeoff", file, *options, "--out", out).exit_code == 2
     assert not out.exists()
-
-
-def test_nothing_to_compare():
-    entry = Entry("thermal", "noise", "violin", np.nan, np.nan, "", "nothing dissipates")
-    found = Tradeoff((entry,))
-    assert found.answers[0].advice == "left out: nothing dissipates"
-    assert picture.draw(found, "Nothing").axes == []
 
 
 def test_numpy_reads_the_number_of_threads():

@@ -19,7 +19,6 @@ from suspension_cli.linear import signals
 from suspension_cli.models import registry
 from suspension_cli.models.choice import ONE_MODEL_ONLY
 from suspension_cli.studies.job import Axis
-from tests.support import scenes
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
 
@@ -54,15 +53,6 @@ def test_corners_and_middles_give_the_error_of_the_whole_sweep():
     assert choice_for(requested, tolerance=1.001 * choice.error).level == "string"
     assert choice_for(requested, tolerance=0.999 * choice.error).level == "beam"
     assert choice_for(requested, tolerance=1e-12).level == "violin"
-
-
-def test_wires_of_unknown_section():
-    raw = scenes.chain(np.random.default_rng(3), 1)
-    text = reader.write_toml(scenes.plain(raw))
-    choice = choice_for(job(text, raw["stage"][0]["name"]))
-    assert choice.level == "string" and math.isnan(choice.error)
-    assert choice.error_unknown.startswith("unknown: wire bending and wire mass, as wire ")
-    assert choice.line.endswith("has no cross-section")
 
 
 def test_the_default_is_what_the_couplings_need(tmp_path):
@@ -131,12 +121,6 @@ def test_builds_that_hang_on_strings_alone(tmp_path):
     assert registry.by_name(json.loads(run(*words).stdout)["fidelity"]).bends_wires
 
 
-def test_no_coupling_in_any_model_is_no_error():
-    requested = job((CONFIGS / "husman2000" / "table1-case3.toml").read_text(), "test")
-    choice = choice_for(replace(requested, axes=(Axis("mass", (0.9, 1.1)),)))
-    assert (choice.level, choice.error) == ("string", 0.0)
-
-
 def test_the_tolerance_that_no_model_meets():
     """Without a density there is no wire mass; the reason says that its effect is unknown."""
     text = (
@@ -146,15 +130,3 @@ def test_the_tolerance_that_no_model_meets():
     choice = choice_for(job(text, "test"))
     assert choice.level == "beam" and math.isnan(choice.error)
     assert "unknown: wire mass, as wire test.1 is of mine, which has no density" in choice.line
-
-
-def test_the_matrix_too(tmp_path):
-    design = CONFIGS / "imperfect.toml"
-    found = [
-        json.loads(run("xcouple", design, "--matrix", "--json", "--out", tmp_path, *words).stdout)
-        for words in ((), ("--fidelity", "string"), ("--fidelity", "violin"))
-    ]
-    default, strings, exact = found
-    assert default["fidelity"] == "violin" and default["estimated_error"] == 0.0
-    assert strings["fidelity"] == "string" and strings["estimated_error"] > 1e-4
-    assert default["matrix_real"] == exact["matrix_real"]

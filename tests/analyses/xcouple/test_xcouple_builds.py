@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import tomllib
 
-import h5py
 import numpy as np
 import pytest
 
@@ -19,8 +18,6 @@ from suspension_cli.models import string as string_model
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.studies import builds
 from suspension_cli.studies.job import Axis
-from tests.support import scenes
-from tests.support.commandline import edited, run, strict_json, written
 from tests.support.couplings import (
     FIGURE_6,
     FILE,
@@ -31,11 +28,9 @@ from tests.support.couplings import (
     exact,
     question,
 )
-from tests.support.golden import CONFIGS
 
 RAW, TRIPLE_RAW = (tomllib.loads(file.read_text()) for file in (FILE, TRIPLE_FILE))
 AXES = ("", "_y", "_z")
-LOSS = {("materials", "fused-silica", "loss_angle"): 1e-3}
 
 
 def one_by_one(raw, requested):
@@ -125,26 +120,6 @@ def test_hundreds_of_imperfect_triples(wire, hold):
         assert model.residual < 1e-10
 
 
-@pytest.mark.parametrize("wire", ["upper.3"])
-def test_digits_survive_far_above_the_resonances(wire):
-    """At 1 kHz a quadruple passes 1e-21 of the motion on, and its coupling is 1e-8 of that: still
-    not lost among roundings."""
-    file = CONFIGS / "quadruple.toml"
-    design, raw = reader.read(file).design, tomllib.loads(file.read_text())
-    requested = question(design, wire, frequency=(1.0, 10.0, 100.0, 1000.0))
-    found = answers({"k": [1.1], "offset": [1e-3], "offset_y": [2e-4]}, requested, design)
-    ratio, over, under = one_by_one(
-        raw
-        | {"perturbation": [{"wire": wire, "k_factor": 1.1, "upper_offset": [1e-3, 2e-4, 0.0]}]},
-        requested,
-    )
-    assert abs(under[-1]) < 1e-20
-    np.testing.assert_allclose(found["under"][0], under, rtol=1e-12)
-    np.testing.assert_allclose(found["over"][0], over, rtol=1e-9)
-    np.testing.assert_allclose(found["ratio"][0], ratio, rtol=1e-9)
-    assert (np.abs(found["over"][0] - over) < 1e-13 * np.abs(under)).all()
-
-
 def test_mass_and_inertia():
     """Against 60 digits: a heavier body sinks, and the wires that were made for another load carry
     it."""
@@ -206,45 +181,6 @@ def test_dotted_paths(kind):
     assert len(distinct) > job.count // 3  # what is swept matters
 
 
-def test_complex_ratios_with_loss(tmp_path):
-    raw = edited(RAW, LOSS)
-    file = written(tmp_path, raw)
-    options = [
-        *[
-            "--sweep",
-            "k=0.9,1,1.1,offset=0,1e-3",
-            "--frequency",
-            "15,50",
-            "--workers",
-            "1",
-            "--json",
-        ],
-    ]
-    result = run("xcouple", file, *options, "--out", tmp_path)
-    assert result.exit_code == 0, result.stderr
-    answer = strict_json(result.stdout)
-    requested = question(reader.convert(raw), frequency=(15.0, 50.0))
-    with h5py.File(tmp_path / "husman2000-figure6-xcouple.h5") as stored:
-        ratio = stored["xcouple/ratio"][:]
-    assert ratio.shape == (3, 2, 2)
-    assert ratio.dtype == complex
-    assert np.array_equal(ratio.real, answer["ratio_real"])
-    assert np.array_equal(ratio.imag, answer["ratio_imag"])
-    assert np.abs(ratio.imag)[[0, 2]].min() > 1e-7 * np.abs(ratio.real)[[0, 2]].max()
-    for i, k in enumerate((0.9, 1.0, 1.1)):
-        for j, offset in enumerate((0.0, 1e-3)):
-            expected, _, _ = one_by_one(
-                raw
-                | {
-                    "perturbation": [
-                        {"wire": "test.1", "k_factor": k, "upper_offset": [offset, 0.0, 0.0]}
-                    ]
-                },
-                requested,
-            )
-            assert np.abs(ratio[i, j] - expected).max() < 1e-14
-
-
 FAILING = {
     "a slack wire": ({"length": [0.0, 5e-3]}, builds.SLACK),
     "its neighbour slack": ({"length": [0.0, -5e-3]}, builds.SLACK),
@@ -294,39 +230,3 @@ def test_a_failed_build_does_not_touch_the_others(kind, level, monkeypatch):
         assert scene.wires.label[slack[0]] in ("test.1", "test.2")
     elif status != builds.SLACK:
         assert (slack == -1).all()
-
-
-def toppling():
-    """Free to topple over sideways and lengthways alike: the product of its two negative
-    eigenvalues is positive."""
-    wires = {"count": 4, "l": 0.28, "s": 1e-5, "t1": 1e-5, "t2": 1e-5, "d": -0.01, "k": 1e4}
-    return scenes.raw_of(
-        {"name": "test", "body": {"mass": 5.6, "inertia": [0.02, 0.02, 0.03]}, "wires": wires}
-    )
-
-
-def test_two_growing_modes_are_unstable_too():
-    design = scenes.design_of(toppling())
-    assert (
-        eigenmodes.solve(string_model.linear_model(expand(design))).omega_squared < 0
-    ).sum() == 2
-    found = answers({"k": [1.0, 1.1]}, question(design), design)
-    assert (found["status"] == builds.UNSTABLE).all()
-
-
-def test_one_wire_that_lets_a_body_spin_is_stable():
-    """Its yaw costs nothing; rounding must not make that a mode that grows."""
-    rng = np.random.default_rng(32)
-    raw = scenes.raw_of(
-        scenes.stage(rng, "top"),
-        {
-            "name": "test",
-            "body": scenes.body(rng),
-            "wires": {"count": 1, "l": 0.3, "d": 0.01, "k": 1e4},
-        },
-    )
-    design = scenes.design_of(raw)
-    values = {"com": rng.uniform(-1e-3, 1e-3, 100), "offset_y": rng.uniform(-1e-3, 1e-3, 100)}
-    found = answers(values, question(design), design)
-    assert not found["status"].any()
-    assert np.isfinite(found["ratio"]).all()

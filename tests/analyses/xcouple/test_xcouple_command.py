@@ -66,40 +66,6 @@ def test_several_frequencies_come_last(tmp_path):
         assert one["ratio_real"] == [row[n] for row in answer["ratio_real"]]
 
 
-def test_defaults_come_from_the_design(tmp_path):
-    answer = xcouple(FILE, tmp_path)
-    assert [len(axis["values"]) for axis in answer["axes"]] == [41, 5]
-    assert np.abs(answer["ratio_real"]).max() == pytest.approx(5.9e-4, rel=0.02)
-    more = {
-        "k": [0.9, 1.1],
-        "offset": 1e-3,
-        "wire": "test.3",
-        "frequency": 20,
-        "observe": "test@0,0,0.002",
-        "hold": "natural-length",
-        "sweep": "offset,k",
-    }
-    file = written(tmp_path, edited(RAW, {TABLE: more}))
-    answer = xcouple(file, tmp_path)
-    assert answer["axes"] == [
-        {"name": "offset", "values": [1e-3]},
-        {"name": "k", "values": [0.9, 1.1]},
-    ]
-    assert (answer["frequency_hz"], answer["hold"], answer["over"]) == (
-        20.0,
-        "natural-length",
-        "test.x@0,0,0.002",
-    )
-    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
-        assert stored["xcouple"].attrs["wire"] == "test.3"
-    again = xcouple(
-        file,
-        tmp_path,
-        "--frequency 50 --wire test.1 --sweep k=1.1 --hold loaded-length --observe test@0,0,-0.001",
-    )
-    assert again["ratio_real"] == xcouple(FILE, tmp_path, "--sweep k=1.1")["ratio_real"]
-
-
 def test_defaults_without_a_table(tmp_path):
     """The first wire of the last stage, 1 mm below its COM, at 50 Hz."""
     file = written(tmp_path, edited(RAW, {TABLE: MISSING}))
@@ -110,21 +76,6 @@ def test_defaults_without_a_table(tmp_path):
         " test@0,0,-0.001 --fidelity auto",
     )
     assert xcouple(file, tmp_path) == given
-
-
-def test_body_and_over(tmp_path):
-    answer = xcouple(
-        FILE,
-        tmp_path,
-        "--sweep com_y=0,1e-4,mass=0.99,1.01 --body test --over test.roll --input test.force_z",
-    )
-    assert (answer["over"], answer["input"]) == ("test.roll", "test.force_z")
-    assert np.array(answer["ratio_real"]).shape == (2, 2)
-    assert answer["ratio_real"][0] == [0.0, 0.0]
-    assert 0 not in answer["ratio_real"][1]
-    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
-        units = [stored[f"xcouple/{name}"].attrs["units"] for name in ("ratio", "over", "under")]
-    assert units == ["rad/m", "rad/N", "m/N"]
 
 
 @pytest.fixture
@@ -176,22 +127,6 @@ def test_all_builds_failed(tmp_path, impatient):
     assert (tmp_path / f"{NAME}.png").exists()
 
 
-def test_no_ratio_where_nothing_moves(tmp_path):
-    """y over x of a perfect stage is 0 over 0: no number, and JSON has none."""
-    answer = xcouple(FILE, tmp_path, "--sweep k=1,1.1 --over test.y --under test.x")
-    assert answer["ratio_real"][0] is None
-    assert answer["ratio_imag"][0] is None
-    assert answer["ratio_real"][1] == pytest.approx(17.1, rel=0.01)
-
-
-def test_an_unstable_design_only_if_allowed(tmp_path):
-    topple = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0001")
-    assert "unstable" in run("xcouple", FILE, *topple, "--out", tmp_path).stderr
-    answer = xcouple(FILE, tmp_path, *topple, "--allow-unstable", "--sweep", "k=1.01,1.1")
-    assert answer["failures"] == {}
-    assert None not in answer["ratio_real"]
-
-
 ON_SPRINGS = """
 design = { name = "springs" }
 
@@ -228,16 +163,6 @@ def test_a_stage_without_wires(tmp_path):
         ).exit_code
         == 0
     )
-
-
-def test_picture_unless_switched_off(tmp_path):
-    assert run("xcouple", FILE, "--out", tmp_path / "a", "--no-plot", "-q").exit_code == 0
-    assert [path.name for path in (tmp_path / "a").iterdir()] == [f"{NAME}.h5"]
-    result = run("xcouple", FILE, "--out", tmp_path / "b")
-    assert sorted(path.suffix for path in (tmp_path / "b").iterdir()) == [".h5", ".png"]
-    first, second, *_ = result.stdout.splitlines()
-    assert first.startswith("model: string (as requested); neglected: wire bending, 0.23 %")
-    assert second == "205 builds: wire test.1 changes, its loaded length is kept"
 
 
 @pytest.mark.parametrize("command", ["xcouple", "tolerance"])
@@ -286,22 +211,6 @@ def test_a_file_name_that_is_no_text(tmp_path):
     )
     assert recorded == "pendsus xcouple 'caf\\udce9 one.toml' --sweep k=1:2:3"
     assert recorded.encode()
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "problem"),
-    [
-        ("wires", "test.1", "no option of this command"),
-        ("hold", "tight", "is not one of"),
-        ("k", "many", "is not a grid"),
-        ("k", True, "is not a grid"),
-    ],
-)
-def test_bad_tables_are_refused(key, value, problem, tmp_path):
-    file = written(tmp_path, edited(RAW, {(*TABLE, key): value}))
-    [line] = assert_refused(run("xcouple", file, "--out", tmp_path / "out"), file, tmp_path / "out")
-    assert problem in line
-    assert not (tmp_path / "out").exists()
 
 
 def test_the_answer_is_that_of_the_design_with_overrides(tmp_path):
