@@ -213,3 +213,19 @@ def test_an_unstable_design_must_be_requested(name, options, tmp_path):
         assert result.exit_code == 0 and "unstable" in result.stderr
         assert result.stderr.startswith("warning: ")
         strict_json(result.stdout)
+
+
+def test_what_is_given_has_precedence_over_the_design(tmp_path):
+    """On the command line and in Python; `plot = false` is a key as others are."""
+    table = {"fidelity": "string", "output": "test.pitch", "frequency": [1, 2.5], "plot": False}
+    design = sus.example("double").replace({"analysis.response": table})
+    design.save(tmp_path / "mine.toml")
+    out = tmp_path / "out"
+    words = ("--frequency", "3", "--fidelity", "force", "--json", "--out", out)
+    answer = strict_json(run("response", tmp_path / "mine.toml", *words).stdout)
+    assert (answer["fidelity"], answer["frequency_hz"]) == ("force", [3.0])
+    assert answer["output"] == "test.pitch"
+    found = sus.response(design, outputs="test.z")
+    assert found.output == ("test.z",) and found.model == "string"
+    assert run("response", tmp_path / "mine.toml", "--out", out).exit_code == 0
+    assert [path.name for path in out.iterdir()] == ["double-response.h5"]

@@ -16,12 +16,10 @@ from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.analyses.fit.problem import default_parameters
 from suspension_cli.analyses.fit.wrong_channels import name_factor
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
 from suspension_cli.drawing.panels import COLUMN
-from suspension_cli.errors import InputError
 from suspension_cli.files.hdf5 import open_results
-from suspension_cli.linear import response, signals
+from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import MeasuredResponse
 from suspension_cli.studies.response_matrix import Plant
 from tests.support.commandline import assert_refused, run, strict_json
@@ -37,55 +35,6 @@ GRID = np.geomspace(0.2, 30.0, 120)
 def plane(seed, **how):
     """A double pendulum measured in x and pitch alone."""
     return trials.double(seed, **{"dofs": PLANE, "frequency": GRID} | how)
-
-
-@pytest.mark.parametrize(
-    ("name", "level"), [("quadruple", "beam"), ("imperfect", "string"), ("double", "string")]
-)
-def test_responses_and_their_derivatives(name, level):
-    """Those of `linear.response`; derivatives against central differences, points that turn with
-    their bodies and motions of the support included."""
-    text = (CONFIGS / f"{name}.toml").read_text()
-    plant = Plant.of(reader.parse(text), level)
-    known, body = signals.bodies_with_signals(plant.system), plant.system.body
-    inputs = [signals.parse_input(one, known) for one in ("support.x", f"{body[0]}.torque_pitch")]
-    outputs = [signals.parse_output(f"{body[-1]}.x@0.01,0,0.02", known)]
-    frequency = np.array([0.11, 0.83, 2.9, 7.7])
-    damping = np.linspace(0.001, 0.01, len(plant.modes.omega_squared))
-    undamped = plant.respond(frequency, inputs, outputs).value
-    expected = response.solve(plant.system, frequency, inputs, outputs).value
-    np.testing.assert_allclose(undamped, expected, rtol=1e-6)
-    found = plant.respond(frequency, inputs, outputs, damping)
-    path = f"stage.{body[-1]}.wires.l"
-    (change,) = plant.changes([path])
-    assert change is not None
-    step = 1e-6
-    above, below = (
-        Plant.of(
-            reader.parse_with_overrides(
-                text, paths.settings({path: paths_value(text, path) + sign * step})
-            ),
-            level,
-        )
-        .respond(frequency, inputs, outputs)
-        .value
-        for sign in (1, -1)
-    )
-    slope = plant.respond(frequency, inputs, outputs).derivative(change)
-    size = np.abs(slope).max()
-    np.testing.assert_allclose(slope, (above - below) / (2 * step), atol=2e-4 * size)
-    moved = 1e-6 * (np.arange(len(damping)) == 2)
-    above, below = (
-        plant.respond(frequency, inputs, outputs, damping + sign * moved).value for sign in (1, -1)
-    )
-    exact, difference = found.damping_derivative(2), (above - below) / 2e-6
-    np.testing.assert_allclose(
-        exact, difference, atol=1e-4 * np.abs(exact).max() + 1e-6 * np.abs(undamped).max()
-    )
-
-
-def paths_value(text, path):
-    return paths.value_at(reader.read_toml("", text), path)
 
 
 def test_the_truth_lies_in_the_95_percent_region_and_wrong_channels_are_found():
@@ -314,8 +263,7 @@ def test_command(files, tmp_path):
     ]
 
 
-def test_faults_of_the_command(files, tmp_path, monkeypatch):
-    """And what the options for data without uncertainties hand to the fit."""
+def test_data_without_uncertainties(files, tmp_path):
     design, whole = CONFIGS / "double.toml", files.read_text()
     files.write_text(whole.replace('uncertainty = "sigma"\n', ""))
     for data in tmp_path.glob("*.csv"):
@@ -324,19 +272,11 @@ def test_faults_of_the_command(files, tmp_path, monkeypatch):
     (line, *_) = assert_refused(run("fit", design, files, *words), files)
     assert "gives no uncertainty" in line and "--relative-uncertainty" in line
     options = ("--relative-uncertainty", "0.03", "--no-explain", "--json")
-    seen = []
-
-    def refuse(_texts, _measured, _files, functions, **how):
-        seen.append((functions, how))
-        raise InputError([])
-
-    with monkeypatch.context() as patch:
-        patch.setattr(fit, "solve", refuse)
-        run("fit", design, files, *options, *words)
-    [(functions, how)] = seen
-    assert how["explain"] is False and len(functions) == 4
-    for one in functions:
-        np.testing.assert_allclose(one.uncertainty, 0.03 * np.abs(one.value), rtol=1e-12)
+    found = strict_json(run("fit", design, files, *options, *words).stdout)
+    assert found["measure_next"] == []
+    finer = ("--relative-uncertainty", "0.01", "--no-explain", "--json")
+    other = strict_json(run("fit", design, files, *finer, *words).stdout)
+    assert other["chi_squared"] > 3 * found["chi_squared"]
     bare = tmp_path / "bare.toml"
     bare.write_text('[[mode]]\nlabel = "test pitch"\nfrequency = 0.8\nuncertainty = 0.01\n')
     (line,) = assert_refused(run("fit", design, bare, *words), bare)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, mode_count, response, signals
@@ -129,32 +128,3 @@ def test_held_twisting_is_diluted_by_tension_alone():
             .mean()
         )
         assert found.dilution[here] == pytest.approx(1 + pull / shear, abs=1e-6)
-
-
-def test_ends_at_their_own_temperature():
-    """Thermoelastic loss and noise of each end at its own: with both alike they are those of a wire
-    of that temperature."""
-    stage = scenes.hung(
-        {"count": 1, "l": 0.5, "material": "c70steel", "radius": 2e-4, "d": 0.0}, 1.0, 1e-3
-    )
-    raw = {
-        "design": {"name": "one"},
-        "materials": {"c70steel": {"loss": {"angle": 0.0}}},
-        "stage": [stage],
-    }
-    parts = {}
-    for name, temperature in (
-        ("cold", 100.0),
-        ("warm", 290.0),
-        ("both", {"upper": 100.0, "lower": 290.0}),
-    ):
-        stage["wires"]["temperature"] = temperature
-        model = registry.BEAM.system(scenes.design_of(raw))
-        motion = thermal.parse_motion(model, "test.x")
-        parts[name] = thermal.solve(model, np.array([10.0]), [motion], 290.0)[0].parts
-    assert parts["both"]["test.bending-upper"] == pytest.approx(
-        parts["cold"]["test.bending-upper"], rel=1e-6
-    )
-    assert parts["both"]["test.bending-lower"] == pytest.approx(
-        parts["warm"]["test.bending-lower"], rel=1e-6
-    )

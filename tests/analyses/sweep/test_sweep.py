@@ -293,27 +293,6 @@ def test_a_coarse_grid_is_warned_of(tmp_path):
         assert ("take a finer grid" in result.stderr) is warned
 
 
-@pytest.mark.parametrize("level", ["beam", "violin"])
-def test_points_are_runs_of_their_own(level, tmp_path):
-    """On wires that bend: a mode (beam) and a response as `modes` and `response` give them at each
-    point."""
-    name = "test.x/support.x:11"
-    options = f"--vary stage.test.wires.d=1e-3,2e-3 --fidelity {level} --result {name}"
-    more = " --result 'upper yaw'" if level == "beam" else ""
-    answer = swept(CONFIGS / "double.toml", tmp_path, options + more)
-    for n, d in enumerate((1e-3, 2e-3)):
-        model = registry.by_name(level).system(
-            overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d})
-        )
-        shaken = size_of(model, 11.0, "support.x", "test.x")
-        assert values(answer, name)[n] == pytest.approx(shaken, rel=1e-9)
-        if level == "beam":
-            found = eigenmodes.solve(model)
-            assert values(answer, "upper yaw")[n] == pytest.approx(
-                found.frequency[found.label.index("upper yaw")], rel=1e-12
-            )
-
-
 def test_auto_takes_the_model_that_the_results_need(tmp_path):
     """Bending shifts the pitch of a mirror by a quarter, its vertical mode hardly."""
     options = ("--vary", "stage.test.wires.d=1e-3,2e-3", "--json", "--out", tmp_path)

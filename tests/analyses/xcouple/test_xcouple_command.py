@@ -3,7 +3,6 @@ reported, faults that stop it."""
 
 from __future__ import annotations
 
-import os
 import pickle
 import tomllib
 
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses import settings, sweeping
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.errors import Fault, InputError
 from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
@@ -165,52 +163,10 @@ def test_a_stage_without_wires(tmp_path):
     )
 
 
-@pytest.mark.parametrize("command", ["xcouple", "tolerance"])
-def test_a_motion_that_the_frame_does_not_have(command, tmp_path):
-    """Only an answer shows it; it must show before anything is written, and whoever computes."""
-    more = {
-        ("support",): {"stiffness": {"z": 1e6}},
-        ("tolerance",): {"body": [{"stage": "test", "com": {"normal": 1e-4}}]},
-    }
-    file = written(tmp_path, edited(RAW, more))
-    for workers in ("1", "2"):
-        result = run(
-            command,
-            file,
-            *["--over", "frame.x", "--chunk", "64", "--workers"],
-            workers,
-            "--out",
-            tmp_path / "out",
-        )
-        [line] = assert_refused(result, file, tmp_path / "out")
-        assert "the support structure is rigid in this direction" in line
-
-
 def test_faults_cross_from_worker_processes():
     fault = InputError([Fault("key", "problem", "remedy", "value")], "file")
     again = pickle.loads(pickle.dumps(fault))
     assert (str(again), again.faults, again.file) == (str(fault), fault.faults, fault.file)
-
-
-def test_a_file_name_that_is_no_text(tmp_path):
-    name = os.fsdecode(b"caf\xe9 one.toml")
-    written(tmp_path, FILE.read_bytes(), name)
-    result = run(
-        "xcouple", tmp_path / name, "--out", tmp_path / "out", "--sweep", "k=1.1", "--no-plot"
-    )
-    assert result.exit_code == 0
-    recorded = sweeping.recorded(
-        settings.command_line(
-            [
-                "pendsus",
-                "xcouple",
-                name,
-                *["--workers", "3", "--sweep", "k=1:2:3", "--out=here", "-q", "--chunk", "5"],
-            ]
-        )
-    )
-    assert recorded == "pendsus xcouple 'caf\\udce9 one.toml' --sweep k=1:2:3"
-    assert recorded.encode()
 
 
 def test_the_answer_is_that_of_the_design_with_overrides(tmp_path):
