@@ -115,33 +115,20 @@ def test_wrong_words(words, says):
 
 @pytest.mark.parametrize("base", RAW)
 def test_json_of_modes(base, tmp_path):
-    file = written(tmp_path, RAW[base])
-    answer = modes_json(file, "--out", tmp_path / "out")
-    assert list(answer) == [
-        "command",
-        "design",
-        "fidelity",
-        "stable",
-        "modes",
-        "damping",
-        "without_loss",
-        "estimated_error",
-        *(["error_unknown"] if answer["estimated_error"] is None else []),
-    ]
+    answer = modes_json(written(tmp_path, RAW[base]), "--out", tmp_path / "out")
+    keys = "command design fidelity stable modes damping without_loss estimated_error"
+    assert " ".join(key for key in answer if key != "error_unknown") == keys
+    assert ("error_unknown" in answer) == (answer["estimated_error"] is None)
     assert (answer["command"], answer["design"], answer["stable"]) == ("modes", base, True)
     assert answer["fidelity"] in ("force", "string", "beam", "violin")
+    stages = ["frame", *(stage["name"] for stage in RAW[base]["stage"])]
     for mode in answer["modes"]:
         assert {"frequency_hz", "dof", "stage", "q"} <= set(mode)
         assert "growth_rate_per_s" not in mode
-        assert mode["dof"] in DOFS
-        assert mode["stage"].split(".")[0] in [
-            "frame",
-            *(stage["name"] for stage in RAW[base]["stage"]),
-        ]
+        assert mode["dof"] in DOFS and mode["stage"].split(".")[0] in stages
         assert mode["q"] is None or mode["q"] > 0
     frequencies = [mode["frequency_hz"] for mode in answer["modes"]]
-    assert frequencies == sorted(frequencies)
-    assert min(frequencies) >= 0
+    assert frequencies == sorted(frequencies) and min(frequencies) >= 0
     assert len(frequencies) >= 6 * len(RAW[base]["stage"])
 
 
@@ -167,22 +154,6 @@ def test_json_of_two_designs_is_a_list(tmp_path):
     assert answer[1] == modes_json(files[1], "--out", tmp_path / "out")
 
 
-def test_stdout_of_the_process_is_the_document(tmp_path):
-    file, out = from_template(tmp_path), tmp_path / "out"
-    result = python(
-        "from suspension_cli.cli.main import main; main(prog_name='pendsus')",
-        "modes",
-        file,
-        "--json",
-        "--out",
-        out,
-    )
-    assert result.returncode == 0, result.stderr
-    assert strict_json(result.stdout)["design"] == "single"
-    assert result.stdout.count("\n") == 1
-    assert [path.name for path in out.iterdir()] == ["single-modes.h5"]
-
-
 def test_quiet(tmp_path):
     file = from_template(tmp_path)
     loud = run("modes", file, "--no-plot", "--out", tmp_path / "out")
@@ -195,61 +166,30 @@ def test_quiet(tmp_path):
     assert unstable.stderr.count("\n") == 1
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    """A results file of the rich design with an override, and the command that made it."""
-    folder = tmp_path_factory.mktemp("results")
-    file = written(folder, TEXTS["rich"])
-    args = [
-        "modes",
-        str(file),
-        "--json",
-        "--out",
-        str(folder / "a b"),
-        "--set",
-        "stage.test.wires.d=0.0015",
-        "--set",
-        "design.title=Another title",
-    ]
+def test_results_file(tmp_path):
+    """Where it comes from, the design with its overrides, and what JSON says; the command is a
+    process of its own here, whose stdout is the document alone."""
+    title = ("--set", "design.title=Another title")
+    args = ["modes", str(written(tmp_path, TEXTS["rich"])), "--json", "--out", f"{tmp_path}/a b"]
+    args += ["--set", "stage.test.wires.d=0.0015", *title]
     made = process(*args)
-    assert made.returncode == 0, made.stderr
-    return folder / "a b" / "rich-test.wires.d=0.0015-modes.h5", args, strict_json(made.stdout)
-
-
-def test_root_attributes(results):
-    path, args, answer = results
-    with h5py.File(path) as file:
-        assert file.attrs["format"] == "pendsus"
-        assert file.attrs["format_version"] == 3
+    assert made.returncode == 0 and made.stdout.count("\n") == 1, made.stderr
+    answer = strict_json(made.stdout)
+    with h5py.File(tmp_path / "a b" / "rich-test.wires.d=0.0015-modes.h5") as file:
+        assert file.attrs["format"] == "pendsus" and file.attrs["format_version"] == 3
         assert file.attrs["pendsus_version"] == __version__
         assert file.attrs["fidelity"] == answer["fidelity"] == "string"
         program, *rest = shlex.split(file.attrs["command"])
-    assert (program, rest[0]) == ("pendsus", "modes")
-    assert all(arg in rest for arg in args)
-
-
-def test_embedded_design_has_the_overrides(results):
-    path, _, _ = results
-    with h5py.File(path) as file:
         text = file.attrs["design"]
-    expected = edited(
-        RAW["rich"], {("stage", 1, "wires", "d"): 0.0015, ("design", "title"): "Another title"}
-    )
-    assert tomllib.loads(text) == expected
-    assert reader.parse(text) == reader.convert(expected)
-
-
-def test_results_hold_what_json_says(results):
-    path, _, answer = results
-    with h5py.File(path) as file:
-        assert file["modes/frequency"][:].tolist() == [
-            mode["frequency_hz"] for mode in answer["modes"]
-        ]
-        assert file["modes/omega_squared"][:] == pytest.approx(
-            (2 * math.pi * file["modes/frequency"][:]) ** 2, rel=1e-14
-        )
+        frequency, square = file["modes/frequency"][:], file["modes/omega_squared"][:]
         energy = file["modes/energy"][:].sum((1, 2)) + file["modes/tip_energy"][:].sum(1)
-        assert energy == pytest.approx(1, rel=1e-12)
+    assert (program, rest[0]) == ("pendsus", "modes") and all(arg in rest for arg in args)
+    edits = {("stage", 1, "wires", "d"): 0.0015, ("design", "title"): "Another title"}
+    expected = edited(RAW["rich"], edits)
+    assert tomllib.loads(text) == expected and reader.parse(text) == reader.convert(expected)
+    assert frequency.tolist() == [mode["frequency_hz"] for mode in answer["modes"]]
+    assert square == pytest.approx((2 * math.pi * frequency) ** 2, rel=1e-14)
+    assert energy == pytest.approx(1, rel=1e-12)
 
 
 def test_file_names_that_are_no_text(tmp_path):

@@ -11,7 +11,6 @@ from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.picture import draw as draw_sweep
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
-from suspension_cli.analyses.xcouple.picture import interpolate
 from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.added_points import add_points
@@ -193,40 +192,6 @@ def test_avoided_crossings_are_found():
     modes = mixed.removeprefix("a: ").partition(" mix")[0].split(" and ")
     assert {*modes} <= {*found.result}
     assert_legible(figure)
-
-
-def coupling(values):
-    k = np.linspace(0.6, 1.4, 9)
-    ratio = (k[:, None] - 1) * 1e-3 * (2 + np.array(values)[None]) + 0j
-    offset = Axis("offset", tuple(1e-3 * v for v in values))
-    names = {"wire": "test.1", "hold": "loaded-length", "input": "support.z"}
-    return Coupling(
-        axes=(Axis("k", tuple(k.tolist())), offset),
-        frequency=np.array([50.0]),
-        ratio=ratio[..., None],
-        status=np.zeros(ratio.shape, dtype=int),
-        over="test.x",
-        under="test.z",
-        **names,
-    )
-
-
-def test_coupling_has_its_limit_sharp_zeros_and_ordered_colours():
-    figure = draw_coupling(coupling([-1, 0, 1, 2]), "A design", 1e-3)
-    (axes,) = figure.axes
-    assert {"limit 0.001", "as designed", "−1 mm", "+2 mm"} <= {*said(figure)}
-    assert any("wire test.1" in words for words in said(figure))
-    curves_drawn = [line for line in axes.lines if len(line.get_ydata()) > 20]
-    assert len({line.get_color() for line in curves_drawn}) == 4
-    assert all(line.get_ydata().min() < 1e-15 for line in curves_drawn)
-    assert_legible(figure)
-
-
-def test_interpolated_couplings_stop_at_gaps():
-    ratio = np.array([1.0, 0.5, np.nan, -0.5, -1.0, -1.5]) + 0j
-    at, size = interpolate(np.arange(6.0), ratio)
-    assert not np.isfinite(size[(at > 1) & (at < 3)]).any()
-    assert np.isfinite(size[(at >= 3)]).all()
 
 
 def test_poles_of_control_by_frequency_and_q():

@@ -158,22 +158,6 @@ def test_the_grid_is_cut_to_the_table(file, tmp_path):
     assert "test.x, 0.2 to 5 Hz" in result.stdout
 
 
-@pytest.mark.parametrize(
-    ("options", "key"),
-    [
-        ("--ground SITE --frequency 20:30:5", "--frequency"),
-        ("--ground none --fidelity string --set control.loop.x.sensor_noise=0", "--ground"),
-    ],
-)
-def test_refusals(options, key, tmp_path):
-    """Out of the range of a table, and no cause at all; others are in `tests/cli/refusals.txt`."""
-    raw = RAW | {"control": {"loop": [loop("upper.x", damper=20.0)]}}
-    file, site = written(tmp_path, raw, "triple.toml"), csv(tmp_path, "0.2,1e-6\n5,1e-9\n")
-    words, out = options.replace("SITE", str(site)).split(), tmp_path / "out"
-    (line,) = assert_refused(run("budget", file, *LIGHT[:2], *words, "--out", out), file, out)
-    assert line.startswith((f"{key} = ", f"{key}: "))
-
-
 def test_an_unstable_loop(tmp_path):
     raw = RAW | {"control": {"loop": [loop("upper.x", damper=-20.0)]}}
     file, out = written(tmp_path, raw, "triple.toml"), tmp_path / "out"

@@ -180,20 +180,3 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
         for name in ("changes/before", "overlay/1/curves/2/value", "overlay/1/curves/2/ratio"):
             data = file[f"compare/{name}"]
             assert [len(scale[0]) for scale in data.dims] == [*data.shape]
-
-
-@pytest.mark.parametrize(
-    ("items", "words"),
-    [
-        (["a.toml"], "at least two"),
-        (["a.toml", "missing.toml"], "cannot be read"),
-        (["drive.csv", "drive.csv"], "only measurements are given"),
-        (["a.toml", "drive.csv"], "does not say which signals were measured"),
-    ],
-)
-def test_refused(items, words, folder, tmp_path):
-    (folder / "drive.csv").write_text("f,re,im\n1,2,3\n2,3,4\n")
-    done = run("compare", *(folder / item for item in items), "--out", tmp_path / "out")
-    assert done.exit_code == 2
-    assert words in done.stderr
-    assert not (tmp_path / "out").exists()

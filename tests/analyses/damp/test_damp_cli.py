@@ -9,7 +9,7 @@ from matplotlib.text import Text
 import suspension_cli as sus
 from suspension_cli.design import foton
 from tests.support import plants
-from tests.support.commandline import run, strict_json, written
+from tests.support.commandline import run, written
 
 DAMPERS = {"x": 20.0, "y": 20.0, "z": 30.0, "roll": 0.2, "pitch": 0.05, "yaw": 0.2}
 
@@ -32,61 +32,6 @@ def damped(dofs=tuple(DAMPERS), **changes):
     ]
     loops[0] |= changes
     return plants.raw("triple") | {"control": {"loop": loops}}
-
-
-@pytest.fixture(scope="module")
-def done(tmp_path_factory):
-    """The file, the JSON and the results of one run."""
-    folder = tmp_path_factory.mktemp("damp")
-    file = written(folder, damped(), "triple.toml")
-    options = ("--frequency", "0.1:50:101", "--duration", "20", *QUICK)
-    result = run("damp", file, "--json", "--out", folder / "out", *options)
-    assert result.exit_code == 0, result.stderr
-    path = folder / "out" / "triple-damp.h5"
-    return strict_json(result.stdout), sus.load(path).data, path
-
-
-def test_json(done):
-    answer, loaded, path = done
-    assert [entry.name for entry in path.parent.iterdir()] == ["triple-damp.h5"]
-    assert list(answer) == [
-        *("command", "design", "fidelity", "stable", "output", "impulse", "poles", "margins"),
-        *("sensitivity", "frequency_hz", "sensor_noise_asd", "estimated_error"),
-    ]
-    assert (answer["command"], answer["design"], answer["fidelity"], answer["stable"]) == (
-        "damp",
-        "triple",
-        "force",
-        True,
-    )
-    assert (answer["output"], answer["impulse"]) == ("test.x", "test.force_x")
-    assert len(answer["poles"]) >= 18
-    for pole, value in zip(answer["poles"], loaded.closed.value, strict=True):
-        assert set(pole) == {"frequency_hz", "q", "real_per_s", "imag_per_s", "state"}
-        assert complex(pole["real_per_s"], pole["imag_per_s"]) == value
-        assert pole["real_per_s"] < 0
-        assert pole["q"] == pytest.approx(abs(value) / (-2 * value.real))
-        assert pole["frequency_hz"] == pytest.approx(abs(value) / (2 * np.pi))
-    assert [pole["frequency_hz"] for pole in answer["poles"]] == sorted(
-        pole["frequency_hz"] for pole in answer["poles"]
-    )
-    assert [margin["loop"] for margin in answer["margins"]] == [f"loop-{dof}" for dof in DAMPERS]
-    for margin in answer["margins"]:
-        assert set(margin) == {
-            "loop",
-            "phase",
-            "phase_frequency",
-            "gain_up",
-            "gain_down",
-            "distance",
-            *("gain_up_db", "gain_down_db", "gain_up_frequency", "gain_down_frequency"),
-            *("delay", "delay_frequency"),
-        }
-        assert margin["phase"] is None or margin["phase"] > 60  # a collocated damper
-        assert margin["gain_up"] is None
-        assert margin["distance"] > 0.9
-    assert len(answer["frequency_hz"]) == len(answer["sensor_noise_asd"]) == 101
-    assert answer["frequency_hz"] == loaded.frequency.tolist()
 
 
 def test_the_loops_that_are_drawn():

@@ -73,12 +73,6 @@ def test_command_writes_each_mode(tmp_path, moving):
     assert (tmp_path / f"{stem}-1.gif").read_bytes() == moving  # the same bytes again
 
 
-def test_modes_by_number_and_label():
-    found = sus.modes(sus.read(SINGLE), fidelity="string").data
-    assert animation.parse(found, "all") == list(range(6))
-    assert animation.parse(found, f"2, {found.label[0]},2") == [1, 0]
-
-
 def test_modes_of_wires_are_refused():
     found = sus.modes(sus.read(SINGLE), max_frequency=600.0)
     number = int(np.flatnonzero(found.order > 0)[0]) + 1

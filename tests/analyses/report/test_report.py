@@ -15,7 +15,6 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.report import html
-from suspension_cli.analyses.report.sections import SECTIONS
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
 
@@ -94,14 +93,6 @@ def test_page_stands_alone(page):
     for link in page.links:
         assert link.startswith(("data:", "#")), link
         assert not link.startswith("#") or link[1:] in page.ids
-
-
-def test_ids_and_headings(page):
-    assert len(set(page.ids)) == len(page.ids)
-    assert page.ids == [*SECTIONS, "provenance", "design"]
-    assert page.headings[0] == 1
-    assert page.headings.count(1) == 1
-    assert all(b - a <= 1 for a, b in zip(page.headings, page.headings[1:], strict=False))
 
 
 def test_pictures_are_valid_and_described(page):

@@ -9,15 +9,10 @@ import numpy as np
 import pytest
 
 from suspension_cli.design.reader import read
-from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear import eigenmodes
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
 from tests.support.paths import CONFIGS
-
-INPUTS, OUTPUTS = ("support.x", "upper.torque_pitch"), ("test.x@0,0,0.001", "test.pitch", "upper.z")
-MATRIX = [word for name in INPUTS for word in ("--input", name)]
-MATRIX += [word for name in OUTPUTS for word in ("--output", name)]
-UNITS = ["m/m", "m/(N m)", "rad/m", "rad/(N m)", "m/m", "m/(N m)"]
 
 
 @pytest.fixture
@@ -37,44 +32,6 @@ def json_of(file, out, *options, model=("--fidelity", "force")):
     assert result.exit_code == 0, result.stderr
     assert [path.name for path in out.iterdir()] == ["triple-response.h5"]
     return strict_json(result.stdout)
-
-
-def expected(frequency, inputs, outputs):
-    model = plants.model("triple", "force")
-    return response.solve(
-        model, np.asarray(frequency), plants.drives(model, *inputs), plants.motions(model, *outputs)
-    )
-
-
-def test_one_response_is_flat(file, out):
-    answer = json_of(
-        file, out, "--input", "support.x", "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,30"
-    )
-    keys = "command design fidelity frequency_hz input output unit real imag estimated_error"
-    assert list(answer) == keys.split()
-    named = {"command": "response", "design": "triple", "fidelity": "force", "unit": "m/m"}
-    assert answer | named | {"input": "support.x", "output": "test.x@0,0,0.001"} == answer
-    assert answer["frequency_hz"] == [0.3, 3.0, 30.0]
-    value = expected([0.3, 3.0, 30.0], ["support.x"], ["test.x@0,0,0.001"]).value[:, 0, 0]
-    assert answer["real"] == value.real.tolist()
-    assert answer["imag"] == value.imag.tolist()
-    lossless = [f"--set=materials.{name}.loss_angle=0" for name in ("steel302", "maraging")]
-    assert json_of(file, out, "--frequency", "0.3,3,30", *lossless)["imag"] == [0.0, 0.0, 0.0]
-
-
-def test_several_are_a_list(file, out):
-    answer = json_of(file, out, *MATRIX, "--frequency", "1:10:4")
-    keys = "command design fidelity frequency_hz responses estimated_error"
-    assert list(answer) == keys.split()
-    assert [(one["output"], one["input"]) for one in answer["responses"]] == [
-        (o, i) for o in OUTPUTS for i in INPUTS
-    ]
-    assert [one["unit"] for one in answer["responses"]] == UNITS
-    value = expected(answer["frequency_hz"], INPUTS, OUTPUTS).value
-    for n, one in enumerate(answer["responses"]):
-        assert set(one) == {"input", "output", "unit", "real", "imag"}
-        assert one["real"] == value[:, n // 2, n % 2].real.tolist()
-    assert not any(answer["responses"][4]["real"])  # upper.z does not come from support.x
 
 
 @pytest.mark.parametrize(

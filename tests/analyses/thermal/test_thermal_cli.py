@@ -10,7 +10,6 @@ from suspension_cli.analyses.thermal import picture
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.drawing.style import stage_colours
 from suspension_cli.grids import decade_points
-from suspension_cli.models import registry
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
 from tests.support.legible import assert_legible
@@ -35,45 +34,6 @@ def json_of(file, out, *options):
     assert result.exit_code == 0, result.stderr
     assert [path.name for path in out.iterdir()] == ["triple-thermal.h5"]
     return strict_json(result.stdout)
-
-
-def expected(frequency, text, level="beam", tilt=0.0):
-    model = registry.by_name(level).system(scenes.design_of(RAW))
-    motion = thermal.parse_motion(model, text, tilt)
-    return thermal.solve(model, np.asarray(frequency), [motion], 290.0)[0]
-
-
-def test_one_motion_is_flat(file, out):
-    words = ("--output", "test.x@0,0,0.001", "--frequency", "0.3,3,4", "--fidelity", "beam")
-    answer = json_of(file, out, *words)
-    keys = (
-        "command design fidelity frequency_hz output unit tilt_rad displacement_asd "
-        "contributions without_loss estimated_error"
-    )
-    assert list(answer) == keys.split()
-    assert (answer["command"], answer["design"], answer["fidelity"]) == (
-        "thermal",
-        "triple",
-        "beam",
-    )
-    assert (answer["output"], answer["unit"], answer["tilt_rad"]) == (
-        "test.x@0,0,0.001",
-        "m/sqrt(Hz)",
-        0.0,
-    )
-    assert answer["frequency_hz"] == [0.3, 3.0, 4.0]
-    found = expected([0.3, 3.0, 4.0], "test.x@0,0,0.001")
-    assert answer["displacement_asd"] == found.amplitude.tolist()
-    assert answer["contributions"] == {name: part.tolist() for name, part in found.parts.items()}
-    power = np.sum([np.square(part) for part in answer["contributions"].values()], axis=0)
-    np.testing.assert_allclose(np.sqrt(power), answer["displacement_asd"], rtol=1e-12)
-
-
-def test_defaults(file, out):
-    answer = json_of(file, out)
-    assert (answer["output"], answer["fidelity"]) == ("test.x", "violin")
-    frequency = answer["frequency_hz"]
-    assert (len(frequency), frequency[0], frequency[-1]) == (2000, 0.1, 1000.0)
 
 
 def test_several_mirrors(file, out):
