@@ -12,7 +12,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.conventions import ANALYSES
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, strict_json, written
 from tests.support.paths import CONFIGS, ROOT
 from tests.support.quick_tradeoff import hurry
 
@@ -108,12 +108,10 @@ def test_command_file_and_function_give_one_result(case, tmp_path, monkeypatch):
     file, more = CONFIGS / f"{design}.toml", other_inputs(name, tmp_path)
     options = words(table)
     out = ("--out", tmp_path / "a", "--plot", "--csv") if name not in WITHOUT_FILE else ()
-    done = run(name, file, *more, *options, "--json", *out)
-    assert done.exit_code == 0, done.stderr
-    document = strict_json(done.stdout)
+    printed = document(name, file, *more, *options, *out)
     given = [more[0], sus.read(file)] if name == "fit" else [sus.read(file), *more]
     found = getattr(sus, name)(*given, **arguments(name, table))
-    assert strict_json(json.dumps(found.document())) == document
+    assert strict_json(json.dumps(found.document())) == printed
     assert found._repr_html_().startswith("<pre>") and repr(found).startswith("<pendsus ")
 
     # the same options in the design
@@ -122,17 +120,17 @@ def test_command_file_and_function_give_one_result(case, tmp_path, monkeypatch):
         mine, options = mine.replace({f"analysis.{name}": table}), []
     mine.save(tmp_path / "mine.toml")
     out = ("--out", tmp_path / "b", "--no-plot", "-q") if name not in WITHOUT_FILE else ()
-    printed = run(name, tmp_path / "mine.toml", *more, *options, *out)
-    assert printed.exit_code == 0, printed.stderr
+    done = run(name, tmp_path / "mine.toml", *more, *options, *out)
+    assert done.exit_code == 0, done.stderr
     if name in WITHOUT_FILE:
-        assert f"{found}\n".rpartition(".toml")[2] == printed.stdout.rpartition(".toml")[2]
+        assert f"{found}\n".rpartition(".toml")[2] == done.stdout.rpartition(".toml")[2]
         return
-    [stored] = (tmp_path / "b").glob("*.h5")
+    [file] = (tmp_path / "b").glob("*.h5")
     assert not list((tmp_path / "b").glob("*.png"))
-    loaded = sus.load(stored)
-    assert f"{loaded}\n" == printed.stdout
-    told = strict_json(json.dumps(loaded.document()))
-    assert told | PLACES == document | PLACES
+    loaded = sus.load(file)
+    assert f"{loaded}\n" == done.stdout
+    stored = strict_json(json.dumps(loaded.document()))
+    assert stored | PLACES == printed | PLACES
     check_other_forms(sus.load(next((tmp_path / "a").glob("*.h5"))), tmp_path)
 
 

@@ -121,17 +121,6 @@ def test_check_reports_the_faults_of_all_files(tmp_path):
     assert files == [str(one)] + 5 * [str(two)]
 
 
-def test_missing_file(tmp_path):
-    file = tmp_path / "nowhere.toml"
-    [line] = assert_refused(run("modes", file), file)
-    assert "No such file" in line
-
-
-def test_directory(tmp_path):
-    [line] = assert_refused(run("modes", tmp_path), tmp_path)
-    assert line.startswith("is a directory; ")
-
-
 def test_unreadable_file(tmp_path, monkeypatch):
     file = from_template(tmp_path)
     opened = Path.open
@@ -146,10 +135,16 @@ def test_unreadable_file(tmp_path, monkeypatch):
     assert line == "cannot be read (Permission denied); check the path and its permissions"
 
 
-def test_too_big_a_file(tmp_path):
-    file = written(tmp_path, "#" * 5_000_000)
-    [line] = assert_refused(run("modes", file), file)
-    assert "too many for a design" in line
+def test_paths_that_are_no_design(tmp_path):
+    big = written(tmp_path, "#" * 5_000_000)
+    for path, problem in (
+        (tmp_path / "nowhere.toml", "cannot be read (No such file"),
+        (tmp_path, "is a directory; "),
+        (big, "has more than"),
+        (Path("/dev/zero"), "has more than"),
+    ):
+        [line] = assert_refused(run("modes", path), path)
+        assert line.startswith(problem), line
 
 
 @pytest.mark.parametrize(
@@ -168,18 +163,9 @@ def test_deep_tables(text, tmp_path):
     assert "nested too deeply" in line
 
 
-def test_endless_file():
-    assert_refused(run("modes", "/dev/zero"), "/dev/zero")
-
-
-def test_byte_order_mark_is_no_fault(tmp_path):
-    file = written(tmp_path, b"\xef\xbb\xbf" + TEXTS["single"].encode())
-    assert run("check", file).exit_code == 0
-
-
-def test_windows_line_ends_are_no_fault(tmp_path):
-    file = written(tmp_path, TEXTS["single"].replace("\n", "\r\n"))
-    assert run("check", file).exit_code == 0
+def test_marks_and_line_ends_of_windows_are_no_fault(tmp_path):
+    text = TEXTS["single"].replace("\n", "\r\n")
+    assert run("check", written(tmp_path, b"\xef\xbb\xbf" + text.encode())).exit_code == 0
 
 
 def test_two_designs_of_one_name(tmp_path):

@@ -10,7 +10,7 @@ import suspension_cli as sus
 from suspension_cli.analyses.thermal.solve import compute_arm_tilt
 from tests.analyses.damp.test_control import loop
 from tests.support import plants
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, strict_json, written
 
 RAW = plants.raw("triple") | {"materials": {"steel302": {"loss_angle": 2e-4}}}
 LOOPS = [
@@ -33,9 +33,7 @@ def csv(folder, text, name="goal.csv"):
 
 
 def json_of(file, tmp_path, *options):
-    result = run("budget", file, "--json", "--out", tmp_path / "out", *LIGHT, *options)
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
+    return document("budget", file, "--out", tmp_path / "out", *LIGHT, *options)
 
 
 def test_the_document(file, tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from tests.support.commandline import run, strict_json, written
+from tests.support.commandline import document, run, written
 
 TRIPLE, DOUBLE = sus.example("geo-silica-triple"), sus.example("double")
 
@@ -30,10 +30,8 @@ def folder(tmp_path_factory):
 
 
 def compared(folder, out, *items):
-    options = ("--fidelity", "beam", "--json", "--out", out)
-    done = run("compare", *(folder / i if (folder / i).exists() else i for i in items), *options)
-    assert done.exit_code == 0, done.stderr
-    return strict_json(done.stdout)
+    words = (folder / i if (folder / i).exists() else i for i in items)
+    return document("compare", *words, "--fidelity", "beam", "--out", out)
 
 
 def test_modes_of_two_designs_are_those_of_each(folder, tmp_path):

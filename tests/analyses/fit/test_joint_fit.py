@@ -15,7 +15,7 @@ from suspension_cli.design.measured import Experiment, Free, Measured, Mode
 from suspension_cli.linear import eigenmodes, named_results
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import parameters
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, written
 from tests.support.golden import CONFIGS, ROOT
 from tools import youngs_modulus
 
@@ -162,7 +162,7 @@ def joint(tmp_path, **changes):
 def test_the_command(tmp_path):
     """A design per experiment, with its own override and the shared number, by least squares."""
     out = tmp_path / "out"
-    answer = strict_json(run("fit", joint(tmp_path), "--json", "--plot", "--out", out).stdout)
+    answer = document("fit", joint(tmp_path), "--plot", "--out", out)
     names = ["long", "table1-case1"]
     assert answer["experiments"] == [{"name": name, "design": str(CASES[0])} for name in names]
     assert [mode["experiment"] for mode in answer["modes"]] == names

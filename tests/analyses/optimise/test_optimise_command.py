@@ -13,7 +13,7 @@ import suspension_cli as sus
 from suspension_cli.analyses import registry
 from suspension_cli.design import reader
 from suspension_cli.files.hdf5 import open_results
-from tests.support.commandline import assert_refused, edited, run, strict_json, written
+from tests.support.commandline import assert_refused, document, edited, run, strict_json, written
 from tests.support.faulty_designs import parse
 from tests.support.golden import CONFIGS, ROOT
 from tests.support.optima import EXAMPLE, PAPER, TRIPLE, VERTICAL, WIRES
@@ -43,7 +43,7 @@ def test_the_story_of_section_5a(made):
     as section 1 wants them, by `pendsus modes` alone."""
     folder, answer = made
     before, after = (
-        strict_json(run("modes", file, "--json", *ON_STRINGS, "--out", folder / "modes").stdout)
+        document("modes", file, *ON_STRINGS, "--out", folder / "modes")
         for file in (TRIPLE, folder / "husman2000-triple-vertical-optimised.toml")
     )
     fast = [mode for mode in before["modes"] if mode["verdict"] != "can be damped"]
@@ -177,9 +177,7 @@ def test_an_unstable_start_has_no_frequency(tmp_path):
     """The start topples (wires end below the centre of mass), and the search gets it upright."""
     raw = {
         "goal": [{"kind": "band", "modes": ["test pitch"], "at_least": 0.5}],
-        "free": [
-            {"name": f"{WIRES}.d", "lower": -0.2, "upper": 0.01, "start": -0.15},
-        ],
+        "free": [{"name": f"{WIRES}.d", "lower": -0.2, "upper": 0.01, "start": -0.15}],
     }
     result = optimise(VERTICAL, raw, tmp_path, "--no-plot", "--set", f"{WIRES}.s=0.001")
     assert result.exit_code == 0, result.stderr

@@ -14,7 +14,7 @@ import suspension_cli as sus
 from suspension_cli.design.measured import Measured, Transducer
 from suspension_cli.measurements.resonances import find_peaks
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
-from tests.support.commandline import run, strict_json
+from tests.support.commandline import document, run, strict_json
 from tests.support.paths import ROOT
 
 FOLDER = ROOT / "measured" / "triple"
@@ -134,7 +134,7 @@ def test_command(tmp_path):
     done = run(*words, "--out", tmp_path, "--frequency", "0.3:6:200")
     assert done.exit_code == 0 and "+1.00  test pitch           pitch\n" in done.stdout
     assert "osem-x / coil-x (m/V)" in done.stdout
-    answer = strict_json(run(*words, "--json", "--out", tmp_path).stdout)
+    answer = document(*words, "--out", tmp_path)
     first = answer["measured"][0]
     assert first["points"] == 240 and first["unit"] == "m/V" and first["name"] == "x"
     assert first["median_ratio"] == pytest.approx(1.0, abs=0.02)

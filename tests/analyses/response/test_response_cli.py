@@ -12,15 +12,13 @@ import suspension_cli as sus
 from suspension_cli.design.reader import read
 from suspension_cli.linear import eigenmodes
 from tests.support import plants, scenes
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, written
 from tests.support.paths import CONFIGS
 
 
 def response_of(file, out, *options):
     """The JSON document of a run that went well."""
-    result = run("response", file, "--json", "--out", out, *options)
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
+    return document("response", file, "--out", out, *options)
 
 
 @pytest.mark.parametrize(
@@ -99,8 +97,8 @@ def test_zero_is_exact_and_said(name, output, tmp_path):
     ends = ("--output", output, "--frequency", "0.1:100:5", "--out", tmp_path)
     found = run("response", CONFIGS / f"{name}.toml", *ends, "--no-plot")
     assert f"support.x -> {output}: 0 by symmetry" in found.stdout.splitlines()
-    document = strict_json(run("response", CONFIGS / f"{name}.toml", *ends, "--json").stdout)
-    assert document["real"] == document["imag"] == [0.0] * 5
+    answer = document("response", CONFIGS / f"{name}.toml", *ends)
+    assert answer["real"] == answer["imag"] == [0.0] * 5
 
 
 def test_comparison_of_zeros(tmp_path):

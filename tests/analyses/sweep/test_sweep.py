@@ -22,7 +22,7 @@ from suspension_cli.linear import (
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import builds, variants
 from tests.support import plants
-from tests.support.commandline import MISSING, edited, run, strict_json, written
+from tests.support.commandline import MISSING, document, edited, run, strict_json, written
 from tests.support.designs import overridden
 from tests.support.golden import CONFIGS
 
@@ -32,10 +32,7 @@ TRIPLE = CONFIGS / "husman2000" / "table2.toml"
 
 def swept(file, out, options):
     """The JSON document of a run that must succeed; options as one types them."""
-    words = ("--json", "--workers", "1", "--out", out)
-    result = run("sweep", file, *words, *shlex.split(options))
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
+    return document("sweep", file, "--workers", "1", "--out", out, *shlex.split(options))
 
 
 def values(answer, name):

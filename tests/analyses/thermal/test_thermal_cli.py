@@ -11,7 +11,7 @@ from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.drawing.style import stage_colours
 from suspension_cli.grids import decade_points
 from tests.support import plants, scenes
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, written
 from tests.support.legible import assert_legible
 
 RAW = plants.raw("triple") | {"materials": {"steel302": {"loss_angle": 2e-4}}}
@@ -30,10 +30,9 @@ def out(tmp_path):
 
 def json_of(file, out, *options):
     """The JSON document of a run that went well and wrote nothing but its results."""
-    result = run("thermal", file, "--json", "--out", out, *options)
-    assert result.exit_code == 0, result.stderr
+    answer = document("thermal", file, "--out", out, *options)
     assert [path.name for path in out.iterdir()] == ["triple-thermal.h5"]
-    return strict_json(result.stdout)
+    return answer
 
 
 def test_several_mirrors(file, out):

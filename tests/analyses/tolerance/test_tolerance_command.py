@@ -19,7 +19,7 @@ from suspension_cli.analyses.tolerance.statistics import QUANTILES
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.rotations import rotation_minus_identity, rotation_vector
 from tests.analyses.tolerance.test_tolerance import job_of
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, strict_json, written
 from tests.support.couplings import FILE
 from tests.support.golden import CONFIGS
 from tests.support.paper import table_1
@@ -35,17 +35,9 @@ def scattered(folder, **table):
 
 def tolerance(file, out, *options, builds=120):
     """The JSON document of a run that must succeed."""
-    result = run(
-        "tolerance",
-        file,
-        "--builds",
-        str(builds),
-        *["--json", "--workers", "1", "--out"],
-        out,
-        *options,
+    return document(
+        "tolerance", file, "--builds", str(builds), *["--workers", "1", "--out"], out, *options
     )
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
 
 
 def test_one_factor_explains_everything(tmp_path):
@@ -149,8 +141,7 @@ def test_the_default_is_what_the_builds_need(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("unit", "change"),
-    [("1", "+0.02 Hz per %"), ("m", "+0.002 Hz per mm"), ("kg", "+2 Hz per kg")],
+    ("unit", "change"), [("1", "+0.02 Hz per %"), ("m", "+0.002 Hz per mm"), ("kg", "+2 Hz per kg")]
 )
 def test_changes_are_per_step_of_the_unit(unit, change):
     """A factor by one per cent; a number of another unit never by 0.01 of it, called a per cent."""

@@ -24,7 +24,15 @@ from suspension_cli.linear import signals
 from suspension_cli.models import registry
 from suspension_cli.models.choice import ONE_MODEL_ONLY
 from suspension_cli.studies.job import Axis
-from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
+from tests.support.commandline import (
+    MISSING,
+    assert_refused,
+    document,
+    edited,
+    run,
+    strict_json,
+    written,
+)
 from tests.support.couplings import FILE
 from tests.support.paths import CONFIGS
 
@@ -36,9 +44,7 @@ NAME = "husman2000-figure6-xcouple"
 def xcouple(file, out, *options):
     """The JSON document of a run that must succeed; options as one types them, or in words."""
     options = options[0].split() if len(options) == 1 else options
-    result = run("xcouple", file, "--json", "--workers", "1", "--out", out, *options)
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
+    return document("xcouple", file, "--workers", "1", "--out", out, *options)
 
 
 def test_defaults_without_a_table(tmp_path):
