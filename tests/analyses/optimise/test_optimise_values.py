@@ -18,7 +18,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support import derivatives as differences
-from tests.support.optima import EVERY, TRIPLE, VERTICAL, G, solved, values_of
+from tests.support.optima import EVERY, TRIPLE, values_of
 
 
 def test_derivatives_of_every_kind_of_goal():
@@ -34,51 +34,6 @@ def test_derivatives_of_every_kind_of_goal():
         for n, weight in differences.STENCIL.items()
     )
     np.testing.assert_allclose(found, slope / step, rtol=1e-6, atol=1e-6)
-
-
-def test_logarithms_of_frequencies_go_on_to_unstable_modes():
-    """Wires that end below the centre of mass: pitch is unstable, but the logarithm has slopes."""
-    goals = Goals(
-        goal=[Goal(kind="band", modes=["test pitch"], at_least=0.5)],
-        free=[Free(name="stage.test.wires.d", lower=-0.2, upper=0.01, start=-0.15)],
-    )
-    text = reader.read(VERTICAL, ("stage.test.wires.s=0.001",)).text
-    values = values_of(text, goals)
-    fractions = np.linspace(values.freed.begin[0], 0.98, 40)
-    designs = [values.freed.design(np.array([fraction])) for fraction in fractions]
-    shapes = values.follow(values.freed.begin)
-    found = Results(values, designs, shapes)
-    assert found.values[0, 0] < 0 < found.values[-1, 0]
-    assert (np.diff(values.logs(fractions[:, None], shapes)[:, 0]) > 0).all()
-
-
-def test_stress_by_hand():
-    """T/A with T a share of the weight below, and 6 F L/(b h^2) of blades that carry it."""
-    design = reader.read(TRIPLE).design
-    found = solved(
-        TRIPLE,
-        [Goal(kind="stress", at_most=1.0)],
-        [Free(name="stage.upper.wires.radius", lower=1e-4, upper=3e-4)],
-    )
-    reported = dict(zip(found.quantities.name, found.quantities.after, strict=True))
-    weight = G * np.array([5.8 + 5.6 + 5.6, 5.6 + 5.6, 5.6])
-    for stage, carried in zip(design.stage, weight, strict=True):
-        tension = carried / stage.wires.count
-        assert reported[f"stress of {stage.name} wires"] == pytest.approx(
-            tension / (np.pi * stage.wires.radius**2) / 2.07e9, rel=1e-9
-        )
-        if stage.blades is not None:
-            shape = stage.blades.geometry
-            bending = (
-                6
-                * carried
-                / stage.blades.count
-                * shape.length
-                / (shape.base_width * shape.thickness**2)
-            )
-            assert reported[f"stress of {stage.name} blades"] == pytest.approx(
-                bending / 1.7e9, rel=1e-9
-            )
 
 
 @pytest.mark.parametrize("hinged", [False, True])
