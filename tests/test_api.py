@@ -91,7 +91,6 @@ def test_checks_warn_and_refuse():
         (lambda d: sus.response(d, outputs=["tset.x"]), r'outputs = "tset\.x": names no body'),
         (lambda d: sus.template("quintuple"), "is not a template"),
         (lambda d: sus.example("duble"), "did you mean 'double'"),
-        (lambda d: sus.load(DOUBLE), "is not HDF5"),
         (lambda d: sus.report(d, "x.html", fidelity="foo"), r"fidelity: 'foo' is not"),
         (lambda d: sus.report(d, "x.html", builds=3), r"builds: 3 is not in the range 100<=x"),
         (lambda d: sus.report(d, "x.html", sections="foo"), r'sections = "foo": a report has no'),

@@ -55,6 +55,7 @@ VARY = {DEPTH: [1e-3, 2e-3]}
         (lambda: sus.read(None), r"file = None: must be a path"),
         (lambda: sus.read("x.toml", overrides=2.0), r"overrides = 2\.0: must be texts"),
         (lambda: sus.load(SINGLE), r"file = <Design single: test>: must be a path"),
+        (lambda: sus.load(__file__), r".*is not HDF5"),
         (lambda: sus.parse(b"x"), r"text = .*: must be a text; give TOML"),
         (lambda: sus.template(3), r"kind = 3: must be a text; give one of single"),
         (lambda: sus.example(None), r"name = None: must be a text"),

@@ -20,10 +20,11 @@ pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWa
 
 STRING = {"fidelity": "string"}
 FEW = {"frequency": "0.5:5:12"}
-VARY = ["stage.test.wires.l=0.3,0.4,0.5", "stage.test.wires.d=1e-3,2e-3"]
+VARY = ["stage.test.wires.l=0.3:0.5:3:log", "stage.test.wires.d=1e-3,2e-3"]
 CASES = {
     "modes": ("double", STRING | {"damping": {"band": [0.7, 3], "at": "test"}}),
     "modes with losses": ("geo-silica-triple", {"tolerance": 0.01}),
+    "modes of wires": ("husman2000/figure6", {"max_frequency": 500.0}),
     "response": ("double", FEW | {"input": ["support.z", "upper.force_x"], "output": "test.z"}),
     "response closed": ("triple-damped", STRING | FEW | {"closed_loop": True}),
     "thermal": ("double", FEW | {"output": ["test.x", "test.pitch"], "mirrors": 4.0}),
@@ -36,7 +37,7 @@ CASES = {
     ),
     "xcouple matrix": ("imperfect", STRING | {"matrix": True, "observe": "test"}),
     "sweep": ("double", STRING | {"vary": VARY, "result": ["test yaw", "test pitch"]}),
-    "sensitivity": ("double", STRING | {"result": "test yaw"}),
+    "sensitivity": ("double", STRING | {"result": ["test yaw", "test.x/test.z/support.z:50"]}),
     "tolerance": (
         "triple-tolerance",
         STRING | {"builds": 12, "seed": 4, "limit": 1e-5, "frequency": "20", "workers": 1},

@@ -96,6 +96,8 @@ def test_table_from_a_file(tmp_path: Path) -> None:
     link = '[[link]]\nname = "a"\nbetween = ["test", "ground"]\n'
     table = '[link.table]\naxis = "y"\nfile = "cable.csv"\nform = "modulus-loss"\n'
     design = written(tmp_path, STAGES + link + table)
+    with pytest.raises(InputError, match="is read only with a design file"):
+        reader.parse(design.read_text())
     source = reader.read(design)
     found = source.design.link[0].table
     assert found is not None and found.frequency == [1.0, 10.0]

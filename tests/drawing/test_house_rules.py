@@ -274,6 +274,13 @@ def test_pictures_say_their_point(name, folder):
     assert re.search(SAID[name], "\n".join(words))
 
 
+@pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
+def test_rows_are_listed_from_above(folder):
+    """Modes of a comparison, the lowest first."""
+    axes = figures("compare", folder)[0].axes[0]
+    assert axes.get_yticklabels()[0].get_text().startswith("upper yaw") and axes.yaxis_inverted()
+
+
 def test_residuals_can_be_read_within_their_band(folder):
     (figure,) = figures("fit", folder)
     assert {-10.0, -2.0, -1.0, 0.0, 1.0, 2.0, 10.0} <= {*figure.axes[0].get_xticks()}

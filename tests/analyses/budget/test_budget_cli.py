@@ -156,6 +156,25 @@ def test_the_grid_is_cut_to_the_table(file, tmp_path):
     assert "test.x, 0.2 to 5 Hz" in result.stdout
 
 
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ("--ground SITE --frequency 20:30:5", "--frequency = "),
+        ("--ground none --fidelity string --set control.loop.x.sensor_noise=0", "--ground: "),
+        ("--requirement GOAL --frequency 1:10:5", "is from 50 to 60 Hz, outside 1 to 10 Hz of"),
+    ],
+)
+def test_refusals(options, says, tmp_path):
+    """Out of the range of a table; no cause at all; others are in `tests/cli/refusals.txt`."""
+    raw = RAW | {"control": {"loop": [loop("upper.x", damper=20.0)]}}
+    file, site = written(tmp_path, raw, "triple.toml"), csv(tmp_path, "0.2,1e-6\n5,1e-9\n")
+    goal, out = csv(tmp_path, "50 1e-9\n60 1e-9\n", "far.csv"), tmp_path / "out"
+    words = options.replace("SITE", str(site)).replace("GOAL", str(goal)).split()
+    result = run("budget", file, *LIGHT[:2], *words, "--out", out)
+    (line,) = assert_refused(result, goal if "GOAL" in options else file, out)
+    assert line.startswith(says)
+
+
 def test_an_unstable_loop(tmp_path):
     raw = RAW | {"control": {"loop": [loop("upper.x", damper=-20.0)]}}
     file, out = written(tmp_path, raw, "triple.toml"), tmp_path / "out"

@@ -21,6 +21,7 @@ def folder(tmp_path_factory):
     written(folder, DOUBLE.text, "a.toml")
     longer = DOUBLE.replace({"stage.upper.wires.l": 0.303, "design.name": "longer"})
     written(folder, longer.text, "b.toml")
+    (folder / "bare.csv").write_text("f,re,im\n1,2,3\n2,3,4\n")
     grid = ("--frequency", "0.3:30:40")
     for command in (("response", *grid), ("thermal", *grid), ("modes",)):
         options = ("--fidelity", "beam", "-q", "--no-plot")
@@ -76,9 +77,12 @@ def test_a_variant_is_the_design_with_other_values(folder, tmp_path):
         (("a.toml", "--variant", "x: stage.upper.wires.q=0.3"), "unknown key"),
         (("longer-modes.h5", "--variant", "x: stage.upper.wires.l=0.3"), "needs a design"),
         (("a.toml",), "at least two items"),
+        (("a.toml", "missing.toml"), "cannot be read"),
+        (("bare.csv", "bare.csv"), "only measurements are given"),
+        (("a.toml", "bare.csv"), "does not say which signals were measured"),
     ],
 )
-def test_faults_of_variants_are_one_line(folder, words, said):
+def test_faults_are_one_line(folder, words, said):
     done = run("compare", *(folder / i if (folder / i).exists() else i for i in words))
     assert done.exit_code == 2
     assert said in done.stderr
@@ -126,6 +130,11 @@ def test_other_grids_are_interpolated_between_their_points():
     # f^-4: between two points of the grid the logarithm is straight
     assert ratio == pytest.approx(np.ones(len(ratio)), abs=2e-3)
     assert overlay.curves[1].ratio_frequency[0] >= 20.0
+    late = {"closed_loop": True, "fidelity": "string"}
+    damped = sus.example("triple-damped")  # whose phase turns from point to point
+    fine, coarse = (sus.response(damped, frequency=f"2:4:{n}", **late) for n in (400, 300))
+    (overlay,) = sus.compare(fine, coarse).overlay
+    assert overlay.curves[1].ratio == pytest.approx(1, abs=2e-3)
 
 
 def test_measured_data_beside_designs(folder, tmp_path):

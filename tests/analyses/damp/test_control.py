@@ -8,10 +8,13 @@ import pytest
 
 from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp.closed_loop_poles import build_closed_loop
+from suspension_cli.conventions import DOFS
+from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import expand_roots
 from suspension_cli.errors import InputError
 from suspension_cli.linear import poles
 from suspension_cli.models import registry
+from suspension_cli.rotations import cross_matrix
 from tests.support import plants, scenes
 
 GRID = np.geomspace(0.05, 50, 41)
@@ -218,3 +221,29 @@ def test_a_damper_that_senses_no_massless_structure_that_it_pushes():
             plants.drives(closed.model, "support.x"),
             plants.motions(closed.model, "test.x", "test.y"),
         )
+
+
+@pytest.mark.parametrize("support", [None, FRAME])
+def test_what_moves_as_one_is_not_sensed(support):
+    """The structure reaches to the sensor as one rigid thing, and what moves it is the ground and
+    its own deflection."""
+    raw = plants.raw("triple") | ({"support": support} if support else {})
+    sensors = [f"middle.{dof}" for dof in DOFS] + ["test.x@0.1,0.2,-0.3", "upper.z@0.05,0.1,0"]
+    closed = plant(
+        raw, [loop(sensor, name=f"a{n}", damper=1.0) for n, sensor in enumerate(sensors)]
+    )
+    design = scenes.design_of(raw)
+    positions = com_positions(design)
+    rigid = np.zeros((closed.model.size, 6))
+    for n, body in enumerate(("support", *closed.model.body)):
+        rigid[6 * n : 6 * n + 6] = np.eye(6)
+        rigid[6 * n : 6 * n + 3, 3:] = -cross_matrix(np.array(positions[body]))
+    assert np.abs(closed.sensed @ rigid).max() < 1e-15
+    assert np.array_equal(closed.sensed[:6], closed.pushed[:6])
+    if support:
+        deflected = rigid.copy()  # the ground at rest, the structure moves by its deflection
+        deflected[:6] = 0.0
+        for n, dof in enumerate(DOFS):
+            if f"frame.{dof}" in closed.model.coordinate:
+                deflected[closed.model.coordinate.index(f"frame.{dof}"), n] = 1.0
+                assert np.abs(closed.sensed @ deflected[:, n]).max() < 1e-15

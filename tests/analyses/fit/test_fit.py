@@ -262,6 +262,8 @@ def test_uncertainties_of_a_misfit_are_scaled(tmp_path):
     with h5py.File(tmp_path / "out" / NAME) as file:
         assert file["fit/sigma"][:].tolist() == [item["sigma"] for item in answer["parameters"]]
         assert file["fit"].attrs["sigma_scale"] == answer["sigma_scale"]
+        variance = np.diag(file["fit/covariance"][:])
+        np.testing.assert_allclose(np.sqrt(variance), file["fit/sigma"][:], rtol=1e-12)
     picture = tmp_path / "out" / NAME.replace(".h5", ".png")
     before = picture.read_bytes()
     assert run("plot", picture.with_suffix(".h5")).exit_code == 0

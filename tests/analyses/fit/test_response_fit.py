@@ -21,6 +21,7 @@ from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import MeasuredResponse
+from suspension_cli.studies import parameters
 from suspension_cli.studies.response_matrix import Plant
 from tests.support.commandline import assert_refused, run, strict_json
 from tests.support.golden import CONFIGS
@@ -281,3 +282,21 @@ def test_data_without_uncertainties(files, tmp_path):
     bare.write_text('[[mode]]\nlabel = "test pitch"\nfrequency = 0.8\nuncertainty = 0.01\n')
     (line,) = assert_refused(run("fit", design, bare, *words), bare)
     assert line.startswith("parameter: missing; name the numbers to fit")
+
+
+def test_a_search_starts_again_from_the_best_single_change():
+    """One function of high Q, d wrong by 4 mm, six numbers that are hardly known: the first search
+    ends at three times the chi^2 of a change of d alone."""
+    values = {item.name: item.value for item in parameters.every(DOUBLE)}
+    free = [
+        Free(name=name, prior=values[name], uncertainty=10 * sigma)
+        for name, sigma in trials.DOUBLE.items()
+    ]
+    name, true = "stage.upper.wires.d", values["stage.upper.wires.d"] + 4e-3
+    given = trials.simulate(
+        DOUBLE, {name: true}, free, np.random.default_rng(1),
+        stage="upper", dofs=("x",), frequency=np.geomspace(0.2, 20, 240), q=1e4,
+    )  # fmt: skip
+    found = given.fit()
+    n = found.name.index(name)
+    assert not found.misfit and abs(found.value[n] - true) < 4 * found.sigma[n]

@@ -11,6 +11,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.design.reader import template
 from suspension_cli.linear import damped
 from suspension_cli.models import registry
 from tests.support import scenes
@@ -349,3 +350,29 @@ def test_modes_of_bodies_alone(name, options, tmp_path):
         assert one["frequency_hz"] == pytest.approx(other["frequency_hz"], rel=1e-9)
         assert one["q"] == pytest.approx(other["q"], rel=1e-6)
         assert one["dilution"] == pytest.approx(other["dilution"], rel=1e-3)
+
+
+def test_wires_with_mass():
+    """As wires get lighter, damped modes tend to those of wires without mass; Q and frequency of
+    strongly damped ones too."""
+    raw = pair(30.0, material="c70steel", radius=2e-4)
+    raw["materials"] = {
+        "airy": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 1e-2, "loss_angle": 2e-4}
+    }
+    for stage in raw["stage"]:
+        stage["wires"]["material"] = "airy"
+    _, beam = solved(raw, "beam")
+    found = wire_modes.solve(registry.VIOLIN.system(scenes.design_of(raw)), 80.0, damping=True)
+    assert found.overdamped.sum() == beam.overdamped.sum() == 2
+    assert len(found.q) == len(beam.q)
+    np.testing.assert_allclose(found.decay_rate, beam.decay_rate, rtol=1e-6)
+    np.testing.assert_allclose(found.frequency, beam.frequency, rtol=1e-6)
+
+
+def test_modes_of_wires_alone(tmp_path):
+    """Wires of 0.2 m across: no mode is one of the bodies, so that there is none to draw."""
+    (tmp_path / "single.toml").write_text(template("single", "single"))
+    wide = ("--set", "stage.test.wires.radius=0.1")
+    result = run("modes", tmp_path / "single.toml", *wide, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "out" / "single-test.wires.radius=0.1-modes.h5").exists()

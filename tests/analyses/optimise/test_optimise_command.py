@@ -3,6 +3,7 @@ it refuses."""
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import h5py
@@ -13,7 +14,15 @@ import suspension_cli as sus
 from suspension_cli.analyses import registry
 from suspension_cli.design import reader
 from suspension_cli.files.hdf5 import open_results
-from tests.support.commandline import assert_refused, document, edited, run, strict_json, written
+from tests.support.commandline import (
+    MISSING,
+    assert_refused,
+    document,
+    edited,
+    run,
+    strict_json,
+    written,
+)
 from tests.support.faulty_designs import parse
 from tests.support.golden import CONFIGS, ROOT
 from tests.support.optima import EXAMPLE, PAPER, TRIPLE, VERTICAL, WIRES
@@ -207,6 +216,16 @@ def test_bad_goals_are_refused(raw, says, tmp_path):
     lines = assert_refused(result, file, out)
     named = [line.replace(f'free."{WIRES}.l".', "free.1.") for line in lines]
     assert any(line.startswith(says) for line in named), lines
+
+
+def test_goals_of_unknown_quantities_alone_are_refused(tmp_path):
+    """Wires given by k have no stress."""
+    wires = {"radius": MISSING, "material": MISSING, "k": 4e4}
+    edits = {("stage", 0, "wires", key): value for key, value in wires.items()}
+    design = written(tmp_path, edited(tomllib.loads(VERTICAL.read_text()), edits))
+    goals = written(tmp_path, GOALS | {"goal": [{"kind": "stress", "at_most": 0.5}]}, "goals.toml")
+    [line] = assert_refused(run("optimise", design, goals, "--out", tmp_path / "out"), goals)
+    assert "is known for this design; give stage.test.wires.radius" in line
 
 
 def test_unknown_strength_is_refused_where_it_is_needed(tmp_path):

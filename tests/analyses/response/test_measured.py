@@ -188,3 +188,21 @@ def test_results_and_folders_are_no_measurements(design, tmp_path):
     assert done.exit_code == 2 and done.stderr.count("\n") == 1
     assert "is a file of measurements (it has [[transfer_function]]), not a design" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_loops_closed(tmp_path):
+    """Data measured with the loops closed are compared with closed-loop responses."""
+    damped = sus.example("triple-damped")
+    at = np.geomspace(0.3, 6.0, 60)
+    signals = {"inputs": ["support.x"], "outputs": ["test.x"]}
+    given = sus.response(damped, **signals, frequency=at, closed_loop=True, fidelity="string")
+    rows = zip(at.tolist(), given.value[:, 0, 0].tolist(), strict=True)
+    text = "".join(f"{f!r},{value.real!r},{value.imag!r}\n" for f, value in rows)
+    (tmp_path / "x.csv").write_text("f,re,im\n" + text)
+    found = sus.response(
+        damped, **signals, measured=[tmp_path / "x.csv"], closed_loop=True, fidelity="string"
+    )
+    assert np.allclose(found.measured[0].ratio, 1, rtol=1e-9)
+    (tmp_path / "out").mkdir()
+    found.save(tmp_path / "out" / "r.h5")
+    assert np.allclose(sus.load(tmp_path / "out" / "r.h5").measured[0].ratio, 1, rtol=1e-9)

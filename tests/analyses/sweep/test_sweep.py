@@ -315,3 +315,13 @@ def test_what_no_model_has_is_reported(tmp_path):
     )
     answer = strict_json(result.stdout)
     assert answer["estimated_error"] is None and answer["error_unknown"].endswith(reason)
+
+
+def test_slack_points_of_an_imperfect_design_leave_the_others_as_they_are():
+    """Where only some of the points of a batch have modes, they are those of each point alone."""
+    design, name = sus.example("imperfect"), "perturbation.2.length_change"
+    both = sus.sweep(design, vary={name: "0,-0.002,0.0002"}, fidelity="string", workers=1)
+    assert both.data.status.tolist() == [0, 1, 0]
+    alone = sus.sweep(design, vary={name: "0,0.0002"}, fidelity="string", workers=1)
+    assert np.isnan(both.data.value[1]).all()
+    np.testing.assert_array_equal(both.data.value[[0, 2]], alone.data.value)
