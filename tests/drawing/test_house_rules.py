@@ -244,6 +244,7 @@ def test_pictures_keep_the_house_rules(name, folder):
 
 
 SAID = {
+    "budget": "nearly all due to ground.x",
     "budget-requirement": r"the\srequirement\sis\s(met|exceeded)",
     "compare-noise": "relative to double",
     "sweep-responses": "test.x / support.x at 10 Hz",

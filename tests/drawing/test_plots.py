@@ -6,10 +6,13 @@ import os
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.text import Text
 from PIL import Image
 
+import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import draw, labels, style
+from suspension_cli.drawing import draw, geometry, labels, style
+from suspension_cli.equilibrium.nominal import expand
 from tests.support.legible import assert_legible
 from tests.support.legible import said as texts
 from tests.support.pictures import DESIGNS, SINGLE, TRIPLE, made, solved
@@ -136,3 +139,16 @@ def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space left"):
         style.save(figure, path)
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.png"]
+
+
+def test_the_label_of_a_wire_cuts_no_body():
+    design, stage, label = sus.example("ligo-quad-2005").design, 1, "308.5 mm"
+    scene = expand(design)
+    figure = draw.draw(design, scene)
+    view = next(axes for axes in figure.axes if axes.get_ylabel())
+    (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
+    extents = text.get_window_extent(figure.canvas.get_renderer())
+    _, (low, high) = view.transData.inverted().transform(extents).T
+    half = [one.half[2] for one in geometry.outlines(design, scene)]
+    centre = scene.bodies.position[1:, 2]
+    assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]

@@ -166,33 +166,6 @@ def test_poles_are_eigenvalues_of_the_state_space(name):
         assert np.abs(eigenvalues - pole).min() < 1e-7 * abs(pole)
 
 
-def gains_at(closed, s):
-    """H and G (actuators to sensors) at one complex frequency, from the matrices."""
-    model, free = closed.model, slice(6, None)
-    dynamic = model.stiffness + s * model.damping + s**2 * model.mass
-    g = closed.sensed[:, free] @ np.linalg.solve(dynamic[free, free], closed.pushed[:, free].T)
-    return np.diag([control.evaluate_filter(one, s / (2j * np.pi)) for one in closed.loops]), g
-
-
-@pytest.mark.parametrize("name", LOOPS)
-def test_loop_gain_with_the_others_closed(name):
-    """1 + L_k = det(1 + H G) / det(the same without loop k)."""
-    closed = built(name)
-    gains = control.compute_loop_gains(closed, GRID)
-    count = len(closed.loops)
-    for n, frequency in enumerate(GRID):
-        h, g = gains_at(closed, 2j * np.pi * frequency)
-        whole = np.linalg.det(np.eye(count) + h @ g)
-        for k in range(count):
-            others = [m for m in range(count) if m != k]
-            rest = (
-                np.linalg.det(np.eye(count - 1) + (h @ g)[np.ix_(others, others)])
-                if others
-                else 1.0
-            )
-            assert 1 + gains[n, k] == pytest.approx(whole / rest, rel=1e-9, abs=1e-9)
-
-
 def test_impulse_response_is_the_inverse_transform():
     closed = plant(plants.raw("triple"), six_dampers())
     inputs, outputs = (

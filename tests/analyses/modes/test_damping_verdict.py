@@ -44,22 +44,6 @@ def test_the_band_and_the_body_decide(tmp_path):
     assert "couples weakly" in shown
 
 
-def test_the_design_says_it(tmp_path):
-    file = tmp_path / "double.toml"
-    text = DOUBLE.read_text() + '\n[analysis.modes]\ndamping = { band = [0.7, 3], at = "test" }\n'
-    file.write_text(text)
-    own = modes_json(file, "--out", tmp_path, "--no-plot")
-    assert own["damping"] == {"band_hz": [0.7, 3.0], "at": "test"}
-    loaded = sus.load(tmp_path / "double-modes.h5")
-    assert loaded.document()["modes"] == own["modes"]
-    found = sus.modes(sus.read(DOUBLE), damping={"band": [0.7, 3], "at": "test"})
-    assert found.verdict == loaded.verdict
-    overridden = modes_json(file, "--out", tmp_path, "--no-plot", "--damping", "at=upper")
-    assert overridden["damping"] == {"band_hz": [0.5, 5.0], "at": "upper"}
-    plain = sus.modes(sus.read(DOUBLE)).document()["modes"]
-    assert [mode["verdict"] for mode in overridden["modes"]] == [mode["verdict"] for mode in plain]
-
-
 def test_a_stage_called_top_is_not_that_of_other_chains():
     """In a reaction chain each mode is judged by the top mass of its own chain."""
     found = sus.modes(sus.read(CONFIGS / "reaction-chain.toml"), fidelity="string")

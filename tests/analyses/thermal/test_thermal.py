@@ -17,7 +17,6 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from tests.support import plants
 from tests.support.lossy import (
-    CONFIGS,
     FREQUENCY,
     KINDS,
     LEVELS,
@@ -199,23 +198,6 @@ def test_equipartition_of_everything():
 
 
 # symmetry and frames
-
-
-def test_a_symmetric_mirror_on_vertical_wires_is_not_twisted():
-    """Moving along x, it only swings and pitches; its centre of mass does not rise."""
-    config = tomllib.loads((CONFIGS / "husman2000" / "figure6.toml").read_text())
-    for level in LEVELS:
-        model = model_of(config, level)
-        for text in ("test.x", "test.x@0,0,0", "test.pitch"):
-            assert set(noise(model, text).source) == {
-                "test.bending-upper",
-                "test.bending-lower",
-                "test.stretching",
-            }
-        np.testing.assert_array_equal(
-            noise(model, "test.x").density, noise(model, "test.x@0,0,0").density
-        )
-        assert "test.torsion" in noise(model, "test.yaw").source
 
 
 @pytest.mark.parametrize("kind", ["five", "silica"])

@@ -98,27 +98,6 @@ def test_nothing_but_failures(tmp_path, monkeypatch):
     )
 
 
-BODY = {"stage": "test", "mass": {"normal": 0.01}}
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--builds", "0"),
-        ("--seed", "-1"),
-        ("--limit", "0"),
-        ("--builds", "many"),
-        ("--chunk", "0"),
-        ("--workers", "0"),
-    ],
-)
-def test_bad_options_are_refused(options, tmp_path):
-    file = scattered(tmp_path, body=[BODY])
-    result = run("tolerance", file, *options, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_default_is_what_the_builds_need(tmp_path):
     """Bending changes their couplings by a third; the error of strings, from extreme builds,
     against all builds."""
