@@ -255,7 +255,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
 def test_maps_name_the_value_of_a_third_parameter_and_label_contours_inside():
     vary = {
         "stage.test.wires.t1": (0.05, 0.12),
-        "stage.test.wires.l": (0.3, 0.4),
+        "stage.test.wires.l": "0.1:1:3:log",
         "constants.gravity": (9.0, 10.0),
     }
     swept = sus.sweep(sus.read(SINGLE), vary=vary, results=["6"], fidelity="force")
