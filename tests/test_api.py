@@ -22,8 +22,6 @@ from suspension_cli import api
 from suspension_cli.analyses import python_functions, registry
 from suspension_cli.analyses.modes import animation
 from suspension_cli.conventions import ANALYSES
-from tests.models.test_golden import assert_close
-from tests.support.commandline import run, strict_json
 from tests.support.paths import CONFIGS, ROOT
 from tests.support.quick_tradeoff import hurry
 
@@ -73,103 +71,6 @@ def test_importing_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
-CASES = {
-    "modes": (lambda design: sus.modes(design, fidelity="string"), ("--fidelity", "string")),
-    "response": (
-        lambda design: sus.response(design, inputs=["support.z"], frequency=np.array([0.3, 7.0])),
-        ("--input", "support.z", "--frequency", "0.3,7.0"),
-    ),
-    "thermal": (
-        lambda design: sus.thermal(design, frequency="1:100:3"),
-        ("--frequency", "1:100:3"),
-    ),
-    "budget": (
-        lambda design: sus.budget(design, ground=["nlnm"], frequency=np.array([1.0, 3.0])),
-        ("--ground", "nlnm", "--frequency", "1.0,3.0"),
-    ),
-    "xcouple": (
-        lambda design: sus.xcouple(design, sweep={"k": [0.9, 1.1]}, fidelity="string"),
-        ("--sweep", "k=0.9,1.1", "--fidelity", "string"),
-    ),
-    "sweep": (
-        lambda design: sus.sweep(
-            design,
-            vary={"stage.test.wires.d": [1e-3, 2e-3]},
-            results=["test yaw"],
-            fidelity="string",
-        ),
-        ("--vary", "stage.test.wires.d=1e-3,2e-3", "--result", "test yaw", "--fidelity", "string"),
-    ),
-    "sensitivity": (
-        lambda design: sus.sensitivity(design, results=["test yaw"], fidelity="string"),
-        ("--result", "test yaw", "--fidelity", "string"),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_results_are_those_of_the_command(name, tmp_path):
-    function, options = CASES[name]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", sus.PendsusWarning)
-        found = function(sus.read(DOUBLE))
-    done = run(name, DOUBLE, *options, "--json", "--out", tmp_path)
-    assert found.document() == strict_json(done.stdout)
-    assert found.model in str(found) or name == "xcouple"
-    found.save(tmp_path / "again.h5")
-    again = sus.load(tmp_path / "again.h5")
-    assert_close(again.document(), found.document())
-    assert str(again) == str(found)
-    again.save(tmp_path / "once-more.h5")
-    assert (tmp_path / "once-more.h5").read_bytes() == (tmp_path / "again.h5").read_bytes()
-    assert again.to_xarray().identical(found.to_xarray())
-    table = found.to_xarray()
-    assert table.attrs["model"] == found.model and table.data_vars
-    assert "<pre>" in found._repr_html_()
-
-
-REPORTS = {
-    "check": (lambda design: sus.check(design), ()),
-    "info": (
-        lambda design: sus.info(design, output="test.pitch", frequency=[1.0, 30.0], tolerance=0.01),
-        ("--output", "test.pitch", "--frequency", "1.0,30.0", "--tolerance", "0.01"),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", REPORTS)
-def test_reports_are_those_of_the_command(name):
-    function, options = REPORTS[name]
-    found = function(sus.read(str(DOUBLE)))
-    assert found.document() == strict_json(run(name, DOUBLE, *options, "--json").stdout)
-    assert f"{found}\n" == run(name, DOUBLE, *options).stdout
-    assert found._repr_html_().startswith("<pre>")
-    assert repr(found) == f"<pendsus {name} of double>"
-
-
-LOADED = {
-    "fit": lambda: sus.fit(FITTED, sus.example("husman2000/table1-case4")),
-    "matrix": lambda: sus.xcouple(
-        sus.read(DOUBLE), matrix=True, observe="upper", fidelity="string"
-    ),
-    "losses": lambda: sus.modes(sus.example("geo-silica-triple").replace(LOSSLESS)),
-    "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes"),
-}
-LOSSLESS = {"materials.steel302": {"loss_angle": 0.0}}
-
-
-@pytest.mark.parametrize("name", LOADED)
-@pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
-def test_a_loaded_result_is_the_result_again(name, tmp_path, monkeypatch):
-    hurry(monkeypatch)
-    found = LOADED[name]()
-    found.save(tmp_path / "r.h5")
-    again = sus.load(tmp_path / "r.h5")
-    assert str(again) == str(found) and again.extra == found.extra
-    assert_close(again.document(), found.document())
-    assert again.to_xarray().data_vars
-
-
 def test_checks_warn_and_refuse():
     design = sus.example("triple-damped").replace({"control.loop.x.sensor": "tset.x"})
     with pytest.warns(sus.PendsusWarning, match="names no body"):
@@ -177,24 +78,6 @@ def test_checks_warn_and_refuse():
     assert [item.key for item in found.warnings] == ["control.loop.x.sensor"]
     with pytest.raises(sus.InputError, match=r'output = "tset\.x": names no body'):
         sus.info(sus.read(DOUBLE), output="tset.x")
-
-
-def test_info_takes_the_analysis_table():
-    design = sus.read(DOUBLE).replace({"analysis.info.output": "upper.y"})
-    assert any("upper.y" in quantity for quantity in sus.info(design).choices)
-    assert any("test.x" in quantity for quantity in sus.info(design, output="test.x").choices)
-
-
-def test_faults_name_arguments():
-    design = sus.read(DOUBLE)
-    with pytest.raises(sus.InputError, match=r'outputs = "tset\.x": names no body'):
-        sus.response(design, outputs=["tset.x"])
-    with pytest.raises(sus.InputError, match="is not a template"):
-        sus.template("quintuple")
-    with pytest.raises(sus.InputError, match="did you mean 'double'"):
-        sus.example("duble")
-    with pytest.raises(sus.InputError, match=r"is not HDF5"):
-        sus.load(DOUBLE)
 
 
 @pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
@@ -205,6 +88,9 @@ def test_faults_name_arguments():
             lambda d: sus.modes(d, fidelity="foo"),
             r"fidelity: 'foo' is not .*see help\(sus.modes",
         ),
+        (lambda d: sus.response(d, outputs=["tset.x"]), r'outputs = "tset\.x": names no body'),
+        (lambda d: sus.template("quintuple"), "is not a template"),
+        (lambda d: sus.example("duble"), "did you mean 'double'"),
         (lambda d: sus.report(d, "x.html", fidelity="foo"), r"fidelity: 'foo' is not"),
         (lambda d: sus.report(d, "x.html", builds=3), r"builds: 3 is not in the range 100<=x"),
         (lambda d: sus.report(d, "x.html", sections="foo"), r'sections = "foo": a report has no'),
@@ -252,11 +138,6 @@ def test_warnings_name_arguments_and_the_line_of_the_caller():
     with pytest.warns(sus.PendsusWarning, match=r"loss=True gives Q too") as caught:
         sus.export(sus.read(DOUBLE))
     assert caught[0].filename == __file__
-
-
-def test_one_text_is_one_item():
-    found = sus.response(sus.read(DOUBLE), inputs="support.z", outputs="test.z", frequency=1.0)
-    assert found.input == ("support.z",) and found.output == ("test.z",)
 
 
 def test_exports_have_the_format_of_their_ending(tmp_path):
@@ -365,12 +246,3 @@ def test_notebook_with_finesse(tmp_path, capsys, monkeypatch):
         runpy.run_path(str(path))
     assert "   2 Hz: 1.36e-05 m/N at 10 Hz" in capsys.readouterr().out
     assert (tmp_path / "cavity.png").stat().st_size > 1e4
-
-
-def test_defaults_are_those_of_the_analysis_table():
-    """Of the design's [analysis.xcouple]: its grids and its point; an argument wins."""
-    stage = sus.example("husman2000/figure6")
-    other = stage.replace({"analysis.xcouple.frequency": 20.0, "analysis.xcouple.k": "0.9:1.1:3"})
-    found = sus.xcouple(other, sweep="k", fidelity="string")
-    assert found.frequency.tolist() == [20.0] and found.ratio.shape == (3, 1)
-    assert sus.xcouple(other, sweep="k", frequency=30.0, fidelity="string").frequency[0] == 30.0

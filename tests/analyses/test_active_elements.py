@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, strict_json, written
 
 MASS, STIFFNESS = 2.0, 200.0
 BODY = f"""
@@ -57,7 +57,7 @@ def test_power_is_refused_unless_meant(tmp_path: Any, key: str) -> None:
     (line,) = assert_refused(run("check", file), file)
     assert line.startswith(f"{key} = ") and "active = true" in line
     file = written(tmp_path, BODY + ELEMENTS[key].format(active=ACTIVE))
-    found = strict_json(run("check", file, "--json").stdout)
+    found = document("check", file)
     assert found["stable"] is False
     assert any(warning["key"] == key for warning in found["warnings"])
 

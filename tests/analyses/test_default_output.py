@@ -11,7 +11,6 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.conventions import DOFS
-from suspension_cli.errors import InputError
 from tests.support.commandline import run
 
 BODY = """
@@ -95,12 +94,6 @@ def test_no_command_takes_the_recoil_mass_because_it_is_last(tmp_path, command, 
     text = json.dumps({**document, "state": [], "poles": []})
     assert all(f'"{name}' in text for name in expected), text[:1000]
     assert not re.findall(r'"recoil\.(?:x|y|z|roll|pitch|yaw)', text)
-
-
-def test_two_mirrors_are_refused(tmp_path):
-    text = tree(*BESIDE, mirror="a").replace('name = "b"\n', 'name = "b"\nmirror = true\n')
-    with pytest.raises(InputError, match=r"stage\.b\.mirror.* given for an earlier stage too"):
-        sus.parse(text)
 
 
 @pytest.mark.parametrize("fidelity", ["string", "violin"])

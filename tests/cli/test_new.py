@@ -10,7 +10,8 @@ import pytest
 from suspension_cli.analyses import registry
 from suspension_cli.cli import new
 from suspension_cli.design import reader
-from tests.support.commandline import run
+from tests.support.commandline import assert_refused, run, written
+from tests.support.designs import TEXTS
 
 
 def test_kinds_are_the_templates():
@@ -22,7 +23,19 @@ def test_templates_raise_no_warning(kind, tmp_path):
     file = tmp_path / "mine.toml"
     assert run("new", kind, file).exit_code == 0
     assert reader.read(file).design.design.name == "mine"
-    assert run("check", file, "--strict").exit_code == 0
+    assert run("new", kind).stdout == file.read_text().replace('name = "mine"', f'name = "{kind}"')
+    checked = run("check", file, "--strict")
+    assert checked.exit_code == 0 and checked.stdout.startswith(f"{file}: good; ")
+
+
+def test_replaces_only_by_force(tmp_path):
+    file = written(tmp_path, "precious", "mine.toml")
+    [line] = assert_refused(run("new", "single", file), file)
+    assert line == "exists already; name another file, or give --force"
+    assert file.read_text() == "precious"
+    assert run("new", "single", file, "--force").exit_code == 0
+    assert file.read_text() == TEXTS["single"].replace('name = "single"', 'name = "mine"')
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
 
 def test_examples(tmp_path):

@@ -30,7 +30,8 @@ def test_refused(command, design, options, says, tmp_path):
     shipped = CONFIGS / design
     file = shipped if shipped.exists() else from_template(tmp_path, design)
     out = tmp_path / "out"
-    result = run(command, file, *options, "--json", "--out", out)
+    form = () if command == "report" else ("--json",)
+    result = run(command, file, *options, *form, "--out", out)
     assert not out.exists()
     lines = assert_refused(result, file)
     [line] = [line for line in lines if line.startswith(says[0].strip())]

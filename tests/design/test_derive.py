@@ -84,12 +84,6 @@ def test_cylinder(axis, inner):
     )
 
 
-def test_cylinder_lies_along_x_by_default():
-    keys = {"shape": "cylinder", "radius": 0.09, "length": 0.30, "mass": 5.0}
-    assert bodies.body_inertia(body_of(**keys)) == bodies.body_inertia(body_of(axis="x", **keys))
-    assert bodies.body_inertia(body_of(**keys)) != bodies.body_inertia(body_of(axis="z", **keys))
-
-
 BLADE = {"length": 0.25, "base_width": 0.06, "thickness": 2e-3}
 
 
@@ -145,21 +139,3 @@ def test_wire_from_its_section():
         )
     )
     assert expand(design).wires.stiffness == pytest.approx(123.0)
-
-
-def test_explicit_wires_take_their_own_length():
-    wires = [
-        {
-            "upper": [0, y, 0],
-            "lower": [0, y, 0.2 if y > 0 else 0.0],
-            "material": "steel302",
-            "radius": 1e-4,
-        }
-        for y in (0.1, -0.1)
-    ]
-    scene = scenes.scene_of(
-        scenes.raw_of({"name": "test", "body": paper.BODY, "position": [0, 0, -0.5], "wire": wires})
-    )
-    np.testing.assert_allclose(
-        scene.wires.stiffness, 1.7e11 * np.pi * 1e-8 / np.array([0.3, 0.5]), rtol=1e-14
-    )

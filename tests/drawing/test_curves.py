@@ -11,7 +11,6 @@ from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.picture import draw as draw_sweep
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
-from suspension_cli.analyses.xcouple.picture import interpolate
 from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.added_points import add_points
@@ -26,10 +25,6 @@ from tools.margins import set_margins
 @pytest.fixture(scope="module")
 def triple():
     return sus.read(CONFIGS / "geo-silica-triple.toml")
-
-
-def test_every_stage_has_one_colour():
-    assert stage_colours(["a", "b", "a", "c"]) == dict(zip("abc", PALETTE, strict=False))
 
 
 @pytest.mark.parametrize("loss", [0.0, 1e-6])
@@ -91,32 +86,6 @@ def test_added_points_reach_a_tip_and_keep_the_grid():
     assert set(grid) <= set(frequency)
     assert np.abs(value).max() == pytest.approx(1e9, rel=0.05)
     assert len(frequency) < 400
-
-
-def test_a_curve_of_rounding_errors_is_not_refined_without_end():
-    """A coupling that is 0 but for rounding changes at random on any grid."""
-
-    def solve(frequency):
-        pole = 1 / (1 - frequency**2 + 1e-6j * frequency)
-        noise = 1e-16 * np.sin(1e9 * frequency) * np.exp(3 * np.sin(1e7 * frequency))
-        return np.stack([pole, noise], axis=-1)[:, None, :]
-
-    grid = np.geomspace(0.1, 10, 20)
-    frequency, value = add_points(solve, grid, solve(grid), np.array([1.0]))
-    assert len(frequency) < 2000
-    assert np.abs(value[:, 0, 0]).max() == pytest.approx(1e6, rel=1e-3)
-
-
-@pytest.mark.filterwarnings("error")
-def test_added_points_do_not_depend_on_the_size():
-    def count(size):
-        grid = np.geomspace(0.1, 10, 5)
-        return len(add_points(lambda f: size * pole(f), grid, size * pole(grid), np.empty(0))[0])
-
-    def pole(f):
-        return (1 / (1 - f**2 + 1e-2j * f))[:, None, None]
-
-    assert count(1e-250) == count(1e200) == count(1.0) > count(0.0)
 
 
 def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
@@ -223,52 +192,6 @@ def test_avoided_crossings_are_found():
     modes = mixed.removeprefix("a: ").partition(" mix")[0].split(" and ")
     assert {*modes} <= {*found.result}
     assert_legible(figure)
-
-
-def test_letters_of_crossings_lie_apart():
-    """Also where modes meet at nearly the same point."""
-    modes = ("test pitch", "upper roll")
-    near = [Crossing(0.002 + 1e-6 * n, 0.66, modes, (0.3 / (n + 1),) * 2) for n in range(5)]
-    figure = draw_sweep(sweep_result(), "A design", ["upper", "test"], near)
-    found = [text for text in figure.axes[0].texts if text.get_text() in "abcde"]
-    assert len(found) == 5
-    places = np.array([text.xyann for text in found])
-    apart = np.linalg.norm(places[:, None] - places, axis=2)
-    assert apart[~np.eye(5, dtype=bool)].min() > 7
-
-
-def coupling(values):
-    k = np.linspace(0.6, 1.4, 9)
-    ratio = (k[:, None] - 1) * 1e-3 * (2 + np.array(values)[None]) + 0j
-    offset = Axis("offset", tuple(1e-3 * v for v in values))
-    names = {"wire": "test.1", "hold": "loaded-length", "input": "support.z"}
-    return Coupling(
-        axes=(Axis("k", tuple(k.tolist())), offset),
-        frequency=np.array([50.0]),
-        ratio=ratio[..., None],
-        status=np.zeros(ratio.shape, dtype=int),
-        over="test.x",
-        under="test.z",
-        **names,
-    )
-
-
-def test_coupling_has_its_limit_sharp_zeros_and_ordered_colours():
-    figure = draw_coupling(coupling([-1, 0, 1, 2]), "A design", 1e-3)
-    (axes,) = figure.axes
-    assert {"limit 0.001", "as designed", "−1 mm", "+2 mm"} <= {*said(figure)}
-    assert any("wire test.1" in words for words in said(figure))
-    curves_drawn = [line for line in axes.lines if len(line.get_ydata()) > 20]
-    assert len({line.get_color() for line in curves_drawn}) == 4
-    assert all(line.get_ydata().min() < 1e-15 for line in curves_drawn)
-    assert_legible(figure)
-
-
-def test_interpolated_couplings_stop_at_gaps():
-    ratio = np.array([1.0, 0.5, np.nan, -0.5, -1.0, -1.5]) + 0j
-    at, size = interpolate(np.arange(6.0), ratio)
-    assert not np.isfinite(size[(at > 1) & (at < 3)]).any()
-    assert np.isfinite(size[(at >= 3)]).all()
 
 
 def test_poles_of_control_by_frequency_and_q():

@@ -244,6 +244,7 @@ def test_pictures_keep_the_house_rules(name, folder):
 
 
 SAID = {
+    "budget": "nearly all due to ground.x",
     "budget-requirement": r"the\srequirement\sis\s(met|exceeded)",
     "compare-noise": "relative to double",
     "sweep-responses": "test.x / support.x at 10 Hz",
@@ -272,6 +273,13 @@ def test_pictures_say_their_point(name, folder):
             names = [label.get_text() for label in axes.get_yticklabels()]
             words += [axes.get_xlabel(), axes.get_ylabel(), *names, ""]
     assert re.search(SAID[name], "\n".join(words))
+
+
+@pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
+def test_rows_are_listed_from_above(folder):
+    """Modes of a comparison, the lowest first."""
+    axes = figures("compare", folder)[0].axes[0]
+    assert axes.get_yticklabels()[0].get_text().startswith("upper yaw") and axes.yaxis_inverted()
 
 
 def test_residuals_can_be_read_within_their_band(folder):

@@ -11,11 +11,11 @@ from PIL import Image
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import draw, geometry, labels, style, tables
+from suspension_cli.drawing import draw, geometry, labels, style
 from suspension_cli.equilibrium.nominal import expand
 from tests.support.legible import assert_legible
 from tests.support.legible import said as texts
-from tests.support.pictures import DESIGNS, FIVE, SINGLE, TREE, TRIPLE, made, solved
+from tests.support.pictures import DESIGNS, SINGLE, TRIPLE, made, solved
 
 pytestmark = pytest.mark.usefixtures("full_resolution")
 
@@ -64,25 +64,6 @@ def test_each_stage_has_its_colour_in_every_mode():
     assert bars == set(style.stage_colours(scene.bodies.name).values())
 
 
-def test_unstable_and_rigid_modes_say_so():
-    design, scene, found = solved(
-        SINGLE.replace("s = 0.025", "s = 0.0").replace("d = 0.032", "d = -0.25")
-    )
-    assert modes.format_heading(found, 0).startswith(
-        "1  unstable, grows at "
-    ) and modes.format_heading(found, 0).endswith(" 1/s")
-    (page,) = modes.draw_pages(found, design, scene, "")
-    assert modes.format_heading(found, 0) in texts(page.figure)
-    one = (
-        SINGLE.replace("count = 4", "count = 1")
-        .replace("s = 0.025\nt1 = 0.0\nt2 = 0.133", "")
-        .replace("d = 0.032", "d = 0.03")
-    )
-    design, scene, found = solved(one)
-    assert any(modes.format_heading(found, n).endswith("rigid") for n in range(6))
-    modes.draw_pages(found, design, scene, "")
-
-
 @pytest.mark.parametrize("name", DESIGNS)
 def test_a_drawing_names_every_body_and_its_mass(name):
     design, scene = made(DESIGNS[name])
@@ -120,29 +101,6 @@ def test_a_drawing_has_the_dimensions():
     )
 
 
-def test_the_label_of_a_wire_cuts_no_body():
-    design, stage, label = sus.example("ligo-quad-2005").design, 1, "308.5 mm"
-    scene = expand(design)
-    figure = draw.draw(design, scene)
-    view = next(axes for axes in figure.axes if axes.get_ylabel())
-    (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
-    extents = text.get_window_extent(figure.canvas.get_renderer())
-    _, (low, high) = view.transData.inverted().transform(extents).T
-    half = [one.half[2] for one in geometry.outlines(design, scene)]
-    centre = scene.bodies.position[1:, 2]
-    assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]
-
-
-def test_tables():
-    design, scene = made(FIVE)
-    assert tables.stages(design, scene).rows == [("test", "10", "5", *["–"] * 6, "400", "–")]
-    wires = tables.wires(design, scene)
-    assert wires is not None and len(wires.rows) == 5
-    assert wires.rows[4][:8] == ("test.5", "20", "10", "−20", "20", "10", "50", "330")
-    assert tables.wires(*made(SINGLE)) is None
-    assert [row[1] for row in tables.stages(*made(TREE)).rows] == ["support", "top", "top"]
-
-
 def test_spread_keeps_order_and_gap_and_moves_no_more_than_needed():
     assert labels.spread([0.0, 1.0, 2.0], 0.5) == pytest.approx([0.0, 1.0, 2.0])
     assert labels.spread([1.0, 1.0], 0.4) == pytest.approx([0.8, 1.2])
@@ -151,26 +109,6 @@ def test_spread_keeps_order_and_gap_and_moves_no_more_than_needed():
     assert np.argsort(found).tolist() == [1, 2, 4, 0, 3]
     bounded = labels.spread([0.0, 0.1, 9.0, 9.9], 1.0, 0.0, 10.0)
     assert bounded == pytest.approx([0.0, 1.0, 8.95, 9.95])
-
-
-def test_numbers_and_texts():
-    assert [style.format_significant(v) for v in (0.6, 12.3, 1234.4, 12345.0, 0.00123456)] == [
-        "0.6000",
-        "12.30",
-        "1234",
-        "12340",
-        "0.001235",
-    ]
-    assert [style.length(v) for v in (0.001, -0.05, 0.0, 2.2789, 12.0)] == [
-        "1 mm",
-        "−50 mm",
-        "0 mm",
-        "2279 mm",
-        "12 m",
-    ]
-    assert style.single_line("a $b\nc") == r"a \$b c"
-    assert style.shorten("penultimate", 7) == "pen…ate"
-    assert modes.shorten_label("penultimate longitudinal", 20) == "pen…ate longitudinal"
 
 
 # files
@@ -201,3 +139,16 @@ def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space left"):
         style.save(figure, path)
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.png"]
+
+
+def test_the_label_of_a_wire_cuts_no_body():
+    design, stage, label = sus.example("ligo-quad-2005").design, 1, "308.5 mm"
+    scene = expand(design)
+    figure = draw.draw(design, scene)
+    view = next(axes for axes in figure.axes if axes.get_ylabel())
+    (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
+    extents = text.get_window_extent(figure.canvas.get_renderer())
+    _, (low, high) = view.transData.inverted().transform(extents).T
+    half = [one.half[2] for one in geometry.outlines(design, scene)]
+    centre = scene.bodies.position[1:, 2]
+    assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]

@@ -127,11 +127,16 @@ def from_template(folder: Path, kind: str = "single") -> Path:
     return written(folder, template(kind, kind), f"{kind}.toml")
 
 
-def modes_json(*args: str | Path) -> Any:
-    """What `pendsus modes --json` prints, which must be one strict JSON document."""
-    result = run("modes", "--json", *args)
+def document(command: str, *args: str | Path) -> Any:
+    """What a command that must succeed prints with --json: one strict JSON document."""
+    result = run(command, "--json", *args)
     assert result.exit_code == 0, result.stderr
     return strict_json(result.stdout)
+
+
+def modes_json(*args: str | Path) -> Any:
+    """The document of `pendsus modes`."""
+    return document("modes", *args)
 
 
 def strict_json(text: str) -> Any:

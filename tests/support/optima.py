@@ -23,6 +23,16 @@ WIRES = "stage.test.wires"
 G = 9.81
 
 
+def band(mode, **limit):
+    """A goal for the frequency of one mode."""
+    return Goal(kind="band", modes=[mode], **limit)
+
+
+def free(key, lower, upper, **how):
+    """A free number of the wires of the last stage."""
+    return Free(name=f"{WIRES}.{key}", lower=lower, upper=upper, **how)
+
+
 def solved(file, goal, free, equal=(), **how):
     """The optimum of a design, checked on `string`, from its own numbers alone unless given
     otherwise."""

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.budget import picture
 from suspension_cli.analyses.thermal.solve import compute_arm_tilt
 from tests.analyses.damp.test_control import loop
 from tests.support import plants
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, strict_json, written
 
 RAW = plants.raw("triple") | {"materials": {"steel302": {"loss_angle": 2e-4}}}
 LOOPS = [
@@ -34,9 +33,7 @@ def csv(folder, text, name="goal.csv"):
 
 
 def json_of(file, tmp_path, *options):
-    result = run("budget", file, "--json", "--out", tmp_path / "out", *LIGHT, *options)
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
+    return document("budget", file, "--out", tmp_path / "out", *LIGHT, *options)
 
 
 def test_the_document(file, tmp_path):
@@ -78,12 +75,6 @@ def test_numbers_are_taken_as_they_are(file, tmp_path):
     assert answer["rms"] == pytest.approx(grid["rms"], rel=2e-3)
     assert answer["displacement_asd"][0] == pytest.approx(grid["displacement_asd"][0], rel=1e-12)
     assert json_of(file, tmp_path, "--frequency", "1")["rms"] is None
-
-
-def test_an_imperfect_build_couples(tmp_path):
-    imperfect = DAMPED | {"perturbation": [{"wire": "test.1", "k_factor": 1.2}]}
-    answer = json_of(written(tmp_path, imperfect, "triple.toml"), tmp_path, "--output", "test.x")
-    assert answer["rms_by_cause"]["ground.z"] > 0
 
 
 def test_requirements(file, tmp_path):
@@ -145,37 +136,16 @@ def test_files_and_pictures(file, tmp_path):
     out = tmp_path / "out"
     words = (file, *LIGHT, "--output", "test.x", "--requirement", goal, "--out", out)
     assert run("budget", *words).exit_code == 0
-    made = out / "triple-budget.png"
-    before = made.read_bytes()
-    assert run("plot", out / "triple-budget.h5").exit_code == 0
-    assert made.read_bytes() == before
     with h5py.File(out / "triple-budget.h5") as results:
         assert results["budget/contribution"].dims[2].label == "cause"
     again = sus.load(out / "triple-budget.h5")
     assert "requirement goal.csv: NOT met" in str(again)
-    again.to_xarray()
     goal.write_text("1 0\n2 0\n")
     text = run("budget", *words, "--no-plot").stdout
     assert "NOT met, exceeded by a factor of inf at 1 Hz" in text
     goal.write_text("1 1\n2 1\n")
     run("budget", *words, "--no-plot")
     assert sus.load(out / "triple-budget.h5").data[0].requirement.exceeded == ()
-
-
-def test_messages(file):
-    found = sus.budget(sus.read(file), fidelity="beam", frequency="0.1:10:30", ground=["nhnm"])
-    assert picture.write_message(found.data[0]).startswith("test.x moves by ")
-    assert picture.write_message(found.data[2]).endswith("RMS, nearly all due to sensor.yaw")
-
-
-def test_defaults_from_the_design(tmp_path):
-    csv(tmp_path, "0.2,1e-6\n5,1e-9\n", "site.csv")
-    table = {"ground": ["nlnm", "z=site.csv"], "output": "test.z", "frequency": "1,2"}
-    file = written(tmp_path, RAW | {"analysis": {"budget": table}}, "triple.toml")
-    result = run("budget", file, "--json", "--fidelity", "beam", "--out", tmp_path / "out")
-    answer = strict_json(result.stdout)
-    assert answer["ground"] == {"x": "nlnm", "y": "nlnm", "z": "site.csv"}
-    assert (answer["output"], answer["frequency_hz"]) == ("test.z", [1.0, 2.0])
 
 
 def test_the_grid_is_cut_to_the_table(file, tmp_path):
@@ -186,36 +156,23 @@ def test_the_grid_is_cut_to_the_table(file, tmp_path):
     assert "test.x, 0.2 to 5 Hz" in result.stdout
 
 
-def test_a_model_without_losses_along_wires(tmp_path):
-    file = written(tmp_path, RAW, "triple.toml")
-    words = ("--frequency", "1,2", "--no-plot", "--fidelity", "string", "--out", tmp_path / "out")
-    result = run("budget", file, *words)
-    assert "thermal noise is left out, as the string model does not know where" in result.stderr
-    assert "thermal" not in result.stdout
-
-
 @pytest.mark.parametrize(
-    ("options", "key"),
+    ("options", "says"),
     [
-        ("--ground SITE --frequency 20:30:5", "--frequency"),
-        ("--ground none --fidelity string --set control.loop.x.sensor_noise=0", "--ground"),
+        ("--ground SITE --frequency 20:30:5", "--frequency = "),
+        ("--ground none --fidelity string --set control.loop.x.sensor_noise=0", "--ground: "),
+        ("--requirement GOAL --frequency 1:10:5", "is from 50 to 60 Hz, outside 1 to 10 Hz of"),
     ],
 )
-def test_refusals(options, key, tmp_path):
-    """Out of the range of a table, and no cause at all; others are in `tests/cli/refusals.txt`."""
+def test_refusals(options, says, tmp_path):
+    """Out of the range of a table; no cause at all; others are in `tests/cli/refusals.txt`."""
     raw = RAW | {"control": {"loop": [loop("upper.x", damper=20.0)]}}
     file, site = written(tmp_path, raw, "triple.toml"), csv(tmp_path, "0.2,1e-6\n5,1e-9\n")
-    words, out = options.replace("SITE", str(site)).split(), tmp_path / "out"
-    (line,) = assert_refused(run("budget", file, *LIGHT[:2], *words, "--out", out), file, out)
-    assert line.startswith((f"{key} = ", f"{key}: "))
-
-
-def test_a_requirement_elsewhere(file, tmp_path):
-    goal = csv(tmp_path, "50 1e-9\n60 1e-9\n")
-    out = tmp_path / "out"
-    result = run("budget", file, *LIGHT, "--requirement", goal, "--out", out)
-    (line,) = assert_refused(result, goal, out)
-    assert line.startswith("is from 50 to 60 Hz, outside 0.1 to 10 Hz of the budget; ")
+    goal, out = csv(tmp_path, "50 1e-9\n60 1e-9\n", "far.csv"), tmp_path / "out"
+    words = options.replace("SITE", str(site)).replace("GOAL", str(goal)).split()
+    result = run("budget", file, *LIGHT[:2], *words, "--out", out)
+    (line,) = assert_refused(result, goal if "GOAL" in options else file, out)
+    assert line.startswith(says)
 
 
 def test_an_unstable_loop(tmp_path):
@@ -223,15 +180,3 @@ def test_an_unstable_loop(tmp_path):
     file, out = written(tmp_path, raw, "triple.toml"), tmp_path / "out"
     (line,) = assert_refused(run("budget", file, *LIGHT, "--out", out), file, out)
     assert line.startswith("control: the closed loop is unstable, so it has no steady motion: a")
-
-
-def test_a_design_without_loops(tmp_path):
-    """The ground times the response of the open system."""
-    file, grid = written(tmp_path, RAW, "triple.toml"), (0.5, 2.0, 7.0)
-    site = csv(tmp_path, "0.1,1e-6\n10,1e-6\n", "site.csv")
-    options = ("--output", "test.x", "--frequency", "0.5,2,7", "--ground", f"x={site}")
-    answer = json_of(file, tmp_path, *options)
-    assert list(answer["contributions"]) == ["ground.x", "thermal"]
-    moved = sus.response(sus.read(file), outputs=["test.x"], frequency=grid, fidelity="beam").value
-    expected = 1e-6 * np.abs(moved[:, 0, 0])
-    assert answer["contributions"]["ground.x"] == pytest.approx(expected, rel=1e-9)

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.budget import ground, spectrum
-from suspension_cli.analyses.budget.spectrum import Spectrum
+from suspension_cli.analyses.budget import ground
 from suspension_cli.errors import InputError
 
 LOW = {
@@ -176,12 +175,6 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize(("unit", "hertz"), [("f (mHz)", 1e-3), ("omega [rad/s]", 0.5 / np.pi)])
-def test_units_of_frequencies(unit, hertz, tmp_path):
-    [found] = spectrum.read(Path(csv(tmp_path, f"{unit},x\n1,2\n3,4\n")), "m").values()
-    assert np.allclose(found.frequency, [hertz, 3 * hertz], rtol=1e-15)
-
-
 @pytest.mark.parametrize("kind", FAULTS)
 def test_faults_of_tables(kind, tmp_path):
     text, message = FAULTS[kind]
@@ -189,22 +182,3 @@ def test_faults_of_tables(kind, tmp_path):
     with pytest.raises(InputError, match=message) as caught:
         ground.parse([file], [], tmp_path)
     assert str(caught.value).startswith(f"{file}: ")
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ("nlmn", "is no file and no shipped model .*did you mean 'nlnm'"),
-        ("q=nlnm", "names no motion of the support"),
-        ("yaw=nlnm", "has no yaw: it gives x, y, z"),
-    ],
-)
-def test_faults_of_sources(given, message, tmp_path):
-    with pytest.raises(InputError, match=message):
-        ground.parse([given], [], tmp_path)
-
-
-def test_interpolation_of_a_power_law():
-    at = np.array([1.0, 10.0, 100.0])
-    found = Spectrum("", at, at**-3.0).at(np.array([2.0, 50.0]))
-    np.testing.assert_allclose(found, [2.0**-3, 50.0**-3], rtol=1e-12)

@@ -12,7 +12,6 @@ from suspension_cli.analyses.check.lossless import find_lossless
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import convert
 from suspension_cli.models import registry
-from tests.support import plants
 from tests.support.commandline import (
     KINDS,
     edited,
@@ -20,12 +19,10 @@ from tests.support.commandline import (
     modes_json,
     run,
     strict_json,
-    written,
 )
 from tests.support.paths import CONFIGS
 
 GRID = ("--frequency", "1,30")
-QUAD = tomllib.loads((CONFIGS / "quadruple.toml").read_text())
 
 
 def thermal_json(file, folder, *args):
@@ -48,16 +45,6 @@ def test_blades_given_by_stiffness_are_named(tmp_path):
         "quadruple: no loss: upper.blades, penultimate.blades;" in line
         and "give loss_angle of upper.blades, penultimate.blades" in line
     )
-
-
-@pytest.mark.parametrize("given", [{"loss_angle": 1e-4}, {"material": "maraging"}])
-def test_blades_with_a_loss_are_not(given, tmp_path):
-    raw = edited(
-        QUAD, {("stage", n, "blades", key): value for n in (1, 2) for key, value in given.items()}
-    )
-    answer, warnings = thermal_json(written(tmp_path, raw), tmp_path, "--output", "test.z")
-    assert answer["without_loss"] == [] and warnings == []
-    assert {"top.blades", "upper.blades", "penultimate.blades"} <= set(answer["contributions"])
 
 
 def test_materials_without_bulk_loss_are_named(tmp_path):
@@ -182,15 +169,3 @@ def test_templates_have_losses(kind, tmp_path):
         assert "no loss" not in result.stderr, result.stderr
     answer, warnings = thermal_json(file, tmp_path)
     assert answer["without_loss"] == [] and warnings == []
-
-
-def test_wires_given_by_k_have_none_on_strings():
-    raw = plants.raw("five")
-    for wire in raw["stage"][0]["wire"]:
-        wire.pop("material", None)
-        wire.pop("radius", None)
-        wire["k"] = 1e4
-    found = find_lossless(convert(raw), "string")
-    assert all(not one.material for one in found if "wire" in one.part) and any(
-        "wires" in one.part for one in found
-    )

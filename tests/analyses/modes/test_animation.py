@@ -73,27 +73,6 @@ def test_command_writes_each_mode(tmp_path, moving):
     assert (tmp_path / f"{stem}-1.gif").read_bytes() == moving  # the same bytes again
 
 
-def test_modes_by_number_and_label():
-    found = sus.modes(sus.read(SINGLE), fidelity="string").data
-    assert animation.parse(found, "all") == list(range(6))
-    assert animation.parse(found, f"2, {found.label[0]},2") == [1, 0]
-
-
-@pytest.mark.parametrize(
-    ("mode", "line"),
-    [
-        ("7", '--animate = "7": names no mode; give a number from 1 to 6, all, or a label: '),
-        ("test ptich", "did you mean 'test pitch'"),
-        (",", "names no mode"),
-    ],
-)
-def test_unknown_mode_writes_nothing(mode, line, tmp_path):
-    done = run("modes", SINGLE, "--fidelity", "string", "--animate", mode, "--out", tmp_path)
-    assert done.exit_code == 2
-    assert line in done.stderr
-    assert not list(tmp_path.iterdir())
-
-
 def test_modes_of_wires_are_refused():
     found = sus.modes(sus.read(SINGLE), max_frequency=600.0)
     number = int(np.flatnonzero(found.order > 0)[0]) + 1

@@ -12,7 +12,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.design.reader import template
-from suspension_cli.linear import damped, eigenmodes
+from suspension_cli.linear import damped
 from suspension_cli.models import registry
 from tests.support import scenes
 from tests.support.commandline import modes_json, run, written
@@ -55,16 +55,15 @@ def solved(raw, level="string"):
     return model, damped.solve(model)
 
 
-def determinant_roots(model, starts, loss=lambda _: 0.0, block=None):
-    """Zeros of det(K (1 + i phi) + s C + s^2 M) of one block near starts, in 50 digits."""
-    free = np.arange(6, model.size) if block is None else block
+def determinant_roots(model, starts, block):
+    """Zeros of det(K + s C + s^2 M) of one block near starts, in 50 digits."""
     k, c, m = (
-        MP.matrix(matrix[np.ix_(free, free)].tolist())
+        MP.matrix(matrix[np.ix_(block, block)].tolist())
         for matrix in (model.stiffness, model.damping, model.mass)
     )
 
     def determinant(s):
-        return MP.det(k * (1 + 1j * loss(s.imag)) + s * c + s**2 * m)
+        return MP.det(k + s * c + s**2 * m)
 
     return [
         complex(
@@ -78,25 +77,25 @@ def block_of(model, coordinate):
     return next(group for group in model.blocks if model.coordinate.index(coordinate) in group)
 
 
-@pytest.mark.parametrize("damping", [1e-9, 0.1, 5.0, 22.0, 23.0, 400.0, 1e6])
+def on_springs(name="test", mass=3.0, **spring):
+    """A stage on springs of its own, which carry it."""
+    given = {"stiffness": [42.0, 50.0, 60.0, 3.0, 4.0, 5.0]} | spring
+    return {
+        "name": name,
+        "hangs_from": "support",
+        "body": {"mass": mass, "inertia": [0.1] * 3},
+        "position": [0, 0, -0.1],
+        "spring": [given | {"preload": [0, 0, mass * GRAVITY, 0, 0, 0]}],
+    }
+
+
+@pytest.mark.parametrize("damping", [1e-9, 5.0, 22.0, 23.0, 1e6])
 def test_one_damped_oscillator(damping):
     """m s^2 + c s + k = 0 of a body on springs, light to far overdamped: 2 sqrt(k m) is 22.45 N
     s/m."""
     k = 42.0
-    raw = {
-        "design": {"name": "one"},
-        "stage": [
-            {"name": "test", "body": {"mass": 3.0, "inertia": [0.1] * 3}, "position": [0, 0, -0.1]}
-        ],
-    }
-    raw["stage"][0]["spring"] = [
-        {
-            "stiffness": [k, 50.0, 60.0, 3.0, 4.0, 5.0],
-            "damping": [damping, 0, 0, 0, 0, 0],
-            "preload": [0, 0, 3 * GRAVITY, 0, 0, 0],
-        }
-    ]
-    _, found = solved(raw)
+    stage = on_springs(damping=[damping, 0, 0, 0, 0, 0])
+    _, found = solved({"design": {"name": "one"}, "stage": [stage]})
     rate = damping / 6
     if rate**2 < k / 3:
         [n] = np.flatnonzero(found.decay_rate > 0)
@@ -112,24 +111,11 @@ def test_one_damped_oscillator(damping):
     assert not found.decay_rate[found.frequency > 0][found.q[found.frequency > 0] == np.inf].any()
 
 
-@pytest.mark.parametrize("angle", [1e-12, 1e-6, 0.1, 0.7])
+@pytest.mark.parametrize("angle", [1e-12, 0.1, 0.7])
 def test_a_constant_loss_angle(angle):
     """s = i omega_0 sqrt(1 + i phi): Q = 1 / (2 tan(atan(phi) / 2)), 10.025 at phi = 0.1, where
     first order says 10."""
-    raw = {
-        "design": {"name": "one"},
-        "stage": [
-            {"name": "test", "body": {"mass": 3.0, "inertia": [0.1] * 3}, "position": [0, 0, -0.1]}
-        ],
-    }
-    raw["stage"][0]["spring"] = [
-        {
-            "stiffness": [42.0, 50.0, 60.0, 3.0, 4.0, 5.0],
-            "loss_angle": angle,
-            "preload": [0, 0, 3 * GRAVITY, 0, 0, 0],
-        }
-    ]
-    _, found = solved(raw)
+    _, found = solved({"design": {"name": "one"}, "stage": [on_springs(loss_angle=angle)]})
     expected = 1 / (2 * np.tan(np.arctan(angle) / 2))
     if angle == 0.1:
         assert expected == pytest.approx(10.025, abs=5e-4)
@@ -162,26 +148,14 @@ def test_a_strongly_damped_pair():
     assert found.home[n] == ("top", "x")
 
 
-@pytest.mark.parametrize("detuning", [0.0, 3e-10, 1e-9, 1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("detuning", [0.0, 1e-9, 1e-5])
 def test_two_modes_closer_than_their_widths(detuning):
     """Two equal bodies on springs that a damper joins to one another: weak damping couples modes
     whose frequencies all but agree."""
-    body, k = {"mass": 1.0, "inertia": [0.1] * 3}, 100.0
-    stages = []
-    for n, name in enumerate(("one", "two")):
-        spring = {
-            "stiffness": [k * (1 + n * detuning), 130.0, 160.0, 3.0, 4.0, 5.0],
-            "preload": [0, 0, GRAVITY, 0, 0, 0],
-        }
-        stages.append(
-            {
-                "name": name,
-                "body": body,
-                "hangs_from": "support",
-                "position": [0, 0, -0.1],
-                "spring": [spring],
-            }
-        )
+    stages = [
+        on_springs(name, 1.0, stiffness=[100.0 * (1 + change), 130.0, 160.0, 3.0, 4.0, 5.0])
+        for name, change in (("one", 0.0), ("two", detuning))
+    ]
     stages[0]["damping"] = {"x": 1e-5}
     stages[1]["damping"] = {"x": 1e-5, "against": "one"}
     model, found = solved({"design": {"name": "twins"}, "stage": stages})
@@ -235,30 +209,6 @@ def test_losses_that_depend_on_frequency():
     assert found.q[n] == pytest.approx(s.imag / (-2 * s.real), rel=1e-10)
 
 
-@pytest.mark.parametrize(("seed", "count"), [(11, 2), (5, 1)])
-def test_random_chains_with_dampers_in_fifty_digits(seed, count):
-    """All poles of blocks with random dampers between stages: each is a root, and there are as many
-    as degrees of freedom."""
-    rng = np.random.default_rng(seed)
-    raw = scenes.chain(rng, count)
-    names = ["support", *(stage["name"] for stage in raw["stage"])]
-    for stage, against in zip(raw["stage"], names[:count], strict=True):
-        stage["damping"] = {dof: float(rng.uniform(0, 60)) for dof in ("x", "z", "yaw")} | {
-            "against": against
-        }
-    model, found = solved(raw)
-    poles = np.where(
-        found.overdamped,
-        -found.decay_rate + 0j,
-        -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared - found.decay_rate**2, 0)),
-    )
-    for number, group in enumerate(model.blocks):
-        own = poles[found.block == number]
-        assert (2 * (own.imag > 0) + (own.imag == 0)).sum() == 2 * len(group)
-        roots = determinant_roots(model, own[:2], block=group)
-        np.testing.assert_allclose(own[:2], roots, rtol=1e-9)
-
-
 def test_a_massless_tip_on_a_dashpot():
     """A support structure without mass on a spring and a damper adds a real pole: m s^2 + 1 / (1/k
     + 1/(k_f + s c)) = 0, a cubic."""
@@ -302,23 +252,6 @@ def test_growth_and_rest_with_dampers():
     assert not found.overdamped.any()
 
 
-def test_wires_with_mass():
-    """As wires get lighter, damped modes tend to those of wires without mass; Q and frequency of
-    strongly damped ones too."""
-    raw = pair(30.0, material="c70steel", radius=2e-4)
-    raw["materials"] = {
-        "airy": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 1e-2, "loss_angle": 2e-4}
-    }
-    for stage in raw["stage"]:
-        stage["wires"]["material"] = "airy"
-    _, beam = solved(raw, "beam")
-    found = wire_modes.solve(registry.VIOLIN.system(scenes.design_of(raw)), 80.0, damping=True)
-    assert found.overdamped.sum() == beam.overdamped.sum() == 2
-    assert len(found.q) == len(beam.q)
-    np.testing.assert_allclose(found.decay_rate, beam.decay_rate, rtol=1e-6)
-    np.testing.assert_allclose(found.frequency, beam.frequency, rtol=1e-6)
-
-
 @pytest.mark.parametrize(("angle", "highest"), [(0.01, 300.0), (0.1, 60.0)])
 def test_cords_of_large_loss(angle, highest):
     """No mode is lost or found twice where violin modes of large loss lie as close as their widths;
@@ -356,30 +289,6 @@ def test_cords_of_large_loss(angle, highest):
     np.testing.assert_allclose(found.q * angle, undamped.dilution, rtol=0.02)
 
 
-def test_q_of_light_losses_is_that_of_first_order():
-    """Q of 1e10 to all digits, on beam and on violin."""
-    raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=False)
-    raw["materials"] = {
-        "pure": {
-            "youngs_modulus": 7e10,
-            "poisson_ratio": 0.2,
-            "density": 2200.0,
-            "loss_angle": 1e-10,
-        }
-    }
-    raw["stage"][0]["wires"]["material"] = "pure"
-    model, found = solved(raw, "beam")
-    first = eigenmodes.solve(model)
-    assert found.q.max() > 1e10
-    np.testing.assert_allclose(found.q, first.q, rtol=1e-9)
-    np.testing.assert_allclose(found.frequency, first.frequency, rtol=1e-13)
-    model = registry.VIOLIN.system(scenes.design_of(raw))
-    highest = 1.1 * model.terms[0].strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
-    one, other = (wire_modes.solve(model, highest, damping=damping) for damping in (False, True))
-    np.testing.assert_allclose(other.q, one.q, rtol=1e-8)
-    assert other.label == one.label
-
-
 def test_the_command_lists_overdamped_modes(tmp_path):
     file = written(tmp_path, scenes.plain(pair(30.0)))
     answer = modes_json(file, "--out", tmp_path, "--no-plot")
@@ -403,28 +312,6 @@ def test_the_command_lists_overdamped_modes(tmp_path):
     assert "decays at" in shown.stdout
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["double.toml", "--max-frequency", "1e6"], "modes up to"),
-        (["geo-silica-triple.toml", "--set", "stage.middle.wires.radius=0.55"], "modes up to"),
-        (["husman2000/table2.toml", "--set", "stage.middle.wires.s=28235"], "modes up to"),
-        (
-            ["double.toml", "--max-frequency", "0.1", "--fidelity", "string"],
-            "is below the lowest mode",
-        ),
-    ],
-)
-def test_nonsense_ends_at_once(options, said, tmp_path):
-    """Thousands of modes are counted, not computed; a range without modes is refused on every
-    model."""
-    result = run("modes", CONFIGS / options[0], *options[1:], "--out", tmp_path / "out")
-    assert result.exit_code == 2, result.stderr
-    assert said in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
 def test_towers_with_too_many_modes_of_wires_neglect_their_mass(tmp_path):
     """KAGRA's beam splitter: its stiff parts vibrate among 44,000 modes of wires."""
     options = ["modes", CONFIGS / "built" / "kagra-bs-2019.toml", "--no-plot", "--out", tmp_path]
@@ -435,15 +322,6 @@ def test_towers_with_too_many_modes_of_wires_neglect_their_mass(tmp_path):
     assert len(document["modes"]) == 66
     refused = run(*options, "--fidelity", "violin", "--max-frequency", "1e6")
     assert refused.exit_code == 2 and "take minutes" in refused.stderr
-
-
-def test_modes_of_wires_alone(tmp_path):
-    """Wires of 0.2 m across: no mode is one of the bodies, so that there is none to draw."""
-    (tmp_path / "single.toml").write_text(template("single", "single"))
-    wide = ("--set", "stage.test.wires.radius=0.1")
-    result = run("modes", tmp_path / "single.toml", *wide, "--out", tmp_path / "out")
-    assert result.exit_code == 0, result.stderr
-    assert (tmp_path / "out" / "single-test.wires.radius=0.1-modes.h5").exists()
 
 
 @pytest.mark.parametrize(
@@ -474,12 +352,51 @@ def test_modes_of_bodies_alone(name, options, tmp_path):
         assert one["dilution"] == pytest.approx(other["dilution"], rel=1e-3)
 
 
-def test_the_number_of_modes_is_that_of_the_list():
-    model = registry.VIOLIN.system(
-        scenes.design_of(scenes.fibred(scenes.chain(np.random.default_rng(2), 1), 5e8))
+def test_wires_with_mass():
+    """As wires get lighter, damped modes tend to those of wires without mass; Q and frequency of
+    strongly damped ones too."""
+    raw = pair(30.0, material="c70steel", radius=2e-4)
+    raw["materials"] = {
+        "airy": {"youngs_modulus": 2e11, "poisson_ratio": 0.3, "density": 1e-2, "loss_angle": 2e-4}
+    }
+    for stage in raw["stage"]:
+        stage["wires"]["material"] = "airy"
+    _, beam = solved(raw, "beam")
+    found = wire_modes.solve(registry.VIOLIN.system(scenes.design_of(raw)), 80.0, damping=True)
+    assert found.overdamped.sum() == beam.overdamped.sum() == 2
+    assert len(found.q) == len(beam.q)
+    np.testing.assert_allclose(found.decay_rate, beam.decay_rate, rtol=1e-6)
+    np.testing.assert_allclose(found.frequency, beam.frequency, rtol=1e-6)
+
+
+def test_modes_of_wires_alone(tmp_path):
+    """Wires of 0.2 m across: no mode is one of the bodies, so that there is none to draw."""
+    (tmp_path / "single.toml").write_text(template("single", "single"))
+    wide = ("--set", "stage.test.wires.radius=0.1")
+    result = run("modes", tmp_path / "single.toml", *wide, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "out" / "single-test.wires.radius=0.1-modes.h5").exists()
+
+
+@pytest.mark.parametrize(("seed", "count"), [(11, 2), (5, 1)])
+def test_random_chains_with_dampers_in_fifty_digits(seed, count):
+    """All poles of blocks with random dampers between stages: each is a root, and there are as many
+    as degrees of freedom."""
+    rng = np.random.default_rng(seed)
+    raw = scenes.chain(rng, count)
+    names = ["support", *(stage["name"] for stage in raw["stage"])]
+    for stage, against in zip(raw["stage"], names[:count], strict=True):
+        stage["damping"] = {dof: float(rng.uniform(0, 60)) for dof in ("x", "z", "yaw")} | {
+            "against": against
+        }
+    model, found = solved(raw)
+    poles = np.where(
+        found.overdamped,
+        -found.decay_rate + 0j,
+        -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared - found.decay_rate**2, 0)),
     )
-    highest = 2.5 * model.terms[0].strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
-    assert (
-        wire_modes.count_modes(model, highest)
-        == (wire_modes.solve(model, highest).omega_squared > 0).sum()
-    )
+    for number, group in enumerate(model.blocks):
+        own = poles[found.block == number]
+        assert (2 * (own.imag > 0) + (own.imag == 0)).sum() == 2 * len(group)
+        roots = determinant_roots(model, own[:2], block=group)
+        np.testing.assert_allclose(own[:2], roots, rtol=1e-9)

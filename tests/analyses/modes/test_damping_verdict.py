@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
 import suspension_cli as sus
 from tests.support.commandline import modes_json, run
@@ -45,22 +44,6 @@ def test_the_band_and_the_body_decide(tmp_path):
     assert "couples weakly" in shown
 
 
-def test_the_design_says_it(tmp_path):
-    file = tmp_path / "double.toml"
-    text = DOUBLE.read_text() + '\n[analysis.modes]\ndamping = { band = [0.7, 3], at = "test" }\n'
-    file.write_text(text)
-    own = modes_json(file, "--out", tmp_path, "--no-plot")
-    assert own["damping"] == {"band_hz": [0.7, 3.0], "at": "test"}
-    loaded = sus.load(tmp_path / "double-modes.h5")
-    assert loaded.document()["modes"] == own["modes"]
-    found = sus.modes(sus.read(DOUBLE), damping={"band": [0.7, 3], "at": "test"})
-    assert found.verdict == loaded.verdict
-    overridden = modes_json(file, "--out", tmp_path, "--no-plot", "--damping", "at=upper")
-    assert overridden["damping"] == {"band_hz": [0.5, 5.0], "at": "upper"}
-    plain = sus.modes(sus.read(DOUBLE)).document()["modes"]
-    assert [mode["verdict"] for mode in overridden["modes"]] == [mode["verdict"] for mode in plain]
-
-
 def test_a_stage_called_top_is_not_that_of_other_chains():
     """In a reaction chain each mode is judged by the top mass of its own chain."""
     found = sus.modes(sus.read(CONFIGS / "reaction-chain.toml"), fidelity="string")
@@ -83,24 +66,3 @@ def test_towers_are_judged_if_asked():
     none = sus.modes(sus.read(DOUBLE), damping="none")
     assert set(none.verdict) == {""}
     assert json.loads(json.dumps(none.document()))["damping"] is None
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ("at=tets", "is no stage; did you mean 'test'?"),
-        ("band=5:1", "is no band of frequencies"),
-        ("band=0.5", "is no band of frequencies"),
-        ("band=x:1", "is no band of frequencies"),
-        ("band=nan:1", "is no band of frequencies"),
-        ("bond=1:2", "give for example band=0.5:5,at=top, or none"),
-        ("top", "give for example band=0.5:5,at=top, or none"),
-    ],
-)
-def test_what_is_no_band_or_stage(given, said, tmp_path):
-    result = run("modes", DOUBLE, "--damping", given, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "--damping" in result.stderr
-    assert said in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()

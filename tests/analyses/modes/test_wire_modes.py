@@ -1,5 +1,5 @@
-"""Modes of suspensions whose wires have mass: all of them and no others, with the Q that a lossy
-system has."""
+"""Modes of suspensions whose wires have mass, and of many bodies: all of them and no others, with
+the Q that a lossy system has."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import linear_sum_assignment
+import scipy.linalg
 
+import suspension_cli as sus
 from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.analyses.thermal import solve as thermal
-from suspension_cli.design.reader import read
+from suspension_cli.design.reader import parse, read
+from suspension_cli.drawing import draw
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, mode_count, response, signals
 from suspension_cli.models import registry
 from tests.support import finite_elements, scenes
+from tests.support.large_tower import large_tower
 from tests.support.paths import CONFIGS
 
 ELEMENTS = 16
@@ -65,41 +66,9 @@ def test_frequencies_are_those_of_finite_elements(seed):
     assert found[:6] == pytest.approx(expected[:6], rel=2e-4)
 
 
-def test_nearly_equal_pairs_are_resolved():
-    """Violin modes of one wire in two planes whose thickness differs by a part in 1e9."""
-    raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=True)
-    side = 3e-4
-    raw["stage"][0]["wires"]["section"] = {"width": side * (1 + 1e-9), "thickness": side}
-    model = registry.VIOLIN.system(scenes.design_of(raw))
-    found = wire_modes.solve(model, 1.2 * _first_violin(model))
-    kinds = [home[1] for home, order in zip(found.home, found.order, strict=True) if order]
-    assert kinds.count("violin-x") == kinds.count("violin-y") == len(kinds) // 2 > 0
-    strand = model.terms[0].strand
-    soft, stiff = (strand.held_resonances(part, 1.0)[0] for part in ("bend-1", "bend-2"))
-    assert 0 < stiff / soft - 1 < 1e-9
-    frequency = found.frequency[found.order > 0]
-    assert (np.diff(frequency) >= 0).all()
-    assert np.abs(frequency[0] * 2 * np.pi / soft - 1) < 1e-3
-
-
 def _first_violin(model):
     strand = model.terms[0].strand
     return strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
-
-
-@pytest.mark.parametrize("seed", [0, 2, 3])
-def test_modes_are_orthogonal_and_their_energy_is_all_there(seed):
-    """Shares sum to 1; at a mode the dynamic stiffness of the bodies takes its shape to nothing."""
-    design = scenes.design_of(random_design(seed))
-    model = registry.VIOLIN.system(design)
-    found = wire_modes.solve(model, 1.3 * _first_violin(model))
-    assert found.fractions.sum(1) == pytest.approx(1.0, abs=1e-9)
-    assert (found.fractions > -1e-12).all()
-    assert (found.order > 0).any()
-    bodies = eigenmodes.solve(registry.BEAM.system(design))
-    # the mass of wires, at most 1 % of the bodies'
-    assert found.frequency[:6] == pytest.approx(bodies.frequency[:6], rel=2e-3)
-    assert found.q[:6] == pytest.approx(bodies.q[:6], rel=2e-2)
 
 
 @pytest.mark.parametrize("which", ["body", "violin"])
@@ -148,20 +117,6 @@ def test_dilution_of_a_pendulum_on_one_wire():
     assert found.dilution[number] == pytest.approx(0.5 / u, rel=0.02)
 
 
-def test_order_of_shapes_pairs_with_the_beam():
-    """Modes of bodies on `violin` and on `beam` are the same motions."""
-    design = scenes.design_of(random_design(2))
-    quick = eigenmodes.solve(registry.BEAM.system(design))
-    model = registry.VIOLIN.system(design)
-    slow = wire_modes.solve(model, 1.5 * float(quick.frequency[-1]))
-    n = len(quick.q)
-    mass = model.mass[6 : 6 + quick.shape.shape[1], 6 : 6 + quick.shape.shape[1]]
-    overlap = np.abs(quick.shape @ mass @ slow.shape[:n].T)
-    rows, columns = linear_sum_assignment(-overlap)
-    assert (rows == columns).all()
-    assert overlap[rows, columns].min() > 0.99
-
-
 def test_held_twisting_is_diluted_by_tension_alone():
     """Wires that twist between bodies that all but stand still: every wire has its mode, with its
     energy in shear, which is lossy, and in its tension: 1 + T (r^2/2)/(G pi r^4/2)."""
@@ -179,55 +134,54 @@ def test_held_twisting_is_diluted_by_tension_alone():
         assert found.dilution[here] == pytest.approx(1 + pull / shear, abs=1e-6)
 
 
-def test_orders_of_wires_that_are_not_alike():
-    """Each violin mode is near the multiple, by its order, of the first of its own wire."""
-    model = registry.VIOLIN.system(read(CONFIGS / "five-wires.toml").design)
-    found = wire_modes.solve(model, 600.0)
-    assert found.order.max() > 1
-    firsts = np.array(
-        [
-            term.strand.held_resonances("bend-1", 1.0)[0] / (2 * np.pi)
-            for term in model.terms
-            if hasattr(term, "strand")
-        ]
-    )
-    assert len(firsts) > 2
-    for frequency, order in zip(
-        found.frequency[found.order > 0], found.order[found.order > 0], strict=True
-    ):
-        assert np.abs(frequency / (order * firsts) - 1).min() < 0.01
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_frequencies_are_those_of_the_matrices(symmetric: bool) -> None:
+    model = registry.STRING.system(parse(large_tower(5, 3, 12, symmetric=symmetric)))
+    assert model.size == 6 + 6 * 17
+    found = eigenmodes.solve(model)
+    square = scipy.linalg.eigh(model.stiffness[6:, 6:], model.mass[6:, 6:], eigvals_only=True)
+    assert found.omega_squared == pytest.approx(square, rel=1e-7)
 
 
-def test_ends_at_their_own_temperature():
-    """Thermoelastic loss and noise of each end at its own: with both alike they are those of a wire
-    of that temperature."""
-    stage = scenes.hung(
-        {"count": 1, "l": 0.5, "material": "c70steel", "radius": 2e-4, "d": 0.0}, 1.0, 1e-3
-    )
-    raw = {
-        "design": {"name": "one"},
-        "materials": {"c70steel": {"loss": {"angle": 0.0}}},
-        "stage": [stage],
-    }
-    parts = {}
-    for name, temperature in (
-        ("cold", 100.0),
-        ("warm", 290.0),
-        ("both", {"upper": 100.0, "lower": 290.0}),
-    ):
-        stage["wires"]["temperature"] = temperature
-        model = registry.BEAM.system(scenes.design_of(raw))
-        motion = thermal.parse_motion(model, "test.x")
-        parts[name] = thermal.solve(model, np.array([10.0]), [motion], 290.0)[0].parts
-    assert parts["both"]["test.bending-upper"] == pytest.approx(
-        parts["cold"]["test.bending-upper"], rel=1e-6
-    )
-    assert parts["both"]["test.bending-lower"] == pytest.approx(
-        parts["warm"]["test.bending-lower"], rel=1e-6
-    )
+def test_drawing_and_check_of_many_bodies_stay_short() -> None:
+    text = large_tower(5, 3, 12, symmetric=False)
+    design = parse(text)
+    figure = draw.draw(design, expand(design), tabulate=False)
+    words = [text.get_text() for text in figure.findobj() if hasattr(text, "get_text")]
+    assert words.count("left3b") == 1
+    assert not any(word.endswith("kg") for word in words)
+    lines = str(sus.check(sus.parse(text))).splitlines()
+    assert sum("left3b.1 to 4" in line for line in lines) == 1
+    assert max(len(line) for line in lines) < 120
 
 
-def test_nothing_below_the_lowest_mode():
-    model = registry.VIOLIN.system(read(CONFIGS / "double.toml").design)
-    with pytest.raises(InputError, match="is below the lowest mode"):
-        wire_modes.solve(model, 0.1)
+def test_nearly_equal_pairs_are_resolved():
+    """Violin modes of one wire in two planes whose thickness differs by a part in 1e9."""
+    raw = scenes.fibred(scenes.chain(np.random.default_rng(5), 1), 5e8, ribbons=True)
+    side = 3e-4
+    raw["stage"][0]["wires"]["section"] = {"width": side * (1 + 1e-9), "thickness": side}
+    model = registry.VIOLIN.system(scenes.design_of(raw))
+    found = wire_modes.solve(model, 1.2 * _first_violin(model))
+    kinds = [home[1] for home, order in zip(found.home, found.order, strict=True) if order]
+    assert kinds.count("violin-x") == kinds.count("violin-y") == len(kinds) // 2 > 0
+    strand = model.terms[0].strand
+    soft, stiff = (strand.held_resonances(part, 1.0)[0] for part in ("bend-1", "bend-2"))
+    assert 0 < stiff / soft - 1 < 1e-9
+    frequency = found.frequency[found.order > 0]
+    assert (np.diff(frequency) >= 0).all()
+    assert np.abs(frequency[0] * 2 * np.pi / soft - 1) < 1e-3
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_modes_are_orthogonal_and_their_energy_is_all_there(seed):
+    """Shares sum to 1; at a mode the dynamic stiffness of the bodies takes its shape to nothing."""
+    design = scenes.design_of(random_design(seed))
+    model = registry.VIOLIN.system(design)
+    found = wire_modes.solve(model, 1.3 * _first_violin(model))
+    assert found.fractions.sum(1) == pytest.approx(1.0, abs=1e-9)
+    assert (found.fractions > -1e-12).all()
+    assert (found.order > 0).any()
+    bodies = eigenmodes.solve(registry.BEAM.system(design))
+    # the mass of wires, at most 1 % of the bodies'
+    assert found.frequency[:6] == pytest.approx(bodies.frequency[:6], rel=2e-3)
+    assert found.q[:6] == pytest.approx(bodies.q[:6], rel=2e-2)

@@ -11,18 +11,14 @@ import pytest
 
 from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.optimise.evaluate import Results, with_imperfections
-from suspension_cli.analyses.optimise.mode_families import Families
 from suspension_cli.design import reader
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.goals import Free, Goal, Goals
-from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
 from tests.support import derivatives as differences
-from tests.support.golden import CONFIGS
-from tests.support.optima import EVERY, TRIPLE, VERTICAL, G, solved, values_of
+from tests.support.optima import EVERY, TRIPLE, values_of
 
 
 def test_derivatives_of_every_kind_of_goal():
@@ -38,65 +34,6 @@ def test_derivatives_of_every_kind_of_goal():
         for n, weight in differences.STENCIL.items()
     )
     np.testing.assert_allclose(found, slope / step, rtol=1e-6, atol=1e-6)
-
-
-def test_logarithms_of_frequencies_go_on_to_unstable_modes():
-    """Wires that end below the centre of mass: pitch is unstable, but the logarithm has slopes."""
-    goals = Goals(
-        goal=[Goal(kind="band", modes=["test pitch"], at_least=0.5)],
-        free=[Free(name="stage.test.wires.d", lower=-0.2, upper=0.01, start=-0.15)],
-    )
-    text = reader.read(VERTICAL, ("stage.test.wires.s=0.001",)).text
-    values = values_of(text, goals)
-    fractions = np.linspace(values.freed.begin[0], 0.98, 40)
-    designs = [values.freed.design(np.array([fraction])) for fraction in fractions]
-    shapes = values.follow(values.freed.begin)
-    found = Results(values, designs, shapes)
-    assert found.values[0, 0] < 0 < found.values[-1, 0]
-    assert (np.diff(values.logs(fractions[:, None], shapes)[:, 0]) > 0).all()
-
-
-def test_stress_by_hand():
-    """T/A with T a share of the weight below, and 6 F L/(b h^2) of blades that carry it."""
-    design = reader.read(TRIPLE).design
-    found = solved(
-        TRIPLE,
-        [Goal(kind="stress", at_most=1.0)],
-        [Free(name="stage.upper.wires.radius", lower=1e-4, upper=3e-4)],
-    )
-    reported = dict(zip(found.quantities.name, found.quantities.after, strict=True))
-    weight = G * np.array([5.8 + 5.6 + 5.6, 5.6 + 5.6, 5.6])
-    for stage, carried in zip(design.stage, weight, strict=True):
-        tension = carried / stage.wires.count
-        assert reported[f"stress of {stage.name} wires"] == pytest.approx(
-            tension / (np.pi * stage.wires.radius**2) / 2.07e9, rel=1e-9
-        )
-        if stage.blades is not None:
-            shape = stage.blades.geometry
-            bending = (
-                6
-                * carried
-                / stage.blades.count
-                * shape.length
-                / (shape.base_width * shape.thickness**2)
-            )
-            assert reported[f"stress of {stage.name} blades"] == pytest.approx(
-                bending / 1.7e9, rel=1e-9
-            )
-
-
-def test_every_wire_of_an_imperfect_design_has_its_own_stress():
-    raw = tomllib.loads(TRIPLE.read_text()) | {
-        "perturbation": [{"wire": "test.1", "k_factor": 1.2, "length_change": -1e-4}]
-    }
-    found = solved(
-        reader.write_toml(raw),
-        [Goal(kind="stress", wires=["test"], at_most=1.0)],
-        [Free(name="stage.test.wires.radius", lower=1e-4, upper=2e-4)],
-    )
-    assert found.quantities.name == tuple(f"stress of wire test.{n}" for n in (1, 2, 3, 4))
-    # it is shorter, and carries more
-    assert found.quantities.after[0] > 1.01 * found.quantities.after[1]
 
 
 @pytest.mark.parametrize("hinged", [False, True])
@@ -152,45 +89,3 @@ def test_top_mass_fraction_is_the_damping_rate_from_there():
     for omega, share in zip(2 * np.pi * found.frequency, found.top_fraction, strict=True):
         near = poles[np.abs(poles.imag / omega - 1) < 1e-7]
         assert np.abs(-near.real / (beta / 2) - share).min() < 1e-6
-
-
-def test_families_name_modes_in_any_design():
-    for file, kin in (
-        (TRIPLE, ["longitudinal-pitch", "transverse-roll", "vertical", "yaw"]),
-        (CONFIGS / "five-wires.toml", None),
-    ):
-        design = reader.read(file).design
-        found = eigenmodes.solve(registry.STRING.system(design))
-        own = Families.of(is_mirror_symmetric(expand_nominal(design)), found.energy)
-        assert own.size.sum() == len(found.frequency)
-        ranked = own.ranked(found.energy)
-        assert sorted(np.concatenate(ranked)) == list(range(len(found.frequency)))
-        if kin:
-            assert [own.name(k) for k in range(len(own.size))] == kin and own.size.tolist() == [
-                6,
-                6,
-                3,
-                3,
-            ]
-    # an imperfection mixes families, but takes no mode from one to another
-    imperfect = reader.convert(
-        tomllib.loads(TRIPLE.read_text())
-        | {"perturbation": [{"body": "test", "com_offset": [1e-3, 2e-3, 0.0]}]}
-    )
-    mixed = eigenmodes.solve(registry.STRING.system(imperfect))
-    drawn = eigenmodes.solve(registry.STRING.system(reader.read(TRIPLE).design))
-    own = Families.of(np.array([True, True]), drawn.energy)
-    assert [len(places) for places in own.ranked(mixed.energy)] == [6, 6, 3, 3]
-
-
-def test_shapes_are_followed_to_a_design_itself():
-    """Every mode of the design as drawn, by its label."""
-    goals = Goals(
-        goal=[Goal(kind="band", modes=["modes"], at_least=0.1)],
-        free=[Free(name="stage.test.wires.l", lower=0.1, upper=0.4)],
-    )
-    values = values_of(TRIPLE.read_text(), goals)
-    begin = values.freed.begin
-    found = Results(values, [values.freed.design(begin)], values.follow(begin)).values
-    drawn = eigenmodes.solve(registry.STRING.system(reader.read(TRIPLE).design))
-    np.testing.assert_allclose(found[0], drawn.frequency, rtol=1e-9)

@@ -15,7 +15,6 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.report import html
-from suspension_cli.analyses.report.sections import SECTIONS
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
 
@@ -96,14 +95,6 @@ def test_page_stands_alone(page):
         assert not link.startswith("#") or link[1:] in page.ids
 
 
-def test_ids_and_headings(page):
-    assert len(set(page.ids)) == len(page.ids)
-    assert page.ids == [*SECTIONS, "provenance", "design"]
-    assert page.headings[0] == 1
-    assert page.headings.count(1) == 1
-    assert all(b - a <= 1 for a, b in zip(page.headings, page.headings[1:], strict=False))
-
-
 def test_pictures_are_valid_and_described(page):
     assert len(page.images) >= 6
     for image in page.images:
@@ -117,12 +108,6 @@ def test_pictures_are_valid_and_described(page):
             assert root.tag.endswith("svg")
             ratio = float(root.get("width")[:-2]) / float(root.get("height")[:-2])
             assert ratio == pytest.approx(int(image["width"]) / int(image["height"]), rel=0.01)
-
-
-def test_pictures_of_curves_are_as_wide_as_the_page(page):
-    wide = [image for image in page.images if "Responses" in image["alt"]]
-    assert wide and all(int(image["width"]) == html.ACROSS for image in wide)
-    assert all(int(image["width"]) >= 0.7 * html.ACROSS for image in page.images)
 
 
 def test_the_design_keeps_its_comments(page, written, tmp_path):
@@ -185,12 +170,6 @@ def test_unstable_design_says_why(tmp_path):
     assert "Responses not computed" in done.stderr
 
 
-def test_the_design_sets_options(tmp_path):
-    design = sus.example("double").replace({"analysis.report.sections": ["numbers"]})
-    made = sus.report(design, tmp_path / "a.html")
-    assert Page(made.read_text()).ids == ["numbers", "provenance", "design"]
-
-
 def test_same_bytes_again(tmp_path):
     design = sus.example("double")
     path = tmp_path / "a.html"
@@ -207,28 +186,6 @@ def test_tolerances_are_read_if_computed_before(tmp_path):
     text = Page((tmp_path / "triple-tolerance-report.html").read_text()).text
     assert "Read from triple-tolerance-tolerance.h5" in text
     assert "100 of 100 builds hang on taut wires" in text
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (("--sections", "modse"), '--sections = "modse": a report has no such section; did you'),
-        (("--input", "tets.x"), '--input = "tets.x": names no body'),
-        (("--set", "stage.test.wires.l=-1"), "stage.test.wires.l"),
-    ],
-)
-def test_bad_input_writes_nothing(words, line, tmp_path):
-    done = run("report", CONFIGS / "double.toml", "--out", tmp_path / "out", *words)
-    assert done.exit_code == 2
-    assert line in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
-def test_api_names_its_arguments(tmp_path):
-    with pytest.raises(sus.InputError, match=r"sections = .*no such section"):
-        sus.report(sus.example("double"), tmp_path / "a.html", sections=["modse"])
-    with pytest.raises(sus.InputError, match=r"path = .*cannot be written"):
-        sus.report(sus.example("double"), tmp_path / "no" / "a.html", sections=["check"])
 
 
 def cells(columns, rows):

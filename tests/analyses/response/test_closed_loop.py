@@ -9,7 +9,7 @@ import suspension_cli as sus
 from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear.response import Response
 from tests.support import scenes
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, written
 
 LOOP = {
     "name": "x",
@@ -43,9 +43,7 @@ def loop_force(f):
 def test_a_pendulum_by_hand(reference, tmp_path):
     file = written(tmp_path, design_of(reference=reference))
     grid = ("--frequency", "0.1:50:41", "--input", "support.x", "--input", "test.force_x")
-    result = run("response", file, "--closed-loop", *grid, *FORCE, "--json", "--out", tmp_path)
-    assert result.exit_code == 0, result.stderr
-    answer = strict_json(result.stdout)
+    answer = document("response", file, "--closed-loop", *grid, *FORCE, "--out", tmp_path)
     assert answer["closed_loop"] is True
     f = np.array(answer["frequency_hz"])
     h, spring = loop_force(f), MASS * 9.81 / LENGTH

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.design.measured import Measured, Transducer
-from suspension_cli.errors import PendsusWarning
 from suspension_cli.measurements.resonances import find_peaks
-from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
-from tests.support.commandline import run, strict_json
+from suspension_cli.measurements.transfer_function import MeasuredResponse
+from tests.support.commandline import document, run, strict_json
 from tests.support.paths import ROOT
 
 FOLDER = ROOT / "measured" / "triple"
@@ -48,50 +46,26 @@ def file_of(folder: Path, frequency, value, name: str = "a.csv") -> Path:
     return folder / name
 
 
-def test_prediction_of_readings(design):
-    """Gains, signs, delays and mixes against the formula, from responses to single signals."""
+def test_model_agrees_with_itself(design, tmp_path):
+    """Data made from single responses by the formula of gains, signs, delays and mixes: ratio 1,
+    chi^2 0, resonances at the poles."""
+    at = np.geomspace(0.3, 5.0, 400)
     given = sus.response(
         design,
         inputs=["upper.force_x", "upper.torque_yaw"],
         outputs=["upper.x@0,0,0.01", "upper.yaw"],
-        frequency=[0.7, 3.0],
-        fidelity="string",
-    )
-    osem = Transducer(
-        name="osem", signal="upper.x@0,0,0.01", gain=-2.0, delay=3e-3, mix={"upper.yaw": 0.05}
-    )
-    coil = Transducer(
-        name="coil", signal="upper.force_x", gain=1e-3, mix={"upper.torque_yaw": 0.02}
-    )
-    h, f = given.value, given.frequency
-    unknown = np.full(len(f), np.nan)
-    data = MeasuredResponse("a", "coil", "osem", f, h[:, 0, 0], unknown, unknown)
-    channels = Channels.of(Measured(sensor=[osem], actuator=[coil]), [data])
-    assert channels.signal == (given.output, given.input)
-    total = h[:, 0, 0] + 0.02 * h[:, 0, 1] + 0.05 * (h[:, 1, 0] + 0.02 * h[:, 1, 1])
-    expected = -2e-3 * np.exp(-2j * np.pi * f * 3e-3) * total
-    batch = channels.combine(np.stack([h, 2 * h]), f)[..., 0, 0]
-    assert np.allclose(batch, [expected, 2 * expected], rtol=1e-13)
-
-
-def test_model_agrees_with_itself(design, tmp_path):
-    """Data made from the model by hand: ratio 1, chi^2 0, resonances at the poles."""
-    at = np.geomspace(0.3, 5.0, 400)
-    given = sus.response(
-        design,
-        inputs=["upper.force_x"],
-        outputs=["upper.x@0,0,0.01"],
         frequency=at,
         fidelity="string",
     )
-    file_of(tmp_path, at, given.value[:, 0, 0] * -2e-3 * np.exp(-2j * np.pi * at * 3e-3))
-    tables = TABLES.replace('mix = { "upper.torque_yaw" = 0.02 }', "")
-    (tmp_path / "m.toml").write_text(tables)
+    h = given.value
+    total = h[:, 0, 0] + 0.02 * h[:, 0, 1] + 0.05 * (h[:, 1, 0] + 0.02 * h[:, 1, 1])
+    file_of(tmp_path, at, -2e-3 * np.exp(-2j * np.pi * at * 3e-3) * total)
+    (tmp_path / "m.toml").write_text(TABLES)
     [one] = sus.response(design, measured=[tmp_path / "m.toml"], fidelity="string").measured
     assert np.allclose(one.ratio, 1, rtol=1e-9) and one.chi_squared < 1e-10
     assert one.extreme[0] == pytest.approx(1)
-    assert [name.split()[1] for name in one.mode] == ["longitudinal"] * 3
-    assert np.allclose(one.shift, 0, atol=2e-3)  # yaw of the mix does not couple by symmetry
+    along = np.array([name.endswith("longitudinal") for name in one.mode])
+    assert along.sum() == 3 and np.allclose(np.array(one.shift)[along], 0, atol=2e-3)
 
 
 def test_resonance_is_found_between_points():
@@ -135,7 +109,7 @@ def test_command(tmp_path):
     done = run(*words, "--out", tmp_path, "--frequency", "0.3:6:200")
     assert done.exit_code == 0 and "+1.00  test pitch           pitch\n" in done.stdout
     assert "osem-x / coil-x (m/V)" in done.stdout
-    answer = strict_json(run(*words, "--json", "--out", tmp_path).stdout)
+    answer = document(*words, "--out", tmp_path)
     first = answer["measured"][0]
     assert first["points"] == 240 and first["unit"] == "m/V" and first["name"] == "x"
     assert first["median_ratio"] == pytest.approx(1.0, abs=0.02)
@@ -147,19 +121,6 @@ def test_command(tmp_path):
     again = sus.load(tmp_path / "triple-response.h5")
     assert json.dumps(again.document()["measured"]) == json.dumps(answer["measured"])
     assert len(again.plot(scale="absolute").axes) == 4
-
-
-def test_many_points_are_a_line_and_units_are_checked(design, tmp_path):
-    """400 points in um instead of m."""
-    at = np.geomspace(0.3, 5.0, 400)
-    signals = {"inputs": ["upper.force_x"], "outputs": ["upper.x"], "fidelity": "string"}
-    given = sus.response(design, frequency=at, **signals)
-    file = file_of(tmp_path, at, 1e6 * given.value[:, 0, 0])
-    with pytest.warns(PendsusWarning, match=r"is the file in um\? then set gain = 1e-06"):
-        found = sus.response(design, measured=[file], **signals)
-    assert found.measured[0].median == pytest.approx(1e6)
-    assert found.measured[0].data.unit == "m/N" and np.isnan(found.measured[0].chi_squared)
-    assert not found.plot().axes[0].containers  # no error bars
 
 
 @pytest.mark.parametrize(

@@ -1,85 +1,24 @@
-"""`pendsus response`: the JSON that scripts rely on, grids, results files and refusals."""
+"""`pendsus response`: its JSON, grids, refusals, exact zeros, and the largest value, which lies at
+the pole whatever the grid."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 import pytest
 
-from suspension_cli.linear import eigenmodes, response
+import suspension_cli as sus
+from suspension_cli.design.reader import read
+from suspension_cli.linear import eigenmodes
 from tests.support import plants, scenes
-from tests.support.commandline import assert_refused, run, strict_json, written
-
-UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
-INPUTS, OUTPUTS = ("support.x", "upper.torque_pitch"), ("test.x@0,0,0.001", "test.pitch", "upper.z")
-MATRIX = [word for name in INPUTS for word in ("--input", name)]
-MATRIX += [word for name in OUTPUTS for word in ("--output", name)]
-UNITS = ["m/m", "m/(N m)", "rad/m", "rad/(N m)", "m/m", "m/(N m)"]
+from tests.support.commandline import assert_refused, document, run, written
+from tests.support.paths import CONFIGS
 
 
-@pytest.fixture
-def file(tmp_path):
-    return written(tmp_path, plants.raw("triple"), "triple.toml")
-
-
-@pytest.fixture
-def out(tmp_path):
-    return tmp_path / "out"
-
-
-def json_of(file, out, *options, model=("--fidelity", "force")):
-    """The JSON document of a run that went well and wrote nothing but its results."""
-    name = ("--name", "triple")
-    result = run("response", file, "--json", "--out", out, *name, *model, *options)
-    assert result.exit_code == 0, result.stderr
-    assert [path.name for path in out.iterdir()] == ["triple-response.h5"]
-    return strict_json(result.stdout)
-
-
-def expected(frequency, inputs, outputs):
-    model = plants.model("triple", "force")
-    return response.solve(
-        model, np.asarray(frequency), plants.drives(model, *inputs), plants.motions(model, *outputs)
-    )
-
-
-def test_one_response_is_flat(file, out):
-    answer = json_of(
-        file, out, "--input", "support.x", "--output", "test.x@0,0,0.001", "--frequency", "0.3,3,30"
-    )
-    keys = "command design fidelity frequency_hz input output unit real imag estimated_error"
-    assert list(answer) == keys.split()
-    named = {"command": "response", "design": "triple", "fidelity": "force", "unit": "m/m"}
-    assert answer | named | {"input": "support.x", "output": "test.x@0,0,0.001"} == answer
-    assert answer["frequency_hz"] == [0.3, 3.0, 30.0]
-    value = expected([0.3, 3.0, 30.0], ["support.x"], ["test.x@0,0,0.001"]).value[:, 0, 0]
-    assert answer["real"] == value.real.tolist()
-    assert answer["imag"] == value.imag.tolist()
-    lossless = [f"--set=materials.{name}.loss_angle=0" for name in ("steel302", "maraging")]
-    assert json_of(file, out, "--frequency", "0.3,3,30", *lossless)["imag"] == [0.0, 0.0, 0.0]
-
-
-def test_several_are_a_list(file, out):
-    answer = json_of(file, out, *MATRIX, "--frequency", "1:10:4")
-    keys = "command design fidelity frequency_hz responses estimated_error"
-    assert list(answer) == keys.split()
-    assert [(one["output"], one["input"]) for one in answer["responses"]] == [
-        (o, i) for o in OUTPUTS for i in INPUTS
-    ]
-    assert [one["unit"] for one in answer["responses"]] == UNITS
-    value = expected(answer["frequency_hz"], INPUTS, OUTPUTS).value
-    for n, one in enumerate(answer["responses"]):
-        assert set(one) == {"input", "output", "unit", "real", "imag"}
-        assert one["real"] == value[:, n // 2, n % 2].real.tolist()
-    assert not any(answer["responses"][4]["real"])  # upper.z does not come from support.x
-
-
-def test_by_default_from_the_support_to_the_last_stage(file, out):
-    answer = json_of(file, out)
-    assert (answer["input"], answer["output"]) == ("support.x", "test.x")
-    frequency = np.array(answer["frequency_hz"])
-    assert len(frequency) == 2000
-    assert (frequency[0], frequency[-1]) == (0.1, 100.0)
-    np.testing.assert_allclose(frequency[1:] / frequency[:-1], 1000 ** (1 / 1999), rtol=1e-12)
+def response_of(file, out, *options):
+    """The JSON document of a run that went well."""
+    return document("response", file, "--out", out, *options)
 
 
 @pytest.mark.parametrize(
@@ -94,19 +33,10 @@ def test_by_default_from_the_support_to_the_last_stage(file, out):
         ("10:1:2", [10.0, 1.0]),
     ],
 )
-def test_grids(grid, values, file, out):
-    found = json_of(file, out, "--frequency", grid, "--fidelity", "force")["frequency_hz"]
+def test_grids(grid, values, tmp_path):
+    words = ("--frequency", grid, "--fidelity", "force")
+    found = response_of(CONFIGS / "double.toml", tmp_path, *words)["frequency_hz"]
     assert found == pytest.approx(values, rel=1e-14)
-
-
-def test_an_unstable_design_must_be_requested(file, out):
-    (line,) = assert_refused(run("response", file, "--json", "--out", out, *UNSTABLE), file, out)
-    assert "unstable" in line
-    assert "--allow-unstable" in line
-    result = run("response", file, "--json", "--out", out, "--allow-unstable", *UNSTABLE, "-q")
-    assert result.exit_code == 0
-    assert result.stderr.startswith("warning: triple is unstable")
-    assert len(strict_json(result.stdout)["real"]) == 2000
 
 
 @pytest.mark.parametrize(
@@ -117,7 +47,7 @@ def test_an_unstable_design_must_be_requested(file, out):
         (-0.0008, False, "attach the wires higher above the COM"),
     ],
 )
-def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, out, d, section, way):
+def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, d, section, way):
     """Strings tip over 0.35 mm below the COM here, wires that bend 1 mm lower: only between the
     two, and where sections are known, does beam help."""
     wires = {"count": 4, "l": 0.28, "s": 5e-4, "t1": 0.0965, "t2": 0.0965, "d": d}
@@ -127,6 +57,7 @@ def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, out, d, 
         tmp_path,
         {"design": {"name": "soft"}, "stage": [{"name": "test", "body": body, "wires": wires}]},
     )
+    out = tmp_path / "out"
     options = ("response", one, "--out", out, "--no-plot", "--frequency", "1")
     (line,) = assert_refused(run(*options, "--fidelity", "string"), one, out)
     assert way in line and line.endswith("or give --allow-unstable")
@@ -134,75 +65,99 @@ def test_refusal_names_the_beam_model_where_bending_restrains(tmp_path, out, d, 
         assert (run(*options, "--fidelity", "beam").exit_code == 0) == ("beam" in way)
 
 
-def test_on_a_lossless_resonance(file, out, tmp_path):
+def test_on_a_lossless_resonance(tmp_path):
     """The response is infinite there, which is no number: reported, not written. Loss or a hair's
     breadth make it finite."""
     stage = scenes.hung({"count": 1, "l": 0.5, "k": 100.0}, 1.0, 0.1)
     one = written(tmp_path, {"design": {"name": "one"}, "stage": [stage]})
-    frequency = min(
-        mode["frequency_hz"]
-        for mode in strict_json(run("modes", one, "--json", "--out", tmp_path).stdout)["modes"]
-        if mode["dof"] == "z"
-    )
-    pair = ("--input", "support.z", "--output", "test.z", "--frequency")
-    (line,) = assert_refused(
-        run("response", one, "--json", "--out", out, *pair, repr(frequency)), one, out
-    )
+    modes, out = sus.modes(sus.read(one), fidelity="force"), tmp_path / "out"
+    frequency = modes.frequency[modes.label.index("test vertical")].item()
+    pair = ("--input", "support.z", "--output", "test.z", "--fidelity", "force", "--frequency")
+    words = ("response", one, "--json", "--out", out, *pair, repr(frequency))
+    (line,) = assert_refused(run(*words), one, out)
     assert "resonance" in line
-    words = ("response", one, "--json", "--out", out, *pair)
-    strict_json(run(*words, repr(frequency * (1 + 1e-9))).stdout)
-    strict_json(run(*words, repr(frequency), "--set", "stage.test.damping.z=0.1").stdout)
-    modes = eigenmodes.solve(plants.model("triple", "force")).frequency.tolist()
-    triple = json_of(file, tmp_path / "triple", "--frequency", ",".join(map(repr, modes)))
-    assert np.isfinite(triple["real"]).all()
+    response_of(one, out, *pair, repr(frequency * (1 + 1e-9)))
+    response_of(one, out, *pair, repr(frequency), "--set", "stage.test.damping.z=0.1")
+    every = eigenmodes.solve(plants.model("triple", "force")).frequency
+    file = written(tmp_path, plants.raw("triple"), "triple.toml")
+    found = sus.response(sus.read(file), frequency=every, fidelity="force")
+    assert np.isfinite(found.value).all()
 
 
-def test_defaults_from_the_design(out, tmp_path):
-    table = {"input": ["support.z"], "output": ["middle.z"], "frequency": "1:2:3:lin"}
-    design = plants.raw("triple") | {"analysis": {"response": table | {"fidelity": "string"}}}
-    file = written(tmp_path, design, "triple.toml")
-    keys = ("input", "output", "fidelity", "frequency_hz")
-    answer = json_of(file, out, model=())
-    expected = ["support.z", "middle.z", "string", [1.0, 1.5, 2.0]]
-    assert [answer[key] for key in keys] == expected
-    answer = json_of(file, out, "--output", "test.z", "--fidelity", "force", "--frequency", "4")
-    assert [answer[key] for key in keys] == ["support.z", "test.z", "force", [4.0]]
+ZEROS = [
+    ("double", "test.y"),
+    ("tower", "mirror.z"),  # three legs at 120 degrees
+    ("pulled-fibres", "mirror.z@0,0,0.01"),  # three wires on three blades
+    ("reaction-chain", "top.z"),  # a chain beside another
+]
 
 
-@pytest.mark.parametrize(
-    ("table", "key"),
-    [
-        ({"inputs": "support.x"}, "inputs"),
-        ({"scale": "loud"}, "scale"),
-        ({"fidelity": "guess"}, "fidelity"),
-        ({"allow-unstable": True}, "allow-unstable"),
-    ],
-)
-def test_bad_defaults(table, key, out, tmp_path):
-    file = written(
-        tmp_path, plants.raw("triple") | {"analysis": {"response": table}}, "triple.toml"
+@pytest.mark.parametrize(("name", "output"), ZEROS)
+def test_zero_is_exact_and_said(name, output, tmp_path):
+    ends = ("--output", output, "--frequency", "0.1:100:5", "--out", tmp_path)
+    found = run("response", CONFIGS / f"{name}.toml", *ends, "--no-plot")
+    assert f"support.x -> {output}: 0 by symmetry" in found.stdout.splitlines()
+    answer = document("response", CONFIGS / f"{name}.toml", *ends)
+    assert answer["real"] == answer["imag"] == [0.0] * 5
+
+
+def test_comparison_of_zeros(tmp_path):
+    designs = [CONFIGS / "double.toml", CONFIGS / "geo-silica-triple.toml"]
+    ends = ("--output", "test.y", "--frequency", "0.1:100:9", "--out", tmp_path)
+    found = run("compare", *designs, *ends)
+    assert found.exit_code == 0
+    assert "0 by symmetry: double, geo-silica-triple" in found.stdout
+    assert len(list(tmp_path.glob("*test.y*.png"))) == 1
+
+
+CASE = CONFIGS / "husman2000" / "table1-case1.toml"
+"""Vertical wires: vertically one mass on one spring, of which gravity is no part."""
+
+
+def largest(out, *options):
+    """Magnitudes and frequencies (Hz) that the command prints as the largest."""
+    result = run("response", CASE, "--fidelity", "string", "--no-plot", "--out", out, *options)
+    assert result.exit_code == 0, result.stderr
+    found = re.findall(
+        r"largest ([0-9.e+-]+|infinite \(no loss there\)) at (\S+) Hz", result.stdout
     )
-    (line,) = assert_refused(run("response", file, "--json", "--out", out), file, out)
-    assert line.startswith(f"analysis.response.{key} = ")
+    return [(np.inf if size.startswith("inf") else float(size), float(at)) for size, at in found]
 
 
-def test_pictures(file, out):
-    assert run("response", file, "--no-plot", "--out", out).exit_code == 0
-    assert {path.name for path in out.iterdir()} == {"triple-response.h5"}
-    assert run("response", file, "--out", out, "--frequency", "0.1:50:200").exit_code == 0
-    assert {path.name for path in out.iterdir()} == {"triple-response.h5", "triple-response.png"}
-    (out / "triple-response.png").unlink()
-    grid = ("--frequency", "0.1:50:200")
-    result = run("response", file, "--json", "--plot", "--scale", "absolute", "--out", out, *grid)
-    strict_json(result.stdout)
-    assert (out / "triple-response.png").stat().st_size > 10_000
+def natural():
+    """sqrt(k / m) / (2 pi) of the vertical mode, Hz."""
+    design = read(CASE).design
+    (stage,) = design.stage
+    stiffness = 1.7e11 * np.pi * stage.wires.radius**2 / stage.wires.l
+    return np.sqrt(4 * stiffness / stage.body.mass) / (2 * np.pi)
 
 
-def test_text_for_people(file, out):
-    options = ("--no-plot", "--out", out, "--fidelity", "force", "--frequency", "0.1:10:100")
-    result = run("response", file, *options)
-    first, second = result.stdout.splitlines()
-    assert first.startswith("model: force (")
-    assert second.startswith("test.x / support.x (m/m): 1.0")
-    assert "at 0.1 Hz" in second
-    assert "at 10 Hz" in second
+VERTICAL = ("--input", "support.z", "--output", "test.z")
+
+
+@pytest.mark.parametrize("loss", [1e-2, 1e-5, 1e-9])
+@pytest.mark.parametrize("grid", ["1:100:2000", "1:100:3", "30,7,2"])
+def test_of_one_mass_on_one_spring(loss, grid, tmp_path):
+    """|x / x0| = sqrt(1 + phi^2) / phi at the resonance, to first order in 1/Q where it is
+    largest."""
+    [(size, at)] = largest(
+        tmp_path, *VERTICAL, "--frequency", grid, "--set", f"materials.steel302.loss_angle={loss}"
+    )
+    assert size == pytest.approx(np.sqrt(1 + loss**2) / loss, rel=5e-4)
+    assert at == pytest.approx(natural(), rel=1e-4)
+
+
+def test_without_loss_it_is_infinite(tmp_path):
+    [(size, at)] = largest(
+        tmp_path, *VERTICAL, "--frequency", "1:100:50", "--set", "materials.steel302.loss_angle=0"
+    )
+    assert size == np.inf
+    assert at == pytest.approx(natural(), rel=1e-5)
+
+
+def test_no_pole_beyond_the_grid_counts(tmp_path):
+    """Above all modes the largest value is the first; a response that symmetry forbids has none."""
+    options = (*VERTICAL, "--output", "test.x", "--frequency", "200:400:10")
+    (up,) = largest(tmp_path, *options)
+    assert up[1] == 200.0
+    assert up[0] == pytest.approx(1 / ((200 / natural()) ** 2 - 1), rel=2e-3)

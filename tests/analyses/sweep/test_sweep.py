@@ -22,7 +22,7 @@ from suspension_cli.linear import (
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import builds, variants
 from tests.support import plants
-from tests.support.commandline import MISSING, edited, run, strict_json, written
+from tests.support.commandline import MISSING, document, edited, run, strict_json, written
 from tests.support.designs import overridden
 from tests.support.golden import CONFIGS
 
@@ -32,10 +32,7 @@ TRIPLE = CONFIGS / "husman2000" / "table2.toml"
 
 def swept(file, out, options):
     """The JSON document of a run that must succeed; options as one types them."""
-    words = ("--json", "--workers", "1", "--out", out)
-    result = run("sweep", file, *words, *shlex.split(options))
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
+    return document("sweep", file, "--workers", "1", "--out", out, *shlex.split(options))
 
 
 def values(answer, name):
@@ -136,65 +133,6 @@ def test_batches_of_designs_are_those_designs(case):
     assert sorted(seen) == [0, 1, 2]
 
 
-def test_springs_of_a_batch_are_those_of_each_design():
-    """Loss and damping of springs and losses of blades, which designs of a batch share."""
-    raw = tomllib.loads((CONFIGS / "husman2000" / "table2.toml").read_text())
-    k = [1.0, 1.0, 1.0, 0.01, 0.01, 0.01]
-    raw["stage"][-1]["spring"] = [{"stiffness": k, "damping": [0.0] * 6, "loss_angle": 0.01}]
-    name = raw["stage"][-1]["name"]
-    blades = next(stage["name"] for stage in raw["stage"] if "blades" in stage)
-    grid = {
-        f"stage.{name}.spring.1.loss_angle": [0.01, 0.01, 0.5, 0.01, 0.01],
-        f"stage.{name}.spring.1.damping.1": [0.0, 0.0, 0.0, 1.0, 0.0],
-        f"stage.{name}.spring.1.stiffness.1": [1.0, 1.5, 1.0, 1.0, 1.0],
-        f"stage.{blades}.blades.loss_angle": [0.0, 0.0, 0.0, 0.0, 0.1],
-    }
-    grid, text = {path: np.array(column) for path, column in grid.items()}, reader.write_toml(raw)
-    batches = list(variants.balanced(variants.designs_at(text, grid), "string"))
-    assert sorted(len(here) for _, here in batches) == [1, 1, 1, 2]
-    for found, here in batches:
-        for n, point in enumerate(here.tolist()):
-            values = {path: column[point] for path, column in grid.items()}
-            alone = registry.STRING.system(overridden(text, values)).constant
-            own = found.model.select(np.array([n])).constant
-            for matrix in ("stiffness", "damping", "complete"):
-                one, other = (
-                    model.basis @ getattr(model, matrix) @ model.basis.T for model in (own, alone)
-                )
-                np.testing.assert_allclose(
-                    np.squeeze(one), other, rtol=0, atol=1e-9 * np.abs(other).max()
-                )
-
-
-@pytest.mark.parametrize(("level", "sizes"), [("force", [1, 1, 3]), ("beam", [1, 1, 1, 2])])
-def test_dampers_and_a_support_that_gives_way_are_those_of_each_design(level, sizes):
-    """Designs that share them are one batch; a response on a resonance shows who has which, and
-    where they act."""
-    raw = tomllib.loads((CONFIGS / "double.toml").read_text())
-    raw["stage"][1]["damping"] = {"x": 2.0, "pitch": 0.1, "against": "support"}
-    text = reader.write_toml(
-        raw | {"support": {"stiffness": {"x": 1e5}, "mass": 20.0, "damping": {"x": 50.0}}}
-    )
-    grid = {
-        "stage.test.damping.x": [2.0, 2.0, 3.0, 2.0, 2.0],
-        "support.stiffness.x": [1e5, 1e5, 1e5, 2e5, 1e5],
-        "stage.upper.wires.l": [0.3, 0.3, 0.3, 0.3, 0.35],
-        "stage.upper.body.mass": [3.0, 3.5, 3.0, 3.0, 3.0],
-    }
-    arrays = {path: np.array(column) for path, column in grid.items()}
-    batches = list(variants.balanced(variants.designs_at(text, arrays), level))
-    assert sorted(len(here) for _, here in batches) == sizes
-    for found, here in batches:
-        for n, point in enumerate(here.tolist()):
-            alone = registry.by_name(level).system(
-                overridden(text, {path: column[point] for path, column in grid.items()})
-            )
-            ratio = ratio_of(alone, 0.71)
-            expected = response.solve(alone, np.array([0.71]), [ratio.input], [ratio.over])
-            expected = expected.value[0, 0, 0]
-            assert builds.responses(found, [ratio])[n, 0] == pytest.approx(expected, rel=1e-9)
-
-
 def test_modes_are_followed_through_a_crossing(tmp_path):
     """Yaw against t1 (equation 9) crosses longitudinal and transverse; its rank changes, its line
     does not."""
@@ -264,16 +202,6 @@ def test_unstable_and_impossible_points_are_findings(tmp_path):
     assert sum(answer["failures"].values()) == 3
 
 
-def test_slack_points_of_an_imperfect_design_leave_the_others_as_they_are():
-    """Where only some of the points of a batch have modes, they are those of each point alone."""
-    design, name = sus.example("imperfect"), "perturbation.2.length_change"
-    both = sus.sweep(design, vary={name: "0,-0.002,0.0002"}, fidelity="string", workers=1)
-    assert both.data.status.tolist() == [0, 1, 0]
-    alone = sus.sweep(design, vary={name: "0,0.0002"}, fidelity="string", workers=1)
-    assert np.isnan(both.data.value[1]).all()
-    np.testing.assert_array_equal(both.data.value[[0, 2]], alone.data.value)
-
-
 def test_results_by_name(tmp_path):
     names = [
         "test pitch",
@@ -302,20 +230,6 @@ def test_results_by_name(tmp_path):
     assert answer["results"][1]["nominal"] == pytest.approx(drawn.frequency[0], rel=1e-12)
 
 
-def test_it_does_not_matter_how_it_is_run(tmp_path):
-    """Chunks change rounding errors alone; several processes are tested in `studies`."""
-    options = (
-        "--vary stage.test.wires.d=1e-3:3e-3:7 --vary stage.upper.wires.t1=0.03:0.05:6 --result"
-        " 'test yaw' --result test.x/support.x:3 --quiet --fidelity beam"
-    )
-    files_written = []
-    for chunk in ("512", "20"):
-        swept(CONFIGS / "double.toml", tmp_path / chunk, f"{options} --chunk {chunk}")
-        files_written.append(sus.load(tmp_path / chunk / "double-sweep.h5"))
-    one, other = (found.value for found in files_written)
-    np.testing.assert_allclose(one, other, rtol=1e-10)
-
-
 def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     options = shlex.split(
         "--vary stage.test.wires.t1=0.05:0.12:200 --result 'test yaw' --no-plot --workers 1"
@@ -338,46 +252,10 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
-def test_a_mode_that_comes_to_nothing_does_not_hide_the_others(tmp_path):
-    """Yaw of wires that meet is 0: the other modes still stand on a logarithmic axis, unlike a
-    coupling that is 0 throughout."""
-    from suspension_cli.analyses.sweep import picture
-
-    for options, scale in (
-        ("--vary stage.upper.wires.t1=0:0.06:4", "log"),
-        ("--vary stage.upper.wires.l=0.1:2:4 --result test.x/test.z/support.z:9", "linear"),
-    ):
-        swept(CONFIGS / "double.toml", tmp_path, f"{options} --fidelity force")
-        (axes,) = picture.draw(sus.load(tmp_path / "double-sweep.h5").data, "").axes
-        assert axes.get_yscale() == scale and axes.get_xlabel().endswith(" (mm)")
-
-
-def test_pictures_and_the_table(tmp_path):
-    for number, options in enumerate(
-        [
-            "--vary stage.test.wires.t1=0.05:0.12:4 --result 1 --result 'test yaw'",
-            "--vary stage.test.wires.t1=0.05:0.12:3 --vary stage.test.wires.l=0.1:1:3:log"
-            " --result 1 --result 'test yaw'",
-            "--vary stage.test.wires.t1=0.05:0.12:3 --vary constants.gravity=9,10"
-            " --vary stage.test.wires.l=0.3,0.4 --result 6",
-        ]
-    ):
-        out = tmp_path / str(number)
-        how = ("--workers", "1", "--fidelity", "force")
-        result = run("sweep", SINGLE, *shlex.split(options), "--out", out, *how)
-        assert result.exit_code == 0, result.stderr
-        assert "as drawn" in result.stdout
-        png = out / "husman2000-table1-case2-sweep.png"
-        before = png.read_bytes()
-        png.unlink()
-        assert run("plot", png.with_suffix(".h5")).exit_code == 0
-        assert png.read_bytes() == before
-
-
 def test_maps_name_the_value_of_a_third_parameter_and_label_contours_inside():
     vary = {
         "stage.test.wires.t1": (0.05, 0.12),
-        "stage.test.wires.l": (0.3, 0.4),
+        "stage.test.wires.l": "0.1:1:3:log",
         "constants.gravity": (9.0, 10.0),
     }
     swept = sus.sweep(sus.read(SINGLE), vary=vary, results=["6"], fidelity="force")
@@ -392,26 +270,6 @@ def test_maps_name_the_value_of_a_third_parameter_and_label_contours_inside():
         assert axes.bbox.x0 <= inner.x0 and inner.x1 <= axes.bbox.x1, label.get_text()
 
 
-def test_defaults_come_from_the_design(tmp_path):
-    raw = edited(
-        tomllib.loads(SINGLE.read_text()),
-        {
-            ("analysis",): {
-                "sweep": {
-                    "vary": "stage.test.wires.s=0.01,0.02",
-                    "result": ["test yaw", "test pitch"],
-                }
-            }
-        },
-    )
-    file = written(tmp_path, raw)
-    answer = swept(file, tmp_path, "")
-    assert [item["name"] for item in answer["results"]] == ["test yaw", "test pitch"]
-    assert answer["axes"] == [{"name": "stage.test.wires.s", "values": [0.01, 0.02]}]
-    found = sus.load(tmp_path / f"{raw['design']['name']}-sweep.h5")
-    assert found.result == ("test yaw", "test pitch")
-
-
 def test_a_coarse_grid_is_warned_of(tmp_path):
     """Where shapes change from point to point past recognition, that is reported."""
     path = "stage.middle.body.mass"
@@ -420,27 +278,6 @@ def test_a_coarse_grid_is_warned_of(tmp_path):
         result = run("sweep", TRIPLE, *options, "--out", tmp_path)
         assert result.exit_code == 0
         assert ("take a finer grid" in result.stderr) is warned
-
-
-@pytest.mark.parametrize("level", ["beam", "violin"])
-def test_points_are_runs_of_their_own(level, tmp_path):
-    """On wires that bend: a mode (beam) and a response as `modes` and `response` give them at each
-    point."""
-    name = "test.x/support.x:11"
-    options = f"--vary stage.test.wires.d=1e-3,2e-3 --fidelity {level} --result {name}"
-    more = " --result 'upper yaw'" if level == "beam" else ""
-    answer = swept(CONFIGS / "double.toml", tmp_path, options + more)
-    for n, d in enumerate((1e-3, 2e-3)):
-        model = registry.by_name(level).system(
-            overridden((CONFIGS / "double.toml").read_text(), {"stage.test.wires.d": d})
-        )
-        shaken = size_of(model, 11.0, "support.x", "test.x")
-        assert values(answer, name)[n] == pytest.approx(shaken, rel=1e-9)
-        if level == "beam":
-            found = eigenmodes.solve(model)
-            assert values(answer, "upper yaw")[n] == pytest.approx(
-                found.frequency[found.label.index("upper yaw")], rel=1e-12
-            )
 
 
 def test_auto_takes_the_model_that_the_results_need(tmp_path):
@@ -478,3 +315,13 @@ def test_what_no_model_has_is_reported(tmp_path):
     )
     answer = strict_json(result.stdout)
     assert answer["estimated_error"] is None and answer["error_unknown"].endswith(reason)
+
+
+def test_slack_points_of_an_imperfect_design_leave_the_others_as_they_are():
+    """Where only some of the points of a batch have modes, they are those of each point alone."""
+    design, name = sus.example("imperfect"), "perturbation.2.length_change"
+    both = sus.sweep(design, vary={name: "0,-0.002,0.0002"}, fidelity="string", workers=1)
+    assert both.data.status.tolist() == [0, 1, 0]
+    alone = sus.sweep(design, vary={name: "0,0.0002"}, fidelity="string", workers=1)
+    assert np.isnan(both.data.value[1]).all()
+    np.testing.assert_array_equal(both.data.value[[0, 2]], alone.data.value)

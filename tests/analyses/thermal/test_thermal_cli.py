@@ -10,9 +10,8 @@ from suspension_cli.analyses.thermal import picture
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.drawing.style import stage_colours
 from suspension_cli.grids import decade_points
-from suspension_cli.models import registry
 from tests.support import plants, scenes
-from tests.support.commandline import assert_refused, run, strict_json, written
+from tests.support.commandline import assert_refused, document, run, written
 from tests.support.legible import assert_legible
 
 RAW = plants.raw("triple") | {"materials": {"steel302": {"loss_angle": 2e-4}}}
@@ -31,96 +30,9 @@ def out(tmp_path):
 
 def json_of(file, out, *options):
     """The JSON document of a run that went well and wrote nothing but its results."""
-    result = run("thermal", file, "--json", "--out", out, *options)
-    assert result.exit_code == 0, result.stderr
+    answer = document("thermal", file, "--out", out, *options)
     assert [path.name for path in out.iterdir()] == ["triple-thermal.h5"]
-    return strict_json(result.stdout)
-
-
-def expected(frequency, text, level="beam", tilt=0.0):
-    model = registry.by_name(level).system(scenes.design_of(RAW))
-    motion = thermal.parse_motion(model, text, tilt)
-    return thermal.solve(model, np.asarray(frequency), [motion], 290.0)[0]
-
-
-def test_one_motion_is_flat(file, out):
-    words = ("--output", "test.x@0,0,0.001", "--frequency", "0.3,3,4", "--fidelity", "beam")
-    answer = json_of(file, out, *words)
-    keys = (
-        "command design fidelity frequency_hz output unit tilt_rad displacement_asd "
-        "contributions without_loss estimated_error"
-    )
-    assert list(answer) == keys.split()
-    assert (answer["command"], answer["design"], answer["fidelity"]) == (
-        "thermal",
-        "triple",
-        "beam",
-    )
-    assert (answer["output"], answer["unit"], answer["tilt_rad"]) == (
-        "test.x@0,0,0.001",
-        "m/sqrt(Hz)",
-        0.0,
-    )
-    assert answer["frequency_hz"] == [0.3, 3.0, 4.0]
-    found = expected([0.3, 3.0, 4.0], "test.x@0,0,0.001")
-    assert answer["displacement_asd"] == found.amplitude.tolist()
-    assert answer["contributions"] == {name: part.tolist() for name, part in found.parts.items()}
-    power = np.sum([np.square(part) for part in answer["contributions"].values()], axis=0)
-    np.testing.assert_allclose(np.sqrt(power), answer["displacement_asd"], rtol=1e-12)
-
-
-def test_several_are_a_list(file, out):
-    answer = json_of(
-        file, out, "--output", "test.x", "--output", "test.pitch", "--output", "upper.z", *GRID
-    )
-    keys = "command design fidelity frequency_hz noises without_loss estimated_error"
-    assert list(answer) == keys.split()
-    assert [(one["output"], one["unit"]) for one in answer["noises"]] == [
-        ("test.x", "m/sqrt(Hz)"),
-        ("test.pitch", "rad/sqrt(Hz)"),
-        ("upper.z", "m/sqrt(Hz)"),
-    ]
-    assert {"output", "unit", "tilt_rad", "displacement_asd", "contributions"} == set(
-        answer["noises"][0]
-    )
-
-
-def test_defaults(file, out):
-    answer = json_of(file, out)
-    assert (answer["output"], answer["fidelity"]) == ("test.x", "violin")
-    frequency = answer["frequency_hz"]
-    assert (len(frequency), frequency[0], frequency[-1]) == (2000, 0.1, 1000.0)
-
-
-def test_defaults_from_the_design(out, tmp_path):
-    table = {"output": ["middle.z"], "frequency": "1:2:3:lin", "fidelity": "violin", "arm": 0}
-    answer = json_of(written(tmp_path, RAW | {"analysis": {"thermal": table}}, "triple.toml"), out)
-    assert (answer["output"], answer["fidelity"], answer["frequency_hz"]) == (
-        "middle.z",
-        "violin",
-        [1.0, 1.5, 2.0],
-    )
-
-
-@pytest.mark.parametrize(
-    ("table", "key"),
-    [({"outputs": "test.x"}, "outputs"), ({"fidelity": "guess"}, "fidelity"), ({"arm": -1}, "arm")],
-)
-def test_bad_defaults(table, key, out, tmp_path):
-    file = written(tmp_path, RAW | {"analysis": {"thermal": table}}, "triple.toml")
-    (line,) = assert_refused(run("thermal", file, "--json", "--out", out), file, out)
-    assert line.startswith(f"analysis.thermal.{key} = ")
-
-
-def test_along_the_beam_of_an_arm(file, out):
-    answer = json_of(file, out, "--arm", "4000", *GRID)
-    assert answer["tilt_rad"] == thermal.compute_arm_tilt(4000.0)
-    assert (
-        answer["displacement_asd"]
-        == expected(
-            [0.3, 3.0, 30.0], "test.x", "violin", thermal.compute_arm_tilt(4000.0)
-        ).amplitude.tolist()
-    )
+    return answer
 
 
 def test_several_mirrors(file, out):
@@ -174,14 +86,6 @@ def test_frequencies_that_are_printed(frequency, places):
 # refusals
 
 
-@pytest.mark.parametrize("arm", ["-1", "1e9", "nan", "x"])
-def test_bad_arms(arm, file, out):
-    result = run("thermal", file, "--json", "--out", out, "--arm", arm, *GRID)
-    assert result.exit_code == 2
-    assert "--arm" in result.stderr
-    assert not out.exists()
-
-
 def test_wires_without_material_or_cross_section(out, tmp_path):
     for change, problem in (
         ({"k": 1e4}, "has no cross-section"),
@@ -208,46 +112,7 @@ def test_wires_without_density(out, tmp_path):
     assert answer["estimated_error"] is None and "no density" in answer["error_unknown"]
 
 
-def test_a_design_without_loss(out, tmp_path):
-    raw = RAW | {
-        "materials": {
-            "steel302": {"loss": {"thermoelastic": False}},
-            "maraging": {"loss": {"angle": 0.0, "thermoelastic": False}},
-        }
-    }
-    file = written(tmp_path, raw, "triple.toml")
-    (line,) = assert_refused(run("thermal", file, "--json", "--out", out, *GRID), file, out)
-    assert line.startswith('--output = "test.x": nothing that moves with it dissipates')
-    assert "loss_angle" in line.partition(";")[2]
-
-
-def test_an_unstable_design_must_be_requested(file, out):
-    unstable = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
-    (line,) = assert_refused(run("thermal", file, "--json", "--out", out, *unstable), file, out)
-    assert "unstable" in line
-    result = run("thermal", file, "--json", "--out", out, "--allow-unstable", *unstable, "-q")
-    assert result.exit_code == 0
-    assert result.stderr.startswith("warning: triple is unstable")
-
-
 # files and pictures
-
-
-def test_pictures(file, out):
-    result = run(
-        "thermal",
-        file,
-        "--out",
-        out,
-        *["--frequency", "0.1:50:40", "--output", "test.x", "--output", "test.pitch"],
-    )
-    assert result.exit_code == 0
-    first = (out / "triple-thermal.png").read_bytes()
-    (out / "triple-thermal.png").unlink()
-    assert run("plot", out / "triple-thermal.h5").exit_code == 0
-    assert (out / "triple-thermal.png").read_bytes() == first
-    run("thermal", file, "--out", out, "--frequency", "7", "--no-plot")
-    assert run("plot", out / "triple-thermal.h5").exit_code == 0
 
 
 def many(sources):

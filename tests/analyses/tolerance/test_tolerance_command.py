@@ -1,20 +1,28 @@
-"""What `pendsus tolerance` promises: the summary, the file, and which tables it refuses."""
+"""Yields, static poses of builds against geometry, the summary, the file, and which tables pendsus
+tolerance refuses."""
 
 from __future__ import annotations
 
+import re
 import tomllib
 from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
 
+import suspension_cli as sus
 from suspension_cli.analyses.tolerance import report
 from suspension_cli.analyses.tolerance.statistics import QUANTILES
 from suspension_cli.equilibrium import solve as equilibrium
-from tests.support.commandline import edited, run, strict_json, written
+from suspension_cli.rotations import rotation_minus_identity, rotation_vector
+from tests.analyses.tolerance.test_tolerance import job_of
+from tests.support.commandline import assert_refused, document, run, strict_json, written
 from tests.support.couplings import FILE
 from tests.support.golden import CONFIGS
+from tests.support.paper import table_1
 
 RAW = tomllib.loads(FILE.read_text())
 TRIPLE = CONFIGS / "triple-tolerance.toml"
@@ -27,17 +35,9 @@ def scattered(folder, **table):
 
 def tolerance(file, out, *options, builds=120):
     """The JSON document of a run that must succeed."""
-    result = run(
-        "tolerance",
-        file,
-        "--builds",
-        str(builds),
-        *["--json", "--workers", "1", "--out"],
-        out,
-        *options,
+    return document(
+        "tolerance", file, "--builds", str(builds), *["--workers", "1", "--out"], out, *options
     )
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
 
 
 def test_one_factor_explains_everything(tmp_path):
@@ -98,56 +98,6 @@ def test_nothing_but_failures(tmp_path, monkeypatch):
     )
 
 
-def test_defaults_come_from_the_design(tmp_path):
-    raw = edited(
-        RAW,
-        {
-            ("tolerance",): {"body": [{"stage": "test", "com": {"normal": 1e-4}}]},
-            ("analysis",): {"tolerance": {"builds": 12, "seed": 4, "limit": 1e-5, "frequency": 20}},
-        },
-    )
-    file = written(tmp_path, raw)
-    result = run("tolerance", file, "--json", "--out", tmp_path)
-    answer = strict_json(result.stdout)
-    assert (
-        answer["builds"],
-        answer["seed"],
-        answer["coupling"]["limit"],
-        answer["coupling"]["frequency_hz"],
-    ) == (12, 4, 1e-5, 20.0)
-    assert (
-        strict_json(run("tolerance", file, "--json", "--out", tmp_path, "--seed", "5").stdout)[
-            "modes"
-        ]
-        != answer["modes"]
-    )
-    assert (
-        strict_json(run("tolerance", file, "--json", "--out", tmp_path, "--workers", "1").stdout)
-        == answer
-    )
-
-
-BODY = {"stage": "test", "mass": {"normal": 0.01}}
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--builds", "0"),
-        ("--seed", "-1"),
-        ("--limit", "0"),
-        ("--builds", "many"),
-        ("--chunk", "0"),
-        ("--workers", "0"),
-    ],
-)
-def test_bad_options_are_refused(options, tmp_path):
-    file = scattered(tmp_path, body=[BODY])
-    result = run("tolerance", file, *options, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert not (tmp_path / "out").exists()
-
-
 def test_the_default_is_what_the_builds_need(tmp_path):
     """Bending changes their couplings by a third; the error of strings, from extreme builds,
     against all builds."""
@@ -170,8 +120,7 @@ def test_the_default_is_what_the_builds_need(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("unit", "change"),
-    [("1", "+0.02 Hz per %"), ("m", "+0.002 Hz per mm"), ("kg", "+2 Hz per kg")],
+    ("unit", "change"), [("1", "+0.02 Hz per %"), ("m", "+0.002 Hz per mm"), ("kg", "+2 Hz per kg")]
 )
 def test_changes_are_per_step_of_the_unit(unit, change):
     """A factor by one per cent; a number of another unit never by 0.01 of it, called a per cent."""
@@ -181,3 +130,175 @@ def test_changes_are_per_step_of_the_unit(unit, change):
     results = SimpleNamespace(quantity=quantity, rank=np.array([1.0]), slope=np.array([2.0]))
     found = report._causes(summary, results, 1)  # pyright: ignore
     assert found == f"test n +1.00 ({change})"
+
+
+FILE = "triple-tolerance-tolerance.h5"
+
+
+def test_rotation_vectors_are_scipys():
+    rng = np.random.default_rng(4)
+    vector = rng.normal(size=(5, 3)) * np.array([1e-12, 1e-6, 1e-3, 0.1, 1.0])[:, None]
+    turn = rotation_minus_identity(vector)
+    np.testing.assert_allclose(rotation_vector(turn), vector, rtol=1e-14)
+    np.testing.assert_allclose(
+        rotation_vector(turn[2:]), Rotation.from_matrix(np.eye(3) + turn[2:]).as_rotvec(), rtol=1e-9
+    )
+    assert (rotation_vector(np.zeros((2, 3, 3))) == 0).all()
+
+
+def test_statics_of_wires_of_unequal_length():
+    """On four plumb wires at the height of the COM a body lies in the plane that fits their ends
+    best: height, roll and pitch from the changes of length; to 1 %, for what gravity resists."""
+    wires = [{"stage": "test", "length": {"uniform": 2e-6}}]
+    job = job_of(table_1(1) | {"tolerance": {"wire": wires}}, 20)
+    longer, found = job.deviations(0, 20), job.compute(0, 20)
+    ends = job.scene.wires.lower_point
+    x, y = ends[:, 0], ends[:, 1]
+    static = found["static"][:, 0]
+    scale = 2e-6
+    np.testing.assert_allclose(static[:, 2], -longer.mean(1), atol=0.01 * scale)
+    np.testing.assert_allclose(
+        static[:, 3], -longer @ y / (y**2).sum(), atol=0.01 * scale / np.abs(y).max()
+    )
+    np.testing.assert_allclose(
+        static[:, 4], longer @ x / (x**2).sum(), atol=0.01 * scale / np.abs(x).max()
+    )
+
+
+def test_statics_of_a_com_off_its_place():
+    """A pendulum on one wire at a height d above the COM hangs with the wire's line through the
+    COM: it turns by the offset over d, and the point where the COM is as drawn moves by it."""
+    raw = {
+        "design": {"name": "one"},
+        "stage": [
+            {
+                "name": "test",
+                "body": {"mass": 5.0, "inertia": [0.02, 0.02, 0.03]},
+                "wires": {"count": 1, "l": 0.3, "d": 0.02, "k": 1e6},
+            }
+        ],
+        "tolerance": {"body": [{"stage": "test", "com": {"uniform": 1e-4}}]},
+    }
+    job = job_of(raw, 30)
+    offset, static = job.deviations(0, 30), job.compute(0, 30)["static"][:, 0]
+    arm = 0.02 - offset[:, 2]
+    angle = np.arctan2(np.hypot(offset[:, 0], offset[:, 1]), arm)
+    np.testing.assert_allclose(np.hypot(static[:, 3], static[:, 4]), angle, rtol=1e-9)
+    np.testing.assert_allclose(static[:, 4] / -static[:, 3], offset[:, 0] / offset[:, 1], rtol=1e-6)
+    assert (static[:, 4] * offset[:, 0] > 0).all()  # the heavier side goes down
+    # the wire stays plumb, and the lower end in its place: the point is d below it in the body
+    np.testing.assert_allclose(static[:, 0], -0.02 * np.sin(static[:, 4]), rtol=1e-3)
+    np.testing.assert_allclose(static[:, 2], 0.02 * (1 - np.cos(angle)), rtol=1e-3)
+
+
+REQUIRE = (
+    "test static pitch < 0.05",
+    "upper static height in -1e-4:2e-4",
+    "test pitch in 0.49:0.51",
+    "coupling < 1e-3",
+    "test.x/support.x:10 > 5e-6",
+)
+
+
+def test_yields(tmp_path):
+    """Those of the file's columns, with Wilson's intervals; `plot` finds them again."""
+    words = [word for text in REQUIRE for word in ("--require", text)]
+    raw = tomllib.loads(TRIPLE.read_text())
+    raw["tolerance"].pop("require")
+    base = (written(tmp_path, raw), "--builds", "150", "--fidelity", "string", "--workers", "1")
+    reported = run("tolerance", *base, "--out", tmp_path, *words)
+    assert reported.exit_code == 0, reported.stderr
+    answer = sus.load(tmp_path / FILE).document()
+    with h5py.File(tmp_path / FILE) as stored:
+        group = stored["tolerance"]
+        static, frequency = group["static"][:], group["frequency"][:]
+        labels = group["mode_label"].asstr()[:].tolist()
+        pitch = frequency[:, labels.index("test pitch")]
+        met = np.array(
+            [
+                np.abs(static[:, 2, 4]) < 0.05,
+                (static[:, 0, 2] >= -1e-4) & (static[:, 0, 2] <= 2e-4),
+                (pitch >= 0.49) & (pitch <= 0.51),
+                np.abs(group["ratio"][:, 0]) < 1e-3,
+                np.abs(group["response"][:, 0]) > 5e-6,
+            ]
+        )
+        assert group["yield"][:] == pytest.approx(met.mean(1))
+        assert group.attrs["yield_of_all"] == pytest.approx(met.all(0).mean())
+        assert group["static_mean"][:] == pytest.approx(static.mean(0), rel=1e-12)
+        np.testing.assert_allclose(
+            group["static_quantiles"][:], np.moveaxis(np.quantile(static, QUANTILES, 0), 0, -1)
+        )
+    assert len(answer["requirements"]) == 5
+    for item, row in zip(
+        [*answer["requirements"], answer["all_requirements"]], [*met, met.all(0)], strict=True
+    ):
+        assert item["yield"] == pytest.approx(row.mean())
+        expected = stats.binomtest(int(row.sum()), 150).proportion_ci(method="wilson")
+        assert item["interval"] == pytest.approx(tuple(expected))
+    pitches = next(s for s in answer["statics"] if s["quantity"] == "test static pitch")
+    assert pitches["unit"] == "rad"
+    assert pitches["std"] == pytest.approx(static[:, 2, 4].std())
+    assert "|test static pitch| < 50 mrad" in reported.stdout
+    assert "all together" in reported.stdout
+    assert "% of builds lie below 0.001" in reported.stdout
+    assert {path.name for path in tmp_path.glob("triple*")} == {FILE, FILE[:-3] + ".png"}
+    # only what is significant is printed
+    least = answer["significant_correlation"]
+    assert least == pytest.approx(3 / np.sqrt(150))
+    printed = [abs(float(word)) for word in re.findall(r" ([-+]\d\.\d\d) \(", reported.stdout)]
+    assert printed and min(printed) > least - 0.005
+
+
+def test_requirements_of_the_design_and_sobol_indices(tmp_path):
+    """The vertical mode of a stage varies with its mass alone: f ~ m^(-1/2)."""
+    table = {
+        "body": [{"stage": "test", "mass": {"normal": 0.001}, "com": {"normal": 1e-5}}],
+        "require": [
+            {"quantity": "test vertical", "above": 1.0},
+            {"quantity": "test static pitch", "band": [-1, 1]},
+        ],
+    }
+    file = written(tmp_path, table_1(1) | {"tolerance": table})
+    result = run(
+        *("tolerance", file, "--builds", "2100", "--sampling", "sobol", "--sobol-indices"),
+        *("--fidelity", "string", "--workers", "1", "--json", "--out", tmp_path),
+    )
+    assert result.exit_code == 0, result.stderr
+    assert "Sobol indices of 2 tolerances: (2 + 2) x 512 = 2,048 builds" in result.stderr
+    answer = strict_json(result.stdout)
+    assert (answer["builds"], answer["independent"], answer["sampling"]) == (2048, 1024, "sobol")
+    found = answer["sobol_indices"]
+    assert found["tolerances"] == ["test body mass", "test body com"]
+    vertical = found["results"].index("test vertical")
+    assert [row[vertical] for row in found["total"]] == pytest.approx([1.0, 0.0], abs=0.1)
+    assert [item["requirement"] for item in answer["requirements"]] == [
+        "test vertical > 1 Hz",
+        "test static pitch in -1000 to 1000 mrad",
+    ]
+    assert answer["all_requirements"]["yield"] == 1.0
+    mode = answer["modes"][[m["label"] for m in answer["modes"]].index("test vertical")]
+    assert mode["std_hz"] / mode["nominal_hz"] == pytest.approx(0.0005, rel=0.02)
+    # replicates of a stratified sample: far below std / sqrt(N)
+    assert mode["mean_error_hz"] < 0.2 * mode["std_hz"] / np.sqrt(1024)
+
+
+def test_requirements_on_no_quantity_are_refused(tmp_path):
+    raw = tomllib.loads(TRIPLE.read_text())
+    raw["tolerance"]["require"] = [{"quantity": "test pitsch", "below": 1}]
+    file, out = written(tmp_path, raw), tmp_path / "out"
+    result = run("tolerance", file, "--fidelity", "string", "--out", out)
+    [line] = assert_refused(result, file, out)
+    assert line.startswith('tolerance.require.1.quantity = "test pitsch": is no quantity of builds')
+
+
+def test_check_finds_unknown_quantities(tmp_path):
+    raw = tomllib.loads(TRIPLE.read_text())
+    raw["tolerance"]["require"] = [
+        {"quantity": name, "below": 1}
+        for name in ("test pitch", "test pitsch", "test static pitch", "tset static pitch")
+    ]
+    result = run("check", written(tmp_path, raw))
+    found = [line for line in result.stderr.splitlines() if "is no quantity of builds" in line]
+    assert len(found) == 2
+    assert "tolerance.require.2.quantity" in found[0]

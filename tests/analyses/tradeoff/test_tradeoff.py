@@ -7,79 +7,34 @@ import pytest
 import tomli_w
 
 import suspension_cli as sus
-from suspension_cli.analyses import registry
-from suspension_cli.analyses.tradeoff import measure, picture
-from suspension_cli.analyses.tradeoff.result import Answer, Entry, Tradeoff, format_time
+from suspension_cli.analyses.tradeoff import picture
+from suspension_cli.analyses.tradeoff.result import Answer, Entry, format_time
 from suspension_cli.drawing.panels import COLUMN
-from suspension_cli.files.hdf5 import open_results
 from tests.support import scenes
-from tests.support.commandline import (
-    assert_refused,
-    from_template,
-    python,
-    run,
-    strict_json,
-    written,
-)
+from tests.support.commandline import python
 from tests.support.legible import assert_legible, said
 from tests.support.paths import CONFIGS
 from tests.support.quick_tradeoff import hurry
 
 CASE = CONFIGS / "husman2000" / "table1-case3.toml"
-STEM = "husman2000-table1-case3-tradeoff"
 MODELS = ["closed-form", "force", "string", "beam", "violin"]
 
 
 @pytest.fixture(scope="module")
-def out(tmp_path_factory):
-    """A folder with everything that a run writes, and its JSON."""
-    folder = tmp_path_factory.mktemp("out")
+def found():
     with pytest.MonkeyPatch.context() as patch:
         hurry(patch)
-        result = run("tradeoff", CASE, "--json", "--out", folder)
-    assert result.exit_code == 0, result.stderr
-    (folder / "answer.json").write_text(result.stdout)
-    return folder
+        return sus.tradeoff(sus.read(CASE))
 
 
 @pytest.fixture(scope="module")
-def loaded(out):
-    with open_results(out / f"{STEM}.h5") as results:
-        return registry.loaded(results, "")
-
-
-@pytest.fixture(scope="module")
-def answers(loaded):
-    modes, sweep, low, high, noise, coupling = loaded.answers
-    return {
-        "modes": modes,
-        "sweep": sweep,
-        "low": low,
-        "high": high,
-        "noise": noise,
-        "coupling": coupling,
-    }
+def answers(found):
+    names = ("modes", "sweep", "low", "high", "noise", "coupling")
+    return dict(zip(names, found.answers, strict=True))
 
 
 def errors(answer):
     return {entry.model: entry.error for entry in answer.entries if np.isfinite(entry.error)}
-
-
-def test_json(out, loaded):
-    answer = strict_json((out / "answer.json").read_text())
-    assert list(answer) == ["command", "design", "questions"]
-    assert {part["quantity"] for part in answer["questions"]} == {
-        "modes",
-        "response",
-        "thermal",
-        "coupling",
-    }
-    for part in answer["questions"]:
-        assert [one["model"] for one in part["models"]] == MODELS
-        assert (part["reference"], part["models"][-1]["error"]) == ("violin", 0.0)
-        assert all((one["time_s"] is None) == bool(one["left_out"]) for one in part["models"])
-        assert part["advice"].startswith(f"Use {part['best']}")
-    assert loaded.document() == answer
 
 
 # Errors, against the results of the other commands.
@@ -117,23 +72,6 @@ def test_errors_of_responses(answers, band):
     assert low["beam"] < low["string"] < 0.05 and min(high["beam"], high["string"]) > 0.5
 
 
-def test_errors_of_noise_and_coupling(answers):
-    design = sus.read(str(CASE))
-    frequency = np.geomspace(10.0, 100.0, 200)
-    beam, violin = (
-        sus.thermal(design, outputs="test.x", frequency=frequency, fidelity=name).data[0].amplitude
-        for name in MODELS[3:]
-    )
-    assert errors(answers["noise"])["beam"] == pytest.approx(np.abs(beam / violin - 1).max(), 0.02)
-    assert [entry.model for entry in answers["noise"].options] == ["beam", "violin"]
-    sweep = {"sweep": "k,offset"}
-    builds = {name: sus.xcouple(design, **sweep, fidelity=name).ratio for name in MODELS[2:]}
-    exact = builds["violin"]
-    for name in ("string", "beam"):
-        wanted = np.abs(builds[name] - exact).max() / np.abs(exact).max()
-        assert errors(answers["coupling"])[name] == pytest.approx(wanted, rel=1e-9)
-
-
 def hanging(stage):
     return sus.parse(tomli_w.dumps(scenes.raw_of(stage)))
 
@@ -163,12 +101,6 @@ def test_models_that_are_left_out(monkeypatch):
     assert_legible(picture.draw(found.data, "Springs"))
 
 
-def test_designs_beyond_symmetric_chains(monkeypatch):
-    hurry(monkeypatch)
-    found = sus.tradeoff(sus.example("five-wires"), quantities="modes")
-    assert [entry.model for entry in found.answers[0].options] == MODELS[2:]
-
-
 # Advice.
 
 
@@ -190,20 +122,6 @@ def test_advice():
     )
 
 
-def test_works_take_turns_within_the_budget(monkeypatch):
-    clock, calls = [0.0], []
-    monkeypatch.setattr(measure.time, "process_time", lambda: clock[0])
-
-    def work(name, seconds):
-        calls.append(name)
-        clock[0] += seconds
-
-    found = measure.median_times([lambda: work("a", 0.1), lambda: work("b", 0.6)])
-    assert found == pytest.approx([0.1, 0.6])
-    assert "".join(calls) == "abab" + 5 * "a"
-    assert measure.median_times([lambda: None])[0] > 0  # others are divided by it
-
-
 def test_words():
     assert [format_time(value) for value in (2.0, 0.0123, 83e-6)] == ["2 s", "12 ms", "83 µs"]
 
@@ -211,63 +129,22 @@ def test_words():
 # Text, files, pictures.
 
 
-def test_text(loaded):
-    text = str(loaded)
-    assert "fastest model within 0.1 % of violin" in text
-    for answer in loaded.answers:
-        assert f"  {answer.question}  " in text and answer.advice in text
-    assert "force left out of cross-coupling at 50 Hz: it has no imperfect builds" in text
-    assert max(map(len, text.splitlines())) < 150
-
-
-def test_picture(out, loaded):
-    """One column wide, one chart per question, with its advice; the same from the file alone."""
-    figure = picture.draw(loaded.data, "Made up")
+def test_picture(found):
+    """One column wide, one chart per question, with its advice."""
+    figure = found.plot()
     words = said(figure)
     assert_legible(figure)
-    assert figure.get_figwidth() == COLUMN and len(figure.axes) == len(loaded.answers)
-    for axes, answer in zip(figure.axes, loaded.answers, strict=True):
+    assert figure.get_figwidth() == COLUMN and len(figure.axes) == len(found.answers)
+    for axes, answer in zip(figure.axes, found.answers, strict=True):
         assert {one.model for one in answer.options} <= {text.get_text() for text in axes.texts}
-        assert answer.advice in " ".join(words)
+        assert answer.advice in " ".join(words) and answer.advice in str(found)
         (best,) = [line for line in axes.lines if line.get_markersize() > 8]
         unit = {"processor time (ms)": 1e-3, "processor time (µs)": 1e-6}[axes.get_xlabel()]
         assert best.get_xdata()[0] * unit == pytest.approx(answer.best.time)
-    assert run("plot", out / f"{STEM}.h5", "--out", out).exit_code == 0
-    assert (out / f"{STEM}.png").stat().st_size > 10_000
-
-
-def test_quantity(tmp_path, monkeypatch):
-    """On the command line and in the design's table."""
-    hurry(monkeypatch)
-    text = CASE.read_text() + '\n[analysis.tradeoff]\nquantity = ["thermal"]\n'
-    file = written(tmp_path, text)
-    for options, wanted in (((), ["thermal"]), (("--quantity", "coupling"), ["coupling"])):
-        result = run("tradeoff", file, *options, "--json", "--csv", "--out", tmp_path / "out")
-        assert result.exit_code == 0, result.stderr
-        found = strict_json(result.stdout)["questions"]
-        assert [part["quantity"] for part in found] == wanted
-    rows = (tmp_path / "out" / f"{STEM}.csv").read_text().splitlines()
-    assert len([row for row in rows if "cross-coupling" in row]) == len(MODELS)
-
-
-def test_refusals(tmp_path):
-    out, file = tmp_path / "out", from_template(tmp_path)
-    (line,) = assert_refused(
-        run("tradeoff", file, "--set", "stage.test.wires.d=-0.3", "--out", out), file, out
-    )
-    assert "unstable" in line and "--allow-unstable" not in line
-    missing = tmp_path / "missing.toml"
-    assert_refused(run("tradeoff", missing, "--out", out), missing, out)
-    for options in (["--quantity", "mode"], ["--fidelity", "beam"]):
-        assert run("tradeoff", file, *options, "--out", out).exit_code == 2
-    assert not out.exists()
-
-
-def test_nothing_to_compare():
-    entry = Entry("thermal", "noise", "violin", np.nan, np.nan, "", "nothing dissipates")
-    found = Tradeoff((entry,))
-    assert found.answers[0].advice == "left out: nothing dissipates"
-    assert picture.draw(found, "Nothing").axes == []
+    for part in found.document()["questions"]:
+        assert [one["model"] for one in part["models"]] == MODELS
+        assert (part["reference"], part["models"][-1]["error"]) == ("violin", 0.0)
+        assert part["advice"].startswith(f"Use {part['best']}")
 
 
 def test_numpy_reads_the_number_of_threads():

@@ -117,52 +117,6 @@ def test_every_digit_of_a_tiny_coupling(hold, name):
     assert (np.abs(found - expected) <= 1e-11 * np.abs(expected) + 2e-18).all()
 
 
-MIRROR_Y, MIRROR_X = np.array([1.0, -1.0, 1.0]), np.array([-1.0, 1.0, 1.0])
-SAME_BUILD = {1: np.ones(3), 2: MIRROR_Y, 3: MIRROR_X, 4: MIRROR_X * MIRROR_Y}
-"""Wire n is wire 1 mirrored in y, in x, in both; its offsets must be mirrored likewise for the same
-build seen in that mirror."""
-
-
-@pytest.mark.parametrize(
-    ("over", "mirror_x", "mirror_y"),
-    [("x", -1, 1), ("y", 1, -1), ("yaw", -1, -1), ("pitch", -1, 1), ("roll", 1, -1)],
-)
-@pytest.mark.parametrize("hold", ["natural-length"])
-def test_which_of_the_four_wires(over, mirror_x, mirror_y, hold):
-    """The mirror image of a build couples with the sign of its motion in the mirror; z is even in
-    both.
-
-    x and pitch are odd in x alone, y and roll in y alone, yaw (an axial vector along z) in both: so
-    with the same k wires 1 and 2 give the same x over z, wires 3 and 4 its opposite.
-    """
-    rng = np.random.default_rng(7)
-    k, length = rng.uniform(0.7, 1.4, 20), rng.uniform(-1e-5, 1e-5, 20)
-    upper, lower = rng.uniform(-5e-4, 5e-4, (2, 20, 3))
-    found = {}
-    for wire, flip in SAME_BUILD.items():
-        offsets = {
-            stem + axis: (vector * flip)[:, n]
-            for stem, vector in (("offset", upper), ("lower_offset", lower))
-            for n, axis in enumerate(("", "_y", "_z"))
-        }
-        requested = question(wire=f"test.{wire}", hold=hold, over=over)
-        found[wire] = (
-            ratios({"k": k, "length": length, **offsets}, requested)
-            if over in "xy"
-            else ratios({"k": k, "length": length, **offsets}, at_com(requested, over))
-        )
-    assert np.abs(found[1]).min() > 1e-9
-    for wire, sign in {2: mirror_y, 3: mirror_x, 4: mirror_x * mirror_y}.items():
-        np.testing.assert_allclose(found[wire], sign * found[1], rtol=1e-9, atol=1e-15)
-
-
-def at_com(requested, over):
-    """The same question about a rotation."""
-    return type(requested)(
-        **vars(requested) | {"over": signals.parse_output(f"test.{over}", ("support", "test"))}
-    )
-
-
 def figure_6(hold):
     """The sweep that the design requests, and its ratios (k, offset)."""
     table = FIGURE_6.analysis["xcouple"]

@@ -3,7 +3,6 @@ by one, strings, finite elements, mirrors and turns."""
 
 from __future__ import annotations
 
-import copy
 import tomllib
 from dataclasses import replace
 
@@ -11,19 +10,17 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.xcouple import solve as coupling
-from suspension_cli.analyses.xcouple.solve import Sweep
-from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
 from suspension_cli.studies import builds
-from suspension_cli.studies.job import Axis
 from tests.analyses.xcouple.test_xcouple_builds import perturbed, random_builds
 from tests.support import finite_elements, lossy, scenes
-from tests.support.commandline import assert_refused, edited, run, written
+from tests.support.commandline import edited
 from tests.support.couplings import FIGURE_6, FILE, TRIPLE_FILE, answers, question
 
 LEVELS = ("beam", "violin")
+BY_TURNS = ("string", *LEVELS)
 on_both = pytest.mark.parametrize("level", LEVELS)
 
 
@@ -61,8 +58,8 @@ def test_what_a_file_of_each_build_gives(kind):
 
     One length is held or the other, on one model or the other, by turns.
     """
-    level, number = LEVELS[list(KINDS).index(kind) % 2], list(KINDS).index(kind)
-    hold = ("loaded-length", "natural-length")[number // 2 % 2]
+    number = list(KINDS).index(kind)
+    level, hold = BY_TURNS[number % 3], ("loaded-length", "natural-length")[number // 2 % 2]
     raw = KINDS[kind]()
     design = scenes.design_of(raw)
     wire = f"{design.stage[-1].name}.1"
@@ -81,67 +78,6 @@ def test_what_a_file_of_each_build_gives(kind):
         )
         assert (np.abs(found["over"][n] - over) < 1e-9 * np.abs(over) + 2e-12 * np.abs(under)).all()
         assert (np.abs(found["under"][n] - under) < 1e-11 * np.abs(under)).all()
-
-
-@pytest.mark.parametrize("level", ["violin"])
-def test_dotted_paths(level):
-    """Also what wires are made of, how they are clamped and how much they lose."""
-    paths = {
-        "stage.test.wires.s": (0.004, 0.006),
-        "stage.test.wires.radius": (1e-4, 1.5e-4),
-        "materials.fused-silica.loss_angle": (0.0, 1e-3),
-        "stage.test.body.radius": (0.08, 0.09),
-    }
-    raw = tomllib.loads(FILE.read_text()) | {"gas": {"pressure": 1.0, "molar_mass": 0.029}}
-    requested = question(frequency=(3.0, 50.0))
-    for path, pair in paths.items():
-        job = Sweep(
-            reader.write_toml(raw),
-            (Axis(path, pair), Axis("k", (0.9, 1.1))),
-            requested,
-            level=level,
-        )
-        found = job.compute(0, job.count)
-        for n, (i, j) in enumerate(np.ndindex(job.shape)):
-            given = copy.deepcopy(raw)
-            reader.apply_overrides(given, (f"{path}={pair[i]!r}",))
-            over, under = one_by_one(
-                given | {"perturbation": [{"wire": "test.1", "k_factor": (0.9, 1.1)[j]}]},
-                requested,
-                level,
-            )
-            np.testing.assert_allclose(found["over"][n], over, rtol=1e-9)
-            np.testing.assert_allclose(found["under"][n], under, rtol=1e-9)
-        assert np.abs(found["over"][0] / found["over"][2] - 1).min() > 1e-7  # what is swept matters
-
-
-@pytest.mark.parametrize("level", ["beam"])
-def test_thin_wires_are_strings(level):
-    """Of the same k, but so thin that they neither bend (u / l goes with the square of their
-    radius) nor weigh anything."""
-    raw = tomllib.loads(FILE.read_text())
-    k = {
-        ("stage", 0, "wires", "k"): 1.2e4,
-        ("materials", "fused-silica"): {"loss": {"angle": 0.0, "thermoelastic": False}},
-    }
-    requested = question(frequency=(2.0, 50.0))
-    values = random_builds(np.random.default_rng(8), 8)
-    strings = answers(values, requested, scenes.design_of(edited(raw, k)), "string")["over"]
-    away = [
-        np.abs(
-            answers(
-                values,
-                requested,
-                scenes.design_of(edited(raw, k | {("stage", 0, "wires", "radius"): radius})),
-                level,
-            )["over"]
-            / strings
-            - 1
-        ).max()
-        for radius in (1e-5, 1e-6, 1e-7)
-    ]
-    assert away == pytest.approx([away[0], away[0] / 100, away[0] / 10000], rel=0.05)
-    assert away[2] < 1e-5
 
 
 @pytest.mark.parametrize("frequency", [50.0, 2000.0])
@@ -198,31 +134,6 @@ def test_a_tiny_coupling_is_in_proportion_down_to_its_last_digits(name, level):
     assert error[1:].max() < (1e-4 if not paired else 1e-3)
 
 
-@pytest.mark.parametrize("level", ["violin"])
-def test_a_design_turned_by_a_quarter(level):
-    """No symmetry, blades, full losses: x over z of one is y over z of the other, whichever way the
-    wire's end went."""
-    raw = lossy.raw("five")
-    turned = scenes.rotated(raw, np.pi / 2)
-    one, other = scenes.design_of(raw), scenes.design_of(turned)
-    wire = f"{one.stage[-1].name}.2"
-    rng = np.random.default_rng(4)
-    x, y, z, k = (
-        rng.uniform(-5e-4, 5e-4, 6),
-        rng.uniform(-5e-4, 5e-4, 6),
-        rng.uniform(-1e-4, 1e-4, 6),
-        rng.uniform(0.8, 1.2, 6),
-    )
-    requested = question(one, wire, frequency=(3.0, 50.0, 400.0))
-    found = answers({"k": k, "offset": x, "offset_y": y, "lower_offset": z}, requested, one, level)
-    again = question(other, wire, frequency=(3.0, 50.0, 400.0), over="y")
-    mirrored = answers(
-        {"k": k, "offset": -y, "offset_y": x, "lower_offset_y": z}, again, other, level
-    )
-    assert not found["status"].any()
-    np.testing.assert_allclose(mirrored["ratio"], found["ratio"], rtol=1e-8)
-
-
 UNEVEN = {
     "clamp": {"clamp": {"upper": [0.1, 0.0, -1.0]}},
     "radius": {"radius": 4e-4},
@@ -270,17 +181,3 @@ def test_wires_that_bend_otherwise_are_no_mirror_images(kind, level):
     assert found.mirrors.tolist() == [[False, True]]
     batch = builds.transfer(found, np.array([2.0, 30.0]), drive, outputs)[0, :, :, 0]
     np.testing.assert_allclose(batch, single, rtol=1e-6 if kind == "temperature" else 1e-9)
-
-
-def test_wires_known_by_their_constant_alone_do_not_bend(tmp_path):
-    wires = {"count": 4, "l": 0.28, "s": 0.005, "t1": 0.09, "t2": 0.09, "d": 0.001, "k": 1e4}
-    raw = scenes.raw_of(
-        {"name": "test", "body": {"mass": 5.6, "inertia": [0.02, 0.02, 0.02]}, "wires": wires}
-    )
-    file = written(tmp_path, scenes.plain(raw))
-    [line] = assert_refused(
-        run("xcouple", file, "--fidelity", "violin", "--out", tmp_path / "out"),
-        file,
-        tmp_path / "out",
-    )
-    assert "has no cross-section" in line

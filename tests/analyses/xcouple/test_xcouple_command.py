@@ -1,22 +1,40 @@
-"""What `pendsus xcouple` promises: JSON, defaults from the design, the file, failures that are
-reported, faults that stop it."""
+"""Cross-coupling as a command: JSON, failures, faults; and the error of each model against whole
+sweeps in the most complete one."""
 
 from __future__ import annotations
 
-import os
+import json
+import math
 import pickle
 import tomllib
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses import settings, sweeping
+from suspension_cli.analyses import model_choice
+from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep, coupling_change
+from suspension_cli.design import reader
+from suspension_cli.design.reader import Source
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.errors import Fault, InputError
-from tests.support.commandline import MISSING, assert_refused, edited, run, strict_json, written
-from tests.support.couplings import FIGURE_6, FILE, answers, question
+from suspension_cli.linear import signals
+from suspension_cli.models import registry
+from suspension_cli.models.choice import ONE_MODEL_ONLY
+from suspension_cli.studies.job import Axis
+from tests.support.commandline import (
+    MISSING,
+    assert_refused,
+    document,
+    edited,
+    run,
+    strict_json,
+    written,
+)
+from tests.support.couplings import FILE
+from tests.support.paths import CONFIGS
 
 RAW = tomllib.loads(FILE.read_text())
 TABLE = ("analysis", "xcouple")
@@ -26,78 +44,7 @@ NAME = "husman2000-figure6-xcouple"
 def xcouple(file, out, *options):
     """The JSON document of a run that must succeed; options as one types them, or in words."""
     options = options[0].split() if len(options) == 1 else options
-    result = run("xcouple", file, "--json", "--workers", "1", "--out", out, *options)
-    assert result.exit_code == 0, result.stderr
-    return strict_json(result.stdout)
-
-
-def test_json_first_axis_first(tmp_path):
-    answer = xcouple(FILE, tmp_path, "--sweep offset=-1e-3:1e-3:3,k=0.9:1.2:4,length=0,1e-5")
-    assert answer["command"] == "xcouple"
-    assert answer["design"] == "husman2000-figure6"
-    assert [axis["name"] for axis in answer["axes"]] == ["offset", "k", "length"]
-    offset, k, length = (np.array(axis["values"]) for axis in answer["axes"])
-    np.testing.assert_allclose(offset, [-1e-3, 0.0, 1e-3], atol=1e-18)
-    assert length.tolist() == [0.0, 1e-5]
-    real, imag = np.array(answer["ratio_real"]), np.array(answer["ratio_imag"])
-    assert real.shape == imag.shape == (3, 4, 2)
-    assert answer["frequency_hz"] == 50.0
-    assert (answer["input"], answer["over"], answer["under"]) == (
-        "support.z",
-        "test.x@0,0,-0.001",
-        "test.z@0,0,-0.001",
-    )
-    assert answer["hold"] == "loaded-length"
-    assert answer["failures"] == {}
-    grid = np.meshgrid(offset, k, length, indexing="ij")
-    found = answers(
-        dict(zip(("offset", "k", "length"), (values.ravel() for values in grid), strict=True))
-    )["ratio"][:, 0]
-    assert np.array_equal(real.ravel(), found.real)
-    assert not imag.any()
-
-
-def test_several_frequencies_come_last(tmp_path):
-    answer = xcouple(FILE, tmp_path, "--sweep k=1.1,1.2 --frequency 10:100:3")
-    np.testing.assert_allclose(answer["frequency_hz"], [10.0, 1000**0.5, 100.0])
-    assert np.array(answer["ratio_real"]).shape == (2, 3)
-    for n, frequency in enumerate(answer["frequency_hz"]):
-        one = xcouple(FILE, tmp_path, "--sweep", "k=1.1,1.2", "--frequency", repr(frequency))
-        assert one["ratio_real"] == [row[n] for row in answer["ratio_real"]]
-
-
-def test_defaults_come_from_the_design(tmp_path):
-    answer = xcouple(FILE, tmp_path)
-    assert [len(axis["values"]) for axis in answer["axes"]] == [41, 5]
-    assert np.abs(answer["ratio_real"]).max() == pytest.approx(5.9e-4, rel=0.02)
-    more = {
-        "k": [0.9, 1.1],
-        "offset": 1e-3,
-        "wire": "test.3",
-        "frequency": 20,
-        "observe": "test@0,0,0.002",
-        "hold": "natural-length",
-        "sweep": "offset,k",
-    }
-    file = written(tmp_path, edited(RAW, {TABLE: more}))
-    answer = xcouple(file, tmp_path)
-    assert answer["axes"] == [
-        {"name": "offset", "values": [1e-3]},
-        {"name": "k", "values": [0.9, 1.1]},
-    ]
-    assert (answer["frequency_hz"], answer["hold"], answer["over"]) == (
-        20.0,
-        "natural-length",
-        "test.x@0,0,0.002",
-    )
-    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
-        assert stored["xcouple"].attrs["wire"] == "test.3"
-    again = xcouple(
-        file,
-        tmp_path,
-        "--frequency 50 --wire test.1 --sweep k=1.1 --hold loaded-length --observe test@0,0,-0.001",
-    )
-    assert again["ratio_real"] == xcouple(FILE, tmp_path, "--sweep k=1.1")["ratio_real"]
+    return document("xcouple", file, "--workers", "1", "--out", out, *options)
 
 
 def test_defaults_without_a_table(tmp_path):
@@ -110,21 +57,6 @@ def test_defaults_without_a_table(tmp_path):
         " test@0,0,-0.001 --fidelity auto",
     )
     assert xcouple(file, tmp_path) == given
-
-
-def test_body_and_over(tmp_path):
-    answer = xcouple(
-        FILE,
-        tmp_path,
-        "--sweep com_y=0,1e-4,mass=0.99,1.01 --body test --over test.roll --input test.force_z",
-    )
-    assert (answer["over"], answer["input"]) == ("test.roll", "test.force_z")
-    assert np.array(answer["ratio_real"]).shape == (2, 2)
-    assert answer["ratio_real"][0] == [0.0, 0.0]
-    assert 0 not in answer["ratio_real"][1]
-    with h5py.File(tmp_path / f"{NAME}.h5") as stored:
-        units = [stored[f"xcouple/{name}"].attrs["units"] for name in ("ratio", "over", "under")]
-    assert units == ["rad/m", "rad/N", "m/N"]
 
 
 @pytest.fixture
@@ -176,22 +108,6 @@ def test_all_builds_failed(tmp_path, impatient):
     assert (tmp_path / f"{NAME}.png").exists()
 
 
-def test_no_ratio_where_nothing_moves(tmp_path):
-    """y over x of a perfect stage is 0 over 0: no number, and JSON has none."""
-    answer = xcouple(FILE, tmp_path, "--sweep k=1,1.1 --over test.y --under test.x")
-    assert answer["ratio_real"][0] is None
-    assert answer["ratio_imag"][0] is None
-    assert answer["ratio_real"][1] == pytest.approx(17.1, rel=0.01)
-
-
-def test_an_unstable_design_only_if_allowed(tmp_path):
-    topple = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0001")
-    assert "unstable" in run("xcouple", FILE, *topple, "--out", tmp_path).stderr
-    answer = xcouple(FILE, tmp_path, *topple, "--allow-unstable", "--sweep", "k=1.01,1.1")
-    assert answer["failures"] == {}
-    assert None not in answer["ratio_real"]
-
-
 ON_SPRINGS = """
 design = { name = "springs" }
 
@@ -230,89 +146,123 @@ def test_a_stage_without_wires(tmp_path):
     )
 
 
-def test_picture_unless_switched_off(tmp_path):
-    assert run("xcouple", FILE, "--out", tmp_path / "a", "--no-plot", "-q").exit_code == 0
-    assert [path.name for path in (tmp_path / "a").iterdir()] == [f"{NAME}.h5"]
-    result = run("xcouple", FILE, "--out", tmp_path / "b")
-    assert sorted(path.suffix for path in (tmp_path / "b").iterdir()) == [".h5", ".png"]
-    first, second, *_ = result.stdout.splitlines()
-    assert first.startswith("model: string (as requested); neglected: wire bending, 0.23 %")
-    assert second == "205 builds: wire test.1 changes, its loaded length is kept"
-
-
-@pytest.mark.parametrize("command", ["xcouple", "tolerance"])
-def test_a_motion_that_the_frame_does_not_have(command, tmp_path):
-    """Only an answer shows it; it must show before anything is written, and whoever computes."""
-    more = {
-        ("support",): {"stiffness": {"z": 1e6}},
-        ("tolerance",): {"body": [{"stage": "test", "com": {"normal": 1e-4}}]},
-    }
-    file = written(tmp_path, edited(RAW, more))
-    for workers in ("1", "2"):
-        result = run(
-            command,
-            file,
-            *["--over", "frame.x", "--chunk", "64", "--workers"],
-            workers,
-            "--out",
-            tmp_path / "out",
-        )
-        [line] = assert_refused(result, file, tmp_path / "out")
-        assert "the support structure is rigid in this direction" in line
-
-
 def test_faults_cross_from_worker_processes():
     fault = InputError([Fault("key", "problem", "remedy", "value")], "file")
     again = pickle.loads(pickle.dumps(fault))
     assert (str(again), again.faults, again.file) == (str(fault), fault.faults, fault.file)
 
 
-def test_a_file_name_that_is_no_text(tmp_path):
-    name = os.fsdecode(b"caf\xe9 one.toml")
-    written(tmp_path, FILE.read_bytes(), name)
-    result = run(
-        "xcouple", tmp_path / name, "--out", tmp_path / "out", "--sweep", "k=1.1", "--no-plot"
-    )
-    assert result.exit_code == 0
-    recorded = sweeping.recorded(
-        settings.command_line(
-            [
-                "pendsus",
-                "xcouple",
-                name,
-                *["--workers", "3", "--sweep", "k=1:2:3", "--out=here", "-q", "--chunk", "5"],
-            ]
-        )
-    )
-    assert recorded == "pendsus xcouple 'caf\\udce9 one.toml' --sweep k=1:2:3"
-    assert recorded.encode()
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "problem"),
-    [
-        ("wires", "test.1", "no option of this command"),
-        ("hold", "tight", "is not one of"),
-        ("k", "many", "is not a grid"),
-        ("k", True, "is not a grid"),
-    ],
-)
-def test_bad_tables_are_refused(key, value, problem, tmp_path):
-    file = written(tmp_path, edited(RAW, {(*TABLE, key): value}))
-    [line] = assert_refused(run("xcouple", file, "--out", tmp_path / "out"), file, tmp_path / "out")
-    assert problem in line
-    assert not (tmp_path / "out").exists()
-
-
-def test_the_answer_is_that_of_the_design_with_overrides(tmp_path):
-    answer = xcouple(FILE, tmp_path, "--sweep k=1.1 --set stage.test.wires.s=0.006")
-    swept = xcouple(FILE, tmp_path, "--sweep stage.test.wires.s=0.006,k=1.1")
-    assert answer["ratio_real"] == swept["ratio_real"][0]
-    assert answer["ratio_real"] != xcouple(FILE, tmp_path, "--sweep k=1.1")["ratio_real"]
-    assert question(FIGURE_6).wire == 0
-
-
 def test_a_frequency_at_which_waves_die_out_along_wires():
     """At 1 GHz losses damp a wave of stretching before it reaches the other end of a wire."""
     found = sus.xcouple(sus.template("single"), frequency=[1e9])
     assert np.isfinite(found.ratio).all()
+
+
+GRID = "k=0.9:1.1:3,offset=-1e-3:1e-3:3"
+
+
+def job(text, body):
+    known = ("support", body)
+    motions = (signals.parse_output(f"{body}.{dof}", known) for dof in "xz")
+    question = CouplingRequest(
+        0, 1, "loaded-length", signals.parse_input("support.z", known), *motions, (5.0, 50.0)
+    )
+    k, offset = np.linspace(0.8, 1.2, 7), np.linspace(-1e-3, 1e-3, 5)
+    return Sweep(text, (Axis("k", tuple(k)), Axis("offset", tuple(offset))), question)
+
+
+def choice_for(requested, wanted="auto", tolerance=1e-3):
+    source = Source(reader.parse(requested.text), requested.text, "")
+    change = coupling_change(requested)
+    return model_choice.for_builds(source, wanted, registry.SCENE_MODELS, change, tolerance)
+
+
+def test_corners_and_middles_give_the_error_of_the_whole_sweep():
+    requested = job((CONFIGS / "husman2000" / "figure6.toml").read_text(), "test")
+    old, new = (
+        replace(requested, level=level).compute(0, requested.count)["ratio"]
+        for level in ("string", "violin")
+    )
+    choice = choice_for(requested, "string")
+    assert choice.error == pytest.approx(np.abs(old - new).max() / np.abs(new).max(), rel=0.3)
+    assert 1e-4 < choice.error < 1e-1
+    assert choice_for(requested, tolerance=1.001 * choice.error).level == "string"
+    assert choice_for(requested, tolerance=0.999 * choice.error).level == "beam"
+    assert choice_for(requested, tolerance=1e-12).level == "violin"
+
+
+def test_the_default_is_what_the_couplings_need(tmp_path):
+    """To the tolerance: relative to the largest coupling."""
+    design = CONFIGS / "geo-silica-triple.toml"
+    found = {
+        words: json.loads(
+            run("xcouple", design, "--sweep", GRID, "--json", "--out", tmp_path, *words).stdout
+        )
+        for words in (
+            (),
+            ("--tolerance", "1"),
+            ("--tolerance", "0.05"),
+            ("--fidelity", "string"),
+            ("--fidelity", "violin"),
+        )
+    }
+    default, loose, medium, strings, exact = found.values()
+    levels = [one["fidelity"] for one in (default, loose, medium)]
+    assert levels == ["violin", "string", "beam"]
+    assert default["estimated_error"] == 0.0 < medium["estimated_error"] < 0.05
+    assert 0.05 < loose["estimated_error"] == strings["estimated_error"] < 1.0
+    assert default["ratio_real"] == exact["ratio_real"]
+    assert loose["ratio_real"] == strings["ratio_real"]
+    old, new = (
+        np.array(one["ratio_real"]) + 1j * np.array(one["ratio_imag"]) for one in (loose, exact)
+    )
+    assert np.abs(old - new).max() / np.abs(new).max() == pytest.approx(
+        loose["estimated_error"], rel=0.3
+    )
+
+
+ROD = """
+[design]
+name = "rod"
+[[stage]]
+name = "test"
+body = { mass = 2.0, inertia = [0.0147, 0.0117, 0.011] }
+[stage.wires]
+count = 4
+l = 0.4
+s = 0.02
+t1 = 0.1
+t2 = 0.1
+d = 0.001
+material = "c70steel"
+radius = 8e-3
+"""
+"""Rods of 8 mm: bending lifts the weight off some of them in every build whose ends are 1 mm
+off."""
+
+
+def test_builds_that_hang_on_strings_alone(tmp_path):
+    """No finite error of strings: `auto` takes what shows that they do not hang."""
+    choice = choice_for(job(ROD, "test"), "string")
+    assert math.isinf(choice.error)
+    design = tmp_path / "rod.toml"
+    design.write_text(ROD)
+    words = ("xcouple", design, "--sweep", GRID, "--json", "--out", tmp_path)
+    done = run(*words, "--fidelity", "string")
+    found = json.loads(done.stdout)
+    assert found["estimated_error"] is None
+    assert ONE_MODEL_ONLY in found["error_unknown"]
+    with h5py.File(tmp_path / "rod-xcouple.h5") as results:
+        assert ONE_MODEL_ONLY in results.attrs["fidelity_reason"]
+    assert registry.by_name(json.loads(run(*words).stdout)["fidelity"]).bends_wires
+
+
+def test_the_tolerance_that_no_model_meets():
+    """Without a density there is no wire mass; the reason says that its effect is unknown."""
+    text = (
+        ROD.replace("8e-3", "3e-3").replace('"c70steel"', '"mine"')
+        + "[materials.mine]\nyoungs_modulus = 2e11\npoisson_ratio = 0.3\n"
+    )
+    choice = choice_for(job(text, "test"))
+    assert choice.level == "beam" and math.isnan(choice.error)
+    assert "unknown: wire mass, as wire test.1 is of mine, which has no density" in choice.line

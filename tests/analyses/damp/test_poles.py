@@ -1,0 +1,296 @@
+"""Poles of closed loops that hardly decay, with losses at their own frequency and with delays: by
+hand, from responses, by Lambert's W and characteristic equations."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+
+import mpmath
+import msgspec
+import numpy as np
+import pytest
+from scipy.special import lambertw
+
+from suspension_cli.analyses.damp import (
+    closed_loop_poles,
+    control,
+    margins,
+)
+from suspension_cli.analyses.damp import solve as damp
+from suspension_cli.design.reader import read
+from suspension_cli.design.schema import NoiseSpectrum
+from suspension_cli.linear import eigenmodes, response
+from suspension_cli.models import registry
+from tests.analyses.damp.test_control import LEAD, loop, plant, simple
+from tests.support import plants, scenes, terms
+from tests.support.paths import CONFIGS
+
+MP = mpmath.mp.clone()
+MP.dps = 50
+
+
+def found_of(closed):
+    return closed_loop_poles.find(closed)
+
+
+@pytest.mark.parametrize("c", [40.0, 5.0, 0.4, 1e-3, 1e-8, 1e-12, 1e-20])
+def test_a_pendulum_by_hand(c):
+    """m x'' + c x' + m g x / l = 0 decays with c / 2m, whatever its rounding."""
+    mass, length = 3.0, 0.7
+    found = found_of(simple(c, mass=mass, length=length))
+    own = np.array([state.startswith("test.x") for state in found.state])
+    others = ~np.array([state.startswith(("test.x", "test.pitch")) for state in found.state])
+    root = np.emath.sqrt((c / (2 * mass)) ** 2 - 9.81 / length)
+    expected = -c / (2 * mass) + (np.array([-root, root]) if c > 20 else np.array([root]))
+    np.testing.assert_allclose(np.sort(found.value[own].real), expected.real, rtol=1e-9)
+    np.testing.assert_allclose(np.sort(found.value[own].imag), expected.imag, rtol=1e-9)
+    np.testing.assert_allclose(found.q[own], abs(expected) / (-2 * expected.real), rtol=1e-9)
+    assert np.isinf(found.q[others]).all()
+
+
+def test_without_loops_it_is_the_q_of_modes():
+    """A spring of a tiny loss angle: to first order in the losses, which makes such a Q exact."""
+    raw = plants.raw("quadruple")
+    raw["stage"][0]["spring"] = [{"stiffness": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3], "loss_angle": 1e-9}]
+    closed = plant(raw, [loop(f"{raw['stage'][0]['name']}.x", damper=1e-9)], "string")
+    bare = control.Plant(
+        closed.model, (), [], [], np.zeros((0, closed.model.size)), np.zeros((0, closed.model.size))
+    )
+    found = found_of(bare)
+    expected = eigenmodes.solve(closed.model)
+    order = np.argsort(found.frequency)
+    np.testing.assert_allclose(found.frequency[order], expected.frequency, rtol=1e-9)
+    np.testing.assert_allclose(found.q[order], expected.q, rtol=1e-6)
+
+
+GRID = np.array([0.3, 0.6, 1.37, 3.3, 10.0, 36.174, 51.816])
+
+
+@cache
+def silica():
+    """Fused silica with a filter and a damper, and its model with bending wires."""
+    raw = plants.tomllib.loads((CONFIGS / "geo-silica-triple.toml").read_text())
+    first = raw["stage"][0]["name"]
+    raw["control"] = {
+        "loop": [
+            loop(
+                f"{first}.x", gain=1e6, zeros=[0.0], poles=[20.0, [10.0, 17.0]], sensor_noise=1e-10
+            )
+        ]
+    }
+    raw["control"]["loop"].append(loop(f"{first}.pitch", damper=0.03, sensor_noise=1e-9))
+    design = scenes.design_of(raw)
+    return design, registry.BEAM.system(design)
+
+
+@cache
+def steel():
+    design = read(CONFIGS / "triple-damped.toml").design
+    return design, registry.BEAM.system(design)
+
+
+@cache
+def answered(made):
+    """What `damp` gives of the last body, moved along x."""
+    design, model = made()
+    last = model.body[-1]
+    return damp.solve(design, model, f"{last}.x", f"{last}.force_x", GRID, 1.0, samples=3)
+
+
+@pytest.mark.parametrize("made", [steel, silica])
+def test_gains_and_noise_are_those_of_responses(made):
+    """From what `response` gives for each actuator: 1 + L_k = det(1 + H G) / det(the same without
+    k), noise -G_o (1 + H G)^-1 H n."""
+    design, model = made()
+    loops = design.control.loop
+    count, last = len(loops), model.body[-1]
+    answer = answered(made)
+    drives = plants.drives(model, *(one.actuator for one in loops))
+    watched = plants.motions(model, *(one.sensor for one in loops), f"{last}.x")
+    found = response.solve(model, GRID, drives, watched).value
+    for n, frequency in enumerate(GRID):
+        g, out = found[n, :count], found[n, count]
+        h = np.diag([control.evaluate_filter(one, np.array(frequency)) for one in loops])
+        whole = np.eye(count) + h @ g
+        for k in range(count):
+            rest = np.delete(np.delete(whole, k, 0), k, 1)
+            assert answer.gain[n, k] == pytest.approx(
+                np.linalg.det(whole) / np.linalg.det(rest) - 1, rel=1e-9, abs=1e-12
+            )
+        expected = np.abs(out @ np.linalg.solve(whole, h)) * [one.sensor_noise for one in loops]
+        np.testing.assert_allclose(
+            answer.noise[n], expected, rtol=1e-9, atol=1e-12 * expected.max()
+        )
+
+
+@pytest.mark.parametrize("made", [steel, silica])
+def test_poles_are_roots_with_losses_at_their_own_frequency(made):
+    """The smallest singular value of Z(s) + sum of H p s^T, in units of each coordinate, is all but
+    0 there and not beside it."""
+    design, model = made()
+    found = answered(made).closed
+    closed = control.build_plant(design, model)
+    some = [n for n in range(len(found.value)) if found.value[n].imag > 0][::5]
+    assert len(some) >= 3
+    for n in some:
+        s = found.value[n]
+        assert smallest(closed, s) < 1e-6 * max(
+            smallest(closed, s * (1 + 1e-4)), smallest(closed, s * (1 + 1e-4j))
+        )
+
+
+def smallest(closed, s):
+    """The least determinant of a block of the closed loop, over its size with coordinates scaled to
+    1."""
+    model, free = closed.model, slice(6, None)
+    dynamic = (model.stiffness + s * model.damping + s**2 * model.mass).astype(complex)
+    for term in model.terms:
+        at = np.ix_(term.columns, term.columns)
+        dynamic[at] += terms.stiffness(term, s.imag)
+    for one, pushed, sensed in zip(closed.loops, closed.pushed, closed.sensed, strict=True):
+        dynamic = dynamic + control.evaluate_filter(one, np.array(s / (2j * np.pi))) * np.outer(
+            pushed, sensed
+        )
+    dynamic = dynamic[free, free]
+    scale = np.sqrt(
+        np.abs(model.stiffness.diagonal()[free]) + abs(s) ** 2 * model.mass.diagonal()[free]
+    )
+    return np.linalg.svd(dynamic / np.outer(scale, scale), compute_uv=False)[-1]
+
+
+@pytest.mark.parametrize("angle", [0.1, 1e-3, 1e-9])
+@pytest.mark.parametrize("c", [0.0, 0.7, 40.0])
+def test_one_lossy_oscillator_by_hand(angle, c):
+    """m s^2 + c s + k (1 + i phi) = 0; at phi = 0.1 alone its Q is 10.04, or Im s / (-2 Re s) =
+    10.025, not the 10 of first order."""
+    mass, k = 3.0, 2e4
+    stage = scenes.hung({"count": 1, "l": 0.7, "k": k, "material": "lossy"}, mass, 0.1)
+    raw = scenes.raw_of(stage) | {
+        "materials": {"lossy": {"youngs_modulus": 1e11, "loss_angle": angle}}
+    }
+    closed = plant(raw, [loop("test.z", damper=c)], "string")
+    found = closed_loop_poles.find(closed)
+    [z] = [
+        value for value, state in zip(found.value, found.state, strict=True) if state == "test.z"
+    ]
+    root = -c / 2 / mass + 1j * np.sqrt(complex(k * (1 + 1j * angle) / mass - (c / 2 / mass) ** 2))
+    assert z.imag == pytest.approx(root.imag, rel=1e-9)
+    exact = root.real if c or angle > 1e-6 else -angle / 2 * np.sqrt(k / mass)
+    assert z.real == pytest.approx(exact, rel=1e-7)
+    if angle == 0.1 and c == 0.0:
+        assert z.imag / (-2 * z.real) == pytest.approx(10.025, abs=1e-3)
+
+
+STAGE = scenes.hung({"count": 1, "l": 0.5, "k": 1e4, "d": 0.0}, 3.0, 0.1)
+
+
+def pole_values(closed):
+    """Closed-loop poles of a plant, one of each conjugate pair."""
+    return closed_loop_poles.find(closed)
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.3])
+def test_a_delayed_damper_of_a_free_body(delay):
+    """J s^2 + c s exp(-s T) = 0 has s T = W(-c T / J) (Corless et al., Adv. Comput. Math. 5, 329
+    (1996))."""
+    c, inertia = 0.2, 0.1
+    closed = plant(scenes.raw_of(STAGE), [loop("test.yaw", damper=c, delay=delay)], "string")
+    found = pole_values(closed)
+    values = found.value[[state == "test.yaw" for state in found.state]]
+    expected = lambertw(-c * delay / inertia, 0) / delay
+    assert np.abs(values / (expected.real + 1j * abs(expected.imag)) - 1).min() < 1e-12
+
+
+@pytest.mark.parametrize("how", [LEAD, LEAD | {"sensor_response": 'pole2(3,0.7,"n")'}])
+@pytest.mark.parametrize("delay", [1e-3, 0.03])
+def test_roots_of_the_characteristic_equation(how, delay):
+    """m s^2 + m g / l + H(s) exp(-s T), with the products of the filter written out."""
+    closed = plant(scenes.raw_of(STAGE), [loop("test.x", delay=delay, **how)], "string")
+    found = pole_values(closed).value
+
+    def evaluate(s):
+        f = s / (2 * np.pi)
+        h = 3e4 * f * (f + 0.8) / ((f + 30) * ((f + 12) ** 2 + 81)) * np.exp(-s * delay)
+        if "sensor_response" in how:
+            h = h / (1 + f / (3 * 0.7) + (f / 3) ** 2)
+        return h + 3.0 * s**2 + 3.0 * 9.81 / 0.5
+
+    of_x = found[np.abs(evaluate(found)) < 1e-9 * np.abs(3.0 * found**2)]
+    assert len(of_x) >= 3  # the pendulum, and those of the filter
+    # every root with a modulus below 100 rad/s, by the argument principle
+    turn = 100.0 * np.exp(1j * np.linspace(0, 2 * np.pi, 20001))
+    winding = np.unwrap(np.angle(evaluate(turn)))
+    inner = of_x[np.abs(of_x) < 100]
+    filter_poles = 2 * ("sensor_response" in how) + 2  # within: 12 +- 9 i Hz is 94 rad/s
+    count = np.sum(np.where(np.abs(inner.imag) > 1e-9 * np.abs(inner), 2, 1))
+    assert count - filter_poles == round((winding[-1] - winding[0]) / (2 * np.pi))
+
+
+@pytest.mark.parametrize("delay", [0.0, 2e-3])
+def test_margins_lie_on_the_axis(delay):
+    """At the gain margin a pole is on the imaginary axis, at the delay margin too."""
+    filter_ = 'zpk([0;0.8],[30;12+i*9;12-i*9],3e4,"n")'
+    how = {"gain_at": {"frequency": 1.0, "magnitude": 60.0}, "filter": filter_, "delay": delay}
+    raw = plants.raw("triple", loss=True)
+
+    def changed(**changes):
+        loops = [loop("upper.x", **how | changes), loop("upper.pitch", damper=0.2, delay=delay)]
+        return plant(raw, loops, "string")
+
+    nominal = changed()
+    corners = np.geomspace(0.05, 500, 300)
+    found = margins.compute_margins(
+        lambda f: control.compute_loop_gains(nominal, f), corners, faint=1e-6
+    )[0]
+    assert found.gain_up < 1e3
+    assert found.delay < 1.0
+    gain = {"gain_at": {"frequency": 1.0, "magnitude": 60.0 * found.gain_up}}
+    for frequency, edge in (
+        (found.gain_up_frequency, changed(**gain)),
+        (found.delay_frequency, changed(delay=delay + found.delay)),
+    ):
+        values = pole_values(edge).value
+        near = values[np.abs(values - 2j * np.pi * frequency).argmin()]
+        assert near == pytest.approx(2j * np.pi * frequency, rel=1e-8)
+
+
+def test_sensitivity_peak_of_two_coupled_loops():
+    """The largest singular value, scaled as best can be, on a dense grid around the peak; and its
+    independence of the units of the actuators."""
+    raw = plants.raw("triple", loss=True)
+    loops = [loop("upper.x", **LEAD), loop("upper.pitch", gain=5.0, zeros=[0.0], poles=[20.0])]
+    closed = plant(raw, loops, "string")
+    peak = margins.find_peak(
+        partial(control.compute_sensitivity, closed), np.geomspace(0.05, 500, 100)
+    )
+
+    def largest(frequency):
+        s = control.compute_sensitivity(closed, frequency)
+        # singular values of a 2 x 2 matrix of given determinant: least at equal off-diagonals
+        squares = (
+            np.abs(s[:, 0, 0]) ** 2 + np.abs(s[:, 1, 1]) ** 2 + 2 * np.abs(s[:, 0, 1] * s[:, 1, 0])
+        )
+        return np.sqrt((squares + np.sqrt(squares**2 - 4 * np.abs(np.linalg.det(s)) ** 2)) / 2)
+
+    near = largest(peak.frequency * (1 + np.linspace(-1e-4, 1e-4, 2001)))
+    assert peak.size == pytest.approx(near.max(), rel=1e-9)
+    assert peak.size >= largest(np.geomspace(0.05, 500, 20001)).max() * (1 - 1e-9)
+    # the gains of both loops may change at once within the bounds
+    for first in (peak.gain_down, peak.gain_up):
+        for second in (peak.gain_down, peak.gain_up):
+            tables = [loops[0] | {"gain": 3e4 * first}, loops[1] | {"gain": 5.0 * second}]
+            assert pole_values(plant(raw, tables, "string")).stable
+
+
+def test_noise_of_sensors():
+    one = plant(
+        scenes.raw_of(STAGE), [loop("test.x", damper=1.0, sensor_noise=2e-9)], "string"
+    ).loops[0]
+    f = np.array([0.01, 1.0, 100.0])
+    cornered = msgspec.structs.replace(one, sensor_noise=NoiseSpectrum(asd=2e-9, corner=3.0))
+    listed = msgspec.structs.replace(
+        one, sensor_noise=NoiseSpectrum(frequency=[0.1, 10.0], asd=[1e-8, 1e-10])
+    )
+    np.testing.assert_array_equal(control.evaluate_noise(one, f), [2e-9] * 3)
+    np.testing.assert_allclose(control.evaluate_noise(cornered, f), 2e-9 * np.sqrt(1 + 3 / f))
+    np.testing.assert_allclose(control.evaluate_noise(listed, f), [1e-8, 1e-9, 1e-10])
