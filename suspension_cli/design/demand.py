@@ -120,12 +120,13 @@ def whole_or_parts(table: object, whole: str, *parts: str) -> Problems:
 
 
 @rule
-def unique(table: object, key: str) -> Problems:
-    """Demand that the names of the members of a list differ."""
-    names: list[str] = [item.name for item in getattr(table, key) or ()]
-    for n, name in enumerate(names):
+def unique(table: object, *keys: str) -> Problems:
+    """Demand that the names of the members of a list, or of several, differ."""
+    pairs = [(key, item.name) for key in keys for item in getattr(table, key) or ()]
+    names = [name for _, name in pairs]
+    for n, (key, name) in enumerate(pairs):
         if name is not None and name in names[:n]:
-            problem = f"is also the name of an earlier {key.replace('_', ' ')}"
+            problem = f"is also the name of an earlier {' or '.join(keys).replace('_', ' ')}"
             yield f"{key}.{name}.name", problem, "give each a name of its own"
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated
 
 from msgspec import Meta
 
@@ -21,8 +21,8 @@ from suspension_cli.design.filters import Filter
 from suspension_cli.design.inverted_pendulum import InvertedPendulum
 from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
 from suspension_cli.design.losses import MaterialLoss
+from suspension_cli.design.sensors import NoiseSpectrum, Osem, Reference, SpectralDensity
 from suspension_cli.design.tables import (
-    Plausible,
     Problems,
     Raw,
     Schema,
@@ -297,41 +297,11 @@ Root = Annotated[
 ]
 
 
-NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
-"""Optical shadow sensors reach 1e-10 m/sqrt(Hz)."""
-SpectralDensity = Annotated[float, doc(plausible=NOISY, ge=0, le=1e3)]
-PositiveDensity = Annotated[float, doc(plausible=NOISY, gt=0, le=1e3)]
-
-
 class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
     frequency: units.Frequency
     magnitude: units.Number = key("|H| there, N/m (N m/rad); if negative, reverses the sign of H")
-
-
-class NoiseSpectrum(Table, frozen=True):
-    """Amplitude spectral density of a sensor against frequency."""
-
-    asd: SpectralDensity | Annotated[list[PositiveDensity], Meta(min_length=2)] = key(
-        "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
-        " corner, or one per frequency"
-    )
-    corner: units.Corner | None = key(
-        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below"
-    )
-    frequency: list[units.Frequency] | None = key(
-        "Hz, ascending; interpolated linearly in the logarithms, constant outside",
-        min_length=2,
-    )
-
-    def _check_lengths(self) -> Problems:
-        counts = [len(one) if isinstance(one, list) else 0 for one in (self.asd, self.frequency)]
-        if counts[0] != counts[1]:
-            problem = "asd and frequency are lists of one length, or asd a number without frequency"
-            yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
-
-    rules = (demand.excludes("frequency", "corner"), demand.ascending("frequency"), _check_lengths)
 
 
 FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
@@ -383,7 +353,7 @@ class Loop(Table, frozen=True):
     name: units.Name
     sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
     actuator: str = key("a force or torque on a stage: upper.force_x")
-    reference: Literal["support", "inertial"] = key(
+    reference: Reference = key(
         '"support": sensor and actuator act between body and support structure;'
         ' "inertial": against inertial space',
         "support",
@@ -490,8 +460,9 @@ class Control(Table, frozen=True):
     """Local control."""
 
     loop: list[Loop] = key(min_length=1)
+    osem: list[Osem] = key("sensors and coils at points of stages", [])
 
-    rules = (demand.unique("loop"),)
+    rules = (demand.unique("loop", "osem"),)
 
 
 Spread = Annotated[float, Meta(ge=0, le=1e3)]
