@@ -195,7 +195,7 @@ def damp(
     -------
     Result
         With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
-        loop, `sensitivity` of all at once, `noise` (f, loops), ...
+        loop, `sensitivity` of all at once, `noise` (f, sensors), ...
 
     Raises
     ------

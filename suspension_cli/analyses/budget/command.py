@@ -18,6 +18,7 @@ from suspension_cli.analyses.analysis import (
     describe_mirrors,
     name_mirrors,
     plain,
+    table,
 )
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 GROUND = "nhnm"
 """Ground of a noisy site: a requirement that is met there is met anywhere."""
 PETERSON = ("nlnm", "nhnm")
+CREST = 4.0
+"""Peak over RMS of a drive: Gaussian noise exceeds it for 6e-5 of the time."""
 HIGHEST = 10.0
 """Highest frequency of Peterson's models, Hz."""
 
@@ -153,6 +156,11 @@ class BudgetAnalysis(Analysis):
                     f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
                     " give loss angles or dampers"
                 )
+        for one in found[0].drive or ():
+            if CREST * one.part > 1:
+                peak = f"{CREST:g} times the RMS of its drive (an assumed crest factor)"
+                size = f"{CREST * one.part:.3g} times its range, mostly due to {one.cause}"
+                run.log.warn(f"coil {one.coil}: {peak} is {size}")
         extra = describe_mirrors(setting)
         if setting["arm"]:
             extra["tilt_rad"] = thermal.compute_arm_tilt(setting["arm"])
@@ -163,6 +171,9 @@ class BudgetAnalysis(Analysis):
         first, *others = [_document(one) for one in result.data]
         one: Budget = result.data[0]
         head = {"frequency_hz": one.frequency.tolist()}
+        if one.drive is not None:
+            columns = "coil force current voltage counts part_of_range=part cause"
+            first["drive_rms"] = table(one.drive, columns)
         return head | first | {"other_outputs": others, "ground": _sources(one)} | result.extra
 
     def text(self, result: Result) -> str:
@@ -196,6 +207,12 @@ class BudgetAnalysis(Analysis):
                 lines.append(f"  no contribution of {', '.join(none)}")
             if one.requirement is not None:
                 lines.append(f"  {_describe_requirement(one.requirement)}")
+        if result.data[0].drive is not None:
+            units = ("N", "A", "V", "counts", "of range")
+            columns = {"coil": ""} | {f"RMS\n{unit}": ".3g" for unit in units}
+            rows = [[*vars(one).values()] for one in result.data[0].drive]
+            lines += ["", f"Drives of coils by the loops, {span} Hz"]
+            lines.append(tables.render(columns | {"mostly due to": ""}, rows))
         return "\n".join(lines)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:

@@ -45,11 +45,11 @@ class Noises:
     @property
     def cause(self) -> tuple[str, ...]:
         """Names of the causes (c)."""
-        loops = self.plant.loops
+        sensing, pushing = self._noisy
         return (
             *(f"ground.{dof}" for dof in self.motion),
-            *(f"sensor.{loop.name}" for loop in loops if loop.sensor_noise),
-            *(f"actuator.{loop.name}" for loop in loops if loop.actuator_noise),
+            *(f"sensor.{self.plant.parts[n].name}" for n in sensing),
+            *(f"actuator.{self.plant.parts[n].name}" for n in pushing),
             *([THERMAL] if self.temperature is not None else []),
         )
 
@@ -59,36 +59,53 @@ class Noises:
         names = [motion.name for motion in self.motion.values()]
         return (*names, *[""] * (len(self.cause) - len(names)))
 
+    @property
+    def _noisy(self) -> tuple[list[int], list[int]]:
+        """Numbers of the sensors and actuators with noise."""
+        parts, at = [*enumerate(self.plant.parts)], np.ones(1)
+        sensing = [n for n, part in parts if control.evaluate_noise(part, at).any()]
+        return sensing, [n for n, part in parts if part.actuator_noise]
+
     def density(self, frequency: Array) -> Array:
-        """Compute power spectral densities (o, c, f), m^2/Hz or rad^2/Hz, at frequencies in Hz."""
+        """Compute power spectral densities (o, c, f), m^2/Hz or rad^2/Hz, at frequencies in Hz.
+
+        Behind those of the outputs are those of the forces that loops demand of coils, N^2/Hz.
+        """
         plant = self.plant
         known = signals.bodies_with_signals(plant.model)
         inputs = [signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in self.motion]
         beside = [] if plant.model.ground is None else self.motion
         inputs += [signals.parse_input(f"{GROUND}.{dof}", known) for dof in beside]
-        found = control.solve_responses(plant, frequency, inputs, self.output)
+        found = control.solve_responses(plant, frequency, inputs, self.output, drives=True)
         value, count = found.value[..., : len(self.motion)], len(self.motion)
         if beside:  # the ground under the support and beside it moves as one
             value = value + found.value[..., count:]
         ground = [motion.at(frequency) for motion in self.motion.values()]
         moved = np.abs(value) * np.array(ground).reshape(-1, len(frequency)).T[:, None]
-        sensing = [n for n, loop in enumerate(plant.loops) if loop.sensor_noise]
-        pushing = [n for n, loop in enumerate(plant.loops) if loop.actuator_noise]
+        sensing, pushing = self._noisy
         parts = [moved, found.noise[..., sensing], found.actuator_noise[..., pushing]]
         powers = np.moveaxis(np.concatenate(parts, axis=2) ** 2, 0, -1)
         if self.temperature is not None:
             warm = compute_thermal(plant, frequency, self.output, self.temperature)
             powers = np.concatenate([powers, warm[:, None]], axis=1)
-        return self.mirrors * powers
+        powers[: len(self.output)] *= self.mirrors
+        return powers
 
 
 def compute_thermal(
     plant: Plant, frequency: Array, outputs: list[Signal], temperature: float
 ) -> Array:
-    """Thermal noise (o, f) of motions, loops closed; unit^2/Hz."""
+    """Thermal noise (o, f) of motions, then of the forces of coils, loops closed; unit^2/Hz."""
     rows = np.array([signals.linear_form(signal, plant.model) for signal in outputs])
-    loops = Feedback(plant.sensed, plant.pushed, control.evaluate_filters(plant, frequency))
-    parts = compute_densities(plant.model, frequency, rows, temperature, loops)
+    h, weights = control.evaluate_filters(plant, frequency), None
+    if plant.osems:
+        count, coils = len(rows), len(plant.osems)
+        rows = np.concatenate([rows, plant.sensed])
+        weights = np.zeros((len(frequency), count + coils, len(rows)), dtype=complex)
+        weights[:, range(count), range(count)] = 1.0
+        weights[:, count:, count:] = -plant.driving * h[:, None]
+    loops = Feedback(plant.sensed, plant.pushed, h)
+    parts = compute_densities(plant.model, frequency, rows, temperature, loops, weights)
     return np.array([sum(one.values(), np.zeros(len(frequency))) for one in parts])
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from suspension_cli.analyses.budget.noise import Noises
 from suspension_cli.analyses.budget.spectrum import Spectrum
+from suspension_cli.design.sensors import Osem
 from suspension_cli.files.declared import EACH, along, derived, in_unit
 from suspension_cli.scene.arrays import Array
 
@@ -81,6 +82,23 @@ class Requirement:
 
 
 @dataclass(frozen=True)
+class Drive:
+    """RMS of what the loops demand of one coil, and the cause of the largest part.
+
+    `voltage` is at the driver's input, `part` the RMS over the range; NaN where factors are not
+    given.
+    """
+
+    coil: str
+    force: float = field(metadata=in_unit("N"))
+    current: float = field(metadata=in_unit("A"))
+    voltage: float = field(metadata=in_unit("V"))
+    counts: float
+    part: float
+    cause: str
+
+
+@dataclass(frozen=True)
 class Budget:
     """One motion by cause.
 
@@ -99,6 +117,8 @@ class Budget:
     mean_square, mean_square_velocity
         Mean squares from each frequency up by cause; infinite where a resonance without loss is
         driven.
+    drive
+        RMS of the drive of each coil, the same for all outputs; None without OSEMs.
     """
 
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
@@ -114,6 +134,7 @@ class Budget:
         metadata=in_unit("{unit}^2/s^2") | EACH
     )
     requirement: Requirement | None = field(default=None, metadata=EACH)
+    drive: tuple[Drive, ...] | None = field(default=None, metadata=along("coil"))
 
     @property
     @derived("{unit}/Hz^0.5", each=True)
@@ -168,6 +189,8 @@ def solve(
     velocity = integrate_down(frequency, density * (2 * np.pi * frequency) ** 2)
     if len(grid) == 1:
         square, velocity = np.full_like(square, np.nan), np.full_like(velocity, np.nan)
+    pairs = zip(noises.plant.osems, square[len(noises.output) :, :, 0], strict=True)
+    drive = tuple(_drive(osem, power, noises.cause) for osem, power in pairs)
     shown = slice(None) if added else np.isin(frequency, grid)
     met = {
         n: compare(frequency, np.sqrt(density[n].sum(0)), required, noises.output[n].unit)
@@ -184,9 +207,20 @@ def solve(
             square[n][:, shown].T,
             velocity[n][:, shown].T,
             met.get(n),
+            drive or None,
         )
         for n, signal in enumerate(noises.output)
     ]
+
+
+def _drive(osem: Osem, power: Float[np.ndarray, " cause"], cause: tuple[str, ...]) -> Drive:
+    """Convert the mean square of the force of a coil by cause, N^2, to what drives it."""
+    force = float(np.sqrt(power.sum()))
+    current = force / (osem.coil or np.nan)
+    voltage = current / (osem.transconductance or np.nan)
+    counts = voltage * (osem.counts_per_volt or np.nan)
+    part = (voltage if osem.transconductance else current) / (osem.range or np.nan)
+    return Drive(osem.name, force, current, voltage, counts, part, cause[int(power.argmax())])
 
 
 def _join(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -48,7 +47,7 @@ class DampAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
-        loop, `sensitivity` of all at once, `noise` (f, loops), ...
+        loop, `sensitivity` of all at once, `noise` (f, sensors), ...
 
     Raises
     ------
@@ -156,10 +155,12 @@ class DampAnalysis(Analysis):
     ) -> Iterator[Callable[[], object]]:
         """Parse the sensors and actuators of the loops."""
         from suspension_cli.analyses.damp import control
+        from suspension_cli.analyses.damp.osems import weigh
 
+        osems = design.control.osem if design.control is not None else ()
         for loop in design.control.loop if design.control is not None else ():
-            yield partial(control.parse_sensor, loop, stages, known)
-            yield partial(control.parse_actuator, loop, known)
+            yield lambda one=loop: weigh(osems, one, control.parse_sensor(one, stages, known))
+            yield lambda one=loop: weigh(osems, one, control.parse_actuator(one, known))
 
     def document(self, result: Result) -> Document:
         """Return poles, margins and sensor noise."""
@@ -192,7 +193,11 @@ class DampAnalysis(Analysis):
                 "phase": peak.phase,
             }
         noise = (answer.noise**2).sum(1) ** 0.5
-        return {
+        matrices = [
+            vars(one) | {key: getattr(one, key).tolist() for key in ("to_euler", "to_coil")}
+            for one in answer.osems or ()
+        ]
+        return ({"osems": matrices} if matrices else {}) | {
             "stable": answer.stable,
             "output": answer.output,
             "impulse": answer.drive,
@@ -213,6 +218,7 @@ class DampAnalysis(Analysis):
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
         lines += [result.choice.line, "", tables.render(columns, rows), ""]
+        lines += _matrices(answer)
         if answer.margin is None:
             return "\n".join([*lines, "  An unstable closed loop has no margins."])
         rows = [
@@ -261,6 +267,18 @@ class DampAnalysis(Analysis):
 def _rows(poles: Poles) -> Iterator[tuple[float, float, float, complex, str]]:
     """Iterate over frequency (Hz), Q, growth rate (1/s), value (rad/s) and state of poles."""
     return zip(poles.frequency, poles.q, poles.growth_rate, poles.value, poles.state, strict=True)
+
+
+def _matrices(answer: LocalControl) -> Iterator[str]:
+    """Write tables of the matrices of OSEMs."""
+    for one in answer.osems or ():
+        for title, matrix, rows, columns in (
+            ("coordinates (m, rad) from readings (m)", one.to_euler, one.coordinate, one.osem),
+            ("forces of coils (N) from loops (N, N m)", one.to_coil, one.osem, one.coordinate),
+        ):
+            table = [(name, *row) for name, row in zip(rows, matrix.tolist(), strict=True)]
+            yield f"  {one.stage}: {title}"
+            yield tables.render({"": ""} | dict.fromkeys(columns, ".4g"), table) + "\n"
 
 
 def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.damp import osems
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design.schema import Design, Loop, NoiseSpectrum
+from suspension_cli.design.schema import Design, Loop
+from suspension_cli.design.sensors import SENSORS, NoiseSpectrum, Osem
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
@@ -37,6 +39,8 @@ class Plant:
     ----------
     sensed, pushed
         Sensed motions and actuator forces as linear forms in the coordinates.
+    reading, driving
+        Readings of loops from those of OSEMs, and forces of their coils from those of loops.
     """
 
     model: LinearSystem
@@ -45,6 +49,24 @@ class Plant:
     actuator: list[Signal]
     sensed: Float[np.ndarray, "loop coordinate"]
     pushed: Float[np.ndarray, "loop coordinate"]
+    osems: Sequence[Osem]
+    reading: Float[np.ndarray, "loop osem"]
+    driving: Float[np.ndarray, "osem loop"]
+
+    @property
+    def parts(self) -> list[Loop | Osem]:
+        """What has a sensor and an actuator with noise; loops of stages with OSEMs have none."""
+        return [*self.loops, *self.osems]
+
+    @property
+    def coils(self) -> Float[np.ndarray, "osem coordinate"]:
+        """Linear forms of the motions along OSEMs, and of the forces of their coils."""
+        result = np.zeros((len(self.osems), self.model.size))
+        for row, osem in zip(result, self.osems, strict=True):
+            for n, part in enumerate(osem.vector):
+                end = Signal(osem.name, osem.stage, n, osem.at, acts=True)
+                row += part * signals.linear_form(_relate(end, osem), self.model)
+        return result
 
     @cached_property
     def dampers(self) -> Float[np.ndarray, " loop"]:
@@ -71,6 +93,9 @@ class Plant:
             [self.actuator[n] for n in keep],
             self.sensed[keep],
             self.pushed[keep],
+            self.osems,
+            self.reading[keep],
+            self.driving[:, keep],
         )
 
 
@@ -88,6 +113,7 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
     """
     known = signals.bodies_with_signals(model)
     loops = design.control.loop if design.control is not None else ()
+    given = design.control.osem if design.control is not None else ()
     sensors = [parse_sensor(loop, model.body, known) for loop in loops]
     actuators = [parse_actuator(loop, known) for loop in loops]
     sensed, pushed = (
@@ -99,11 +125,15 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
         ).reshape(-1, model.size)
         for some in (sensors, actuators)
     )
-    return Plant(model, loops, sensors, actuators, sensed, pushed)
+    reading, driving = (
+        np.reshape([*map(partial(osems.weigh, given), loops, some)], (len(loops), len(given)))
+        for some in (sensors, actuators)
+    )
+    return Plant(model, loops, sensors, actuators, sensed, pushed, given, reading, driving.T)
 
 
-def _relate(signal: Signal, loop: Loop) -> Signal:
-    """Relate a signal to the reference of its loop."""
+def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
+    """Relate a signal to the reference of its loop or OSEM."""
     to_support = loop.reference == "support" and not signal.against
     return replace(signal, against=SUPPORT) if to_support else signal
 
@@ -137,14 +167,15 @@ def evaluate_filter(
 
 
 def evaluate_noise(
-    loop: Loop, frequency: Float[np.ndarray, " frequency"]
+    part: Loop | Osem, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
-    """Evaluate the sensor noise of a loop, as motion, at frequencies in Hz.
+    """Evaluate the sensor noise of a loop or OSEM, as motion, at frequencies in Hz.
 
     It is flat, or flat with power rising as 1/f below a corner, or interpolated on logarithmic
     axes.
     """
-    noise, frequency = loop.sensor_noise, np.asarray(frequency, dtype=float)
+    noise, frequency = part.sensor_noise, np.asarray(frequency, dtype=float)
+    noise = SENSORS.get(getattr(part, "sensor", ""), noise)
     if not isinstance(noise, NoiseSpectrum):
         return np.full(frequency.shape, noise)
     with np.errstate(divide="ignore"):
@@ -163,13 +194,13 @@ class ClosedLoopResponse:
     value
         Outputs over external inputs.
     noise, actuator_noise
-        Amplitude spectral densities at each output from the noise of each sensor and actuator,
-        m/sqrt(Hz) or rad/sqrt(Hz).
+        Amplitude spectral densities at each output from the noise of the sensor and actuator of
+        each of `Plant.parts`, m/sqrt(Hz) or rad/sqrt(Hz); of coils N/sqrt(Hz).
     """
 
     value: Complex[np.ndarray, "frequency output input"]
-    noise: Float[np.ndarray, "frequency output loop"]
-    actuator_noise: Float[np.ndarray, "frequency output loop"]
+    noise: Float[np.ndarray, "frequency output part"]
+    actuator_noise: Float[np.ndarray, "frequency output part"]
 
 
 def solve_responses(
@@ -177,6 +208,8 @@ def solve_responses(
     frequency: Float[np.ndarray, " frequency"],
     inputs: list[Signal],
     outputs: list[Signal],
+    *,
+    drives: bool = False,
 ) -> ClosedLoopResponse:
     """Solve for closed-loop responses, and noise at the outputs.
 
@@ -186,30 +219,40 @@ def solve_responses(
         Hz.
     inputs, outputs
         External drives (i) and observed motions (o).
+    drives
+        Whether the forces that the loops demand of the coils of OSEMs are further outputs.
     """
-    model, count = plant.damped, len(plant.loops)
+    model, count, coils = plant.damped, len(plant.loops), len(plant.osems)
     observed = np.array([signals.linear_form(s, model) for s in outputs]).reshape(-1, model.size)
     rows = np.concatenate([observed, plant.sensed, plant.pushed])
     given = np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)
-    drives = np.concatenate([given, plant.pushed])
-    acts = [*(s.acts for s in inputs), *([True] * count)]
-    ground = [*(s.is_ground for s in inputs), *([False] * count)]
+    acts = [*(s.acts for s in inputs), *([True] * (coils + count))]
+    ground = [*(s.is_ground for s in inputs), *([False] * (coils + count))]
     omega = 2 * np.pi * frequency
-    g, _ = response.transfer(model, omega, drives, acts, rows, ground=ground)
-    i, o, one = len(inputs), len(outputs), np.eye(count)
+    driven = np.concatenate([given, plant.coils, plant.pushed])
+    g, _ = response.transfer(model, omega, driven, acts, rows, ground=ground)
+    i, o, one = len(inputs) + coils, len(outputs), np.eye(count)
+    seen = o + count if drives else o
     h, dampers = evaluate_filters(plant, frequency), 1j * omega[:, None] * plant.dampers
     feedback = np.concatenate([h[:, :, None] * one, -dampers[:, :, None] * one], axis=-1)
     # forces e at the actuators become (1 + F G_qu)^-1 e
     pushed = np.linalg.solve(
-        np.swapaxes(one + feedback @ g[:, o:, i:], -1, -2), np.swapaxes(g[:, :o, i:], -1, -2)
+        np.swapaxes(one + feedback @ g[:, o:, i:], -1, -2), np.swapaxes(g[:, :seen, i:], -1, -2)
     )
     pushed = np.swapaxes(pushed, -1, -2)
-    value = g[:, :o, :i] - pushed @ (feedback @ g[:, o:, :i])
-    noises = [evaluate_noise(loop, frequency) for loop in plant.loops]
-    densities = np.array(noises).reshape(count, len(frequency)).T
-    noise = np.abs(pushed * h[:, None]) * densities[:, None]
-    actuator_noise = np.abs(pushed) * np.array([loop.actuator_noise for loop in plant.loops])
-    return ClosedLoopResponse(value, noise, actuator_noise)
+    value = g[:, :seen, :i] - pushed @ (feedback @ g[:, o:, :i])
+    weights = np.hstack([one, plant.reading])
+    read = -(pushed * h[:, None]) @ weights
+    shaken = np.concatenate([pushed, value[:, :, i - coils :]], axis=2)
+    value = value[:, :, : i - coils]
+    if drives:  # the loops read the noise of sensors itself, too
+        read[:, o:] += weights
+        every, forced = (value, read, shaken), -plant.driving * h[:, None]
+        value, read, shaken = (np.hstack([x[:, :o], forced @ x[:, o:]]) for x in every)
+    noises = [evaluate_noise(part, frequency) for part in plant.parts]
+    densities = np.array(noises).reshape(len(noises), len(frequency)).T
+    forces = np.array([part.actuator_noise for part in plant.parts])
+    return ClosedLoopResponse(value, np.abs(read) * densities[:, None], np.abs(shaken) * forces)
 
 
 def compute_loop_gains(

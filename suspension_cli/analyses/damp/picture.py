@@ -95,7 +95,7 @@ def draw(
     shown = [
         _poles(damped),
         _impulse(damped),
-        _noise(damped, looks),
+        _noise(damped),
         Panel(
             "|loop gain| (ratio)", sizes, TALL, "log", title=f"loop gain{which}, others closed",
             ends=True, across=over, rules=[Rule(1.0)],
@@ -199,10 +199,12 @@ def _impulse(damped: LocalControl) -> Panel:
     )
 
 
-def _noise(damped: LocalControl, looks: list[tuple[str, LineStyleType]]) -> Panel:
+def _noise(damped: LocalControl) -> Panel:
     total = np.sqrt((damped.noise**2).sum(1))
     lines = [Line(damped.frequency, total, "sum", INK, {"linewidth": 2.0})]
-    for name, noise, (colour, dashes) in zip(damped.loop, damped.noise.T, looks, strict=True):
+    for name, noise, (colour, dashes) in zip(
+        damped.sensor, damped.noise.T, _looks(damped.sensor), strict=True
+    ):
         if noise.any():
             lines.append(Line(damped.frequency, noise, name, colour, {"linestyle": dashes}))
     return Panel(

@@ -12,6 +12,7 @@ from suspension_cli.analyses.damp import closed_loop_poles, control, margins
 from suspension_cli.analyses.damp.closed_loop_poles import build_closed_loop
 from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.damp.margins import Margins, SensitivityPeak
+from suspension_cli.analyses.damp.osems import OsemMatrices, compute_matrices
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.files.declared import along, derived, in_unit
@@ -55,12 +56,15 @@ class LocalControl:
         Responses of the output to a unit impulse with loops closed and open, SI.
     frequency
         Hz.
-    noise
-        Noise of each sensor at the output, m/sqrt(Hz) or rad/sqrt(Hz).
+    sensor, noise
+        Loops and OSEMs, and the noise of the sensor of each at the output, m/sqrt(Hz) or
+        rad/sqrt(Hz).
     gain
         Loop gains, the other loops closed.
     sensitivity
         Margin of all loops at once; None if the closed loop is unstable.
+    osems
+        Matrices of the stages with OSEMs; None without OSEMs.
     """
 
     loop: tuple[str, ...]
@@ -73,9 +77,11 @@ class LocalControl:
     impulse: Float[np.ndarray, " time"] = field(metadata=in_unit("{unit}/({drive_unit} s)"))
     undamped: Float[np.ndarray, " time"] = field(metadata=in_unit("{unit}/({drive_unit} s)"))
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
-    noise: Float[np.ndarray, "frequency loop"] = field(metadata=in_unit("{unit}/Hz^0.5"))
+    sensor: tuple[str, ...]
+    noise: Float[np.ndarray, "frequency sensor"] = field(metadata=in_unit("{unit}/Hz^0.5"))
     gain: Complex[np.ndarray, "frequency loop"]
     sensitivity: SensitivityPeak | None = None
+    osems: tuple[OsemMatrices, ...] | None = None
 
     @property
     @derived()
@@ -157,9 +163,11 @@ def solve(
         impulse=impulse,
         undamped=undamped,
         frequency=frequency,
+        sensor=tuple(one.name for one in plant.parts),
         noise=answer.noise[:, 0],
         gain=control.compute_loop_gains(plant, frequency),
         sensitivity=peak,
+        osems=compute_matrices(plant.osems) or None,
     )
 
 

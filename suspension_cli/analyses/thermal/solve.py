@@ -153,13 +153,17 @@ def compute_densities(
     rows: Float[np.ndarray, "output coordinate"],
     temperature: float,
     feedback: Feedback | None = None,
+    weights: Inexact[np.ndarray, "frequency sum output"] | None = None,
 ) -> list[dict[str, Float[np.ndarray, " frequency"]]]:
-    """Compute power spectral densities (unit^2/Hz) of linear forms by source, as `solve` does."""
+    """Compute power spectral densities (unit^2/Hz) of linear forms by source, as `solve` does.
+
+    With `weights`, those of sums of the forms.
+    """
     omega, count = 2 * np.pi * frequency, len(rows)
     none = np.zeros((0, rows.shape[1]))
     loops = feedback or Feedback(none, none, np.zeros((len(omega), 0)))
     forms = np.concatenate([rows, loops.sensed])
-    found: list[dict[str, Array]] = [{} for _ in rows]
+    found: list[dict[str, Array]] = [{} for _ in (rows if weights is None else weights[0])]
     pencil = Pencil.of(model)
     blocks = [block for block in pencil.blocks if forms[:, block.keep].any()]
     largest = max((len(block.owner) for block in blocks), default=1)
@@ -181,6 +185,8 @@ def compute_densities(
         q = h[:, :, None] * np.linalg.solve(back, pushed[:, :, :count])
         for here, motion in solved:
             moved = motion[:, :count] - np.einsum("clf,flo->cof", motion[:, count:], q)
+            if weights is not None:
+                moved = np.einsum("fso,cof->csf", weights[now], moved)
             for number in np.flatnonzero(moved.any((0, 2))):
                 lost = compute_dissipation(here, moved[:, number], temperature)
                 for (cause, warmth), power in lost.items():
