@@ -55,6 +55,7 @@ TABLES = {
     "[stage.damping]": [schema.Damping],
     "[support]": [schema.Support],
     "[[control.loop]]": [schema.Loop, schema.DigitalFilter],
+    "[[control.osem]]": [schema.Osem],
     "[[perturbation]]": [schema.Perturbation],
     "[[tolerance.wire]]": [
         schema.WireTolerance,
@@ -67,13 +68,17 @@ TABLES = {
 }
 """Heading of docs/design-file.md to the types that it describes."""
 
+OSEM = (
+    "\"control.osem=[{name='A', stage='upper', at=[0.0, 0.0, 0.0], direction='x',"
+    " reference='inertial'}]\""
+)
 MAKES = {
     "modes": "modes configs/husman2000/figure6.toml --max-frequency 700",
     "response": "response configs/double.toml --frequency 1,2",
     "thermal": "thermal configs/husman2000/figure6.toml --frequency 1,2",
     "budget": (
-        "budget configs/husman2000/figure6.toml --requirement goals/mirror-motion.csv "
-        "--frequency 1:5:2"
+        "budget configs/triple-damped.toml --requirement goals/mirror-motion.csv"
+        f" --frequency 1:5:2 --set {OSEM}"
     ),
     "xcouple": "xcouple configs/husman2000/figure6.toml --sweep k=1,1.1,mass=1 --workers 1",
     "tolerance": (
@@ -91,7 +96,10 @@ MAKES = {
         "optimise configs/husman2000/table1-case1.toml goals.toml --starts 1 --fidelity string"
     ),
     "tradeoff": "tradeoff configs/husman2000/figure6.toml --quantity thermal",
-    "damp": "damp configs/triple-damped.toml --frequency 1,2 --duration 1 --fidelity string",
+    "damp": (
+        "damp configs/triple-damped.toml --frequency 1,2 --duration 1 --fidelity string"
+        f" --set {OSEM}"
+    ),
     "statespace": "export configs/double.toml --format hdf5",
     "zpk": "export configs/double.toml --format zpk --input support.x --output test.x",
 }
