@@ -13,7 +13,6 @@ import tomli_w
 
 import suspension_cli as sus
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
-from suspension_cli.design.bodies import body_inertia
 from suspension_cli.design.cross_sections import circle, rectangle
 from suspension_cli.design.schema import Body, Gas
 from suspension_cli.elements import gas as drag

@@ -17,7 +17,6 @@ from suspension_cli.equilibrium.solve import solve
 from suspension_cli.linear import mode_count
 from suspension_cli.models import registry
 from suspension_cli.rotations import rotation_matrix
-from suspension_cli.studies import variants
 from tests.support import scenes
 from tests.support.golden import CONFIGS
 
@@ -95,13 +94,6 @@ def test_tilted_gravity_is_a_tilted_support(model):
     other = solve(expand(scenes.design_of(turned(level, TURN))))
     assert pose.tension == pytest.approx(other.tension, rel=1e-11)
     assert TURN @ pose.pose.shift[1] == pytest.approx(other.pose.shift[1], abs=1e-12)
-
-
-def test_moon():
-    level = pendulum()
-    low = frequencies(level | {"constants": {"gravity": 1.62}})
-    assert np.array_equal(low, frequencies(level | {"constants": {"gravity": [0.0, 0.0, -1.62]}}))
-    assert low[0] < 0.8 * frequencies(level)[0]
 
 
 def bob(gradient, **constants):
@@ -241,29 +233,6 @@ def test_support_carries_all():
 
 
 FIELD = {"gravity": [0.3, -0.2, -9.7], "gravity_gradient": 2e-4, "wire_weight": True}
-
-
-@pytest.mark.parametrize("model", ["string", "beam"])
-def test_batches_are_single_designs(model):
-    raw = scenes.fibred(scenes.bladed_chain(np.random.default_rng(4), 2, tip_mass=True))
-    raw["constants"] = dict(FIELD)
-    design = sus.parse(tomli_w.dumps(scenes.plain(raw)))
-    first = raw["stage"][0]
-    path, mass = f"stage.{first['name']}.body.mass", first["body"]["mass"]
-    values = np.array([mass, 1.05 * mass])
-    batches = variants.balanced(
-        variants.designs_at(design.text, {path: values}), model, allow_unstable=True
-    )
-    count = 0
-    for found, here in batches:
-        back = found.model.basis
-        for n, k, m in zip(here, found.model.stiffness, found.model.mass, strict=True):
-            one = registry.by_name(model).system(design.replace({path: float(values[n])}).design)
-            for own, other in ((k, one.stiffness), (m, one.mass)):
-                expected = one.basis @ other @ one.basis.T
-                assert np.abs(back @ own @ back.T - expected).max() < 1e-9 * np.abs(expected).max()
-            count += 1
-    assert count == len(values)
 
 
 def test_random_builds_of_heavy_wires_on_a_tilted_table():

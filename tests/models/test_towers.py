@@ -102,11 +102,6 @@ def test_legs_resist_yaw_by_torsion_and_by_leaning():
     np.testing.assert_allclose(found.frequency[2], expected, rtol=1e-9)
 
 
-def test_measured_frequency_sets_the_flexures():
-    found = sus.modes(alone(frequency=0.06, leg_mass=3.0), fidelity="string")
-    np.testing.assert_allclose(found.frequency[:2], 0.06, rtol=1e-9)
-
-
 PRELOADS = {
     "link": """[[link]]
 name = "push"

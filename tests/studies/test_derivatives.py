@@ -14,10 +14,8 @@ from suspension_cli.analyses.sensitivity import solve as sensitivity
 from suspension_cli.design import paths, reader
 from suspension_cli.linear import eigenmodes, named_results, response, signals
 from suspension_cli.models import registry
-from suspension_cli.studies import variants
 from tests.equilibrium.test_clamps import tables_as_built
 from tests.support.commandline import assert_refused, run, written
-from tests.support.designs import overridden
 from tests.support.golden import CONFIGS
 from tests.support.scenes import plain
 
@@ -192,18 +190,3 @@ def test_wires_without_material_are_refused(tmp_path):
         tmp_path / "out",
     )
     assert any("has no cross-section" in line for line in lines)
-
-
-@pytest.mark.parametrize("level", ["force", "string", "beam"])
-def test_designs_with_dampers_are_one_batch_whatever_their_heights(level):
-    """Each has the damping matrix of its own geometry."""
-    upper, test = DOUBLE.read_text().split("[stage.wires]")[0], DOUBLE.read_text()
-    text = test.replace(upper, f"{upper}[stage.damping]\nx = 3.0\npitch = 0.02\n\n", 1)
-    head, tail = text.rsplit("[stage.wires]", 1)
-    text = f'{head}[stage.damping]\ny = 2.0\nagainst = "upper"\n\n[stage.wires]{tail}'
-    name, values = "stage.test.wires.d", np.array([1e-3, 1.5e-3, 4e-3])
-    [(found, here)] = variants.balanced(variants.designs_at(text, {name: values}), level)
-    for n, place in enumerate(here):
-        design = overridden(text, {name: values[place]})
-        expected = registry.by_name(level).system(design).damping
-        np.testing.assert_array_equal(found.model.damping[n], expected)
