@@ -101,7 +101,7 @@ def test_against_the_equations_of_lagrange(kind, seed):
     """Two wires on one blade share its deflection, so the blade counts once for both; wires that
     mirror each other need not carry the same, under a lopsided load. Giving a tension that would
     come about changes nothing. The nominal pose balances."""
-    rng = np.random.default_rng([15, seed])
+    rng = np.random.default_rng([16, seed])
     upright = kind in ("4", "5", "7", "preload")
     wires = (
         vertical_wires(rng, int(kind) if kind.isdigit() else 5) if upright else angled_wires(rng)
@@ -109,7 +109,7 @@ def test_against_the_equations_of_lagrange(kind, seed):
     blades = on_blades(rng, wires, lateral=kind.startswith("lat")) if "blades" in kind else []
     spring = SPRING if kind in ("preload", "lopsided") else None
     if kind == "lopsided":
-        spring = SPRING | {"at": [0.0, 0.0, 0.0], "preload": [0.0, 0.0, 0.0, 0.2, 0.05, 0.0]}
+        spring = SPRING | {"at": [0.0, 0.0, 0.0], "preload": [0.0, 0.0, 0.0, 0.02, 0.01, 0.0]}
     more = ({"blade": blades} if blades else {}) | ({"spring": [spring]} if spring else {})
     expected = least_energy(wires, blades, spring)
     scene = scenes.scene_of(stage_of(wires, **more))
