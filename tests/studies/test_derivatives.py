@@ -15,7 +15,6 @@ from suspension_cli.design import paths, reader
 from suspension_cli.linear import eigenmodes, named_results, response, signals
 from suspension_cli.models import registry
 from tests.equilibrium.test_clamps import tables_as_built
-from tests.support.commandline import assert_refused, run, written
 from tests.support.golden import CONFIGS
 from tests.support.scenes import plain
 
@@ -178,5 +177,3 @@ def test_on_a_resonance_and_a_coupling_that_is_zero():
     slope = found.derivative[found.parameter.index(name), 1]
     assert abs(slope) * value > 0.05 * quality * found.nominal[1]
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-3)
-
-

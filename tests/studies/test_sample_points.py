@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.tolerance.statistics import (
-    replicate_interval,
     sobol_indices,
     standard_error,
-    wilson_interval,
 )
 from suspension_cli.studies.parameters import natural_step
 from suspension_cli.studies.sample_points import (
