@@ -58,20 +58,8 @@ def test_table_1(case):
     assert np.array_equal(closed.mass, string.mass)
 
 
-def test_table_1_as_printed():
-    ratios = []
-    for case, theory in paper.THEORY_1.items():
-        found = eigenmodes.solve(string_model(scenes.design_of(paper.table_1(case))))
-        for dof, printed in theory.items():
-            (frequency,) = found.of(dof)
-            ratios.append(abs(frequency / printed - 1))
-    assert len(ratios) == 24
-    assert max(ratios) < 0.0425
-    assert np.median(ratios) < 0.0075
-
-
 def test_closed_form_is_string_for_many_singles():
-    for seed in range(60):
+    for seed in range(20):
         design = scenes.design_of(scenes.closed(np.random.default_rng(seed)))
         assert not closed_form.CLOSED_FORM.unsuitable(design)
         closed, string = closed_form.CLOSED_FORM.suspension(design), string_model(design)
@@ -81,7 +69,7 @@ def test_closed_form_is_string_for_many_singles():
 
 @pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
 def test_force_is_string_for_chains(stages):
-    for seed in range(10):
+    for seed in range(4):
         design = scenes.design_of(scenes.chain(np.random.default_rng([1, stages, seed]), stages))
         assert not force.FORCE.unsuitable(design)
         chain, string = force.FORCE.suspension(design), string_model(design)
@@ -92,7 +80,7 @@ def test_force_is_string_for_chains(stages):
 
 @pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
 def test_force_is_string_for_blades_above_vertical_wires(stages):
-    for seed in range(10):
+    for seed in range(4):
         design = scenes.design_of(
             scenes.bladed_chain(np.random.default_rng([2, stages, seed]), stages)
         )
@@ -106,7 +94,7 @@ def test_force_is_string_for_blades_above_vertical_wires(stages):
 @pytest.mark.parametrize(("wires", "blades"), scenes.BLADE_COUNTS)
 def test_every_number_of_blades(wires, blades):
     """Below a bladed stage, too: the support (or body) that carries the blades tilts them."""
-    for seed in range(5):
+    for seed in range(3):
         rng = np.random.default_rng([3, wires, blades, seed])
         stages = [
             scenes.stage(rng, "top"),
@@ -134,7 +122,7 @@ def lossy_design(rng, stages, blades):
 
 def test_losses_agree():
     """Tension is not lossy, stretching is: the imaginary parts of all models are one matrix."""
-    for seed in range(10):
+    for seed in range(4):
         rng = np.random.default_rng([6, seed])
         design = lossy_design(rng, 1, blades=False)
         models = [
@@ -202,26 +190,15 @@ def test_the_difference_vanishes_with_the_angle():
 
 
 def test_stiff_blades_are_no_blades():
-    with_blades, without = angled_on_blades(blade=1e15), angled_on_blades()
-    raw = scenes.raw_of(
-        {
-            "name": "test",
-            "body": paper.BODY,
-            "wires": {
-                "count": 4,
-                "l": 0.4,
-                "s": 0.03,
-                "t2": 0.13,
-                "t1": 0.01,
-                "d": 0.004,
-                "k": 4e4,
-            },
-        }
-    )
-    bare = scenes.design_of(raw)
-    assert worst(string_model(with_blades), string_model(bare)) < 1e-10
-    assert worst(force.FORCE.suspension(with_blades), force.FORCE.suspension(bare)) < 1e-10
-    assert worst(string_model(without), string_model(bare)) > 0.1
+    bare = scenes.design_of(paper.table_1(2))
+    blades = {"count": 4, "stiffness": 1e15}
+    raw = paper.table_1(2)
+    raw["stage"] = [raw["stage"][0] | {"blades": blades}]
+    stiff = scenes.design_of(raw)
+    assert worst(string_model(stiff), string_model(bare)) < 1e-10
+    assert worst(force.FORCE.suspension(stiff), force.FORCE.suspension(bare)) < 1e-10
+    blades["stiffness"] = 2e3
+    assert worst(string_model(scenes.design_of(raw)), string_model(bare)) > 0.1
 
 
 def equations_1_to_4(m, iy, iz, l, s, t, k, g):
