@@ -11,10 +11,10 @@ import pytest
 from suspension_cli.design import reader
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.elements.resting import principal_planes
-from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness
+from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness, sum_forms
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.models.string import mass_matrix
-from suspension_cli.rotations import rotation_matrix
+from suspension_cli.rotations import rigid_motion, rotation_matrix
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Field, Flex
 from tests.models.test_whole_tower import DESIGN as TOWER
@@ -151,6 +151,30 @@ def test_moving_everything_as_one_costs_nothing(kind):
     motions = before[: 6 * bodies].reshape(bodies, 2, 3)
     force, torque = motions[:, 0].sum(0), (np.cross(place, motions[:, 0]) + motions[:, 1]).sum(0)
     assert np.abs([force, torque]).max() < 1e-11 * np.abs(before).max()
+
+
+@every
+def test_nothing_that_moves_as_one_is_lost_or_damped(kind):
+    """Loss and damping of each element, in the pose at rest."""
+    scene, numbering, _ = posed(kind)
+    rng, pose = np.random.default_rng(6), nominal_pose(scene)
+    wires, springs = scene.wires, scene.springs
+    root = rng.normal(size=(len(springs.label), 6, 6))
+    scene = replace(
+        scene,
+        wires=replace(wires, loss=rng.uniform(0.1, 1.0, len(wires.label))),
+        springs=replace(
+            springs,
+            loss=rng.uniform(0.1, 1.0, len(springs.label)),
+            damping=root @ np.swapaxes(root, -1, -2),
+        ),
+    )
+    motion = rigid_motion(numbering.size, np.vstack([scene.bodies.position]))
+    for element in elements_of(scene):
+        for part in (element.add_loss, element.add_damping):
+            form = sum_forms(scene, numbering, pose, [part])
+            assert np.abs(form @ motion).max() <= 1e-12 * np.abs(form).max()
+            assert np.linalg.eigvalsh(form)[0] >= -1e-12 * np.abs(form).max()
 
 
 def points(scene):

@@ -165,25 +165,7 @@ def _at(
     found: Any,
     condition: bool,
 ) -> tuple[Any, Any, Any]:
-    matrices, forms = _matrices(model)
-    dynamic, k = _dynamic(*matrices, MP.mpf(float(omega))), np.array(model.k, dtype=complex)
-    for term in model.terms:
-        there = term.at(np.array([omega]))
-        values = there.functions(range(len(term.compact)))
-        for value, matrix in zip(values, term.compact, strict=True):
-            factor = MP.mpc(complex(value[0]))
-            for i, j in zip(*np.nonzero(matrix), strict=True):
-                at = term.columns[i], term.columns[j]
-                if model.allowed[at]:
-                    dynamic[at[0]][at[1]] += factor * MP.mpf(float(matrix[i, j]))
-        if isinstance(term, WireTerm):
-            k[term.number] = 1 / complex(np.ravel(there.compliance)[0])
-    for own, form in zip(k.tolist(), forms, strict=True):
-        factor = MP.mpc(own) if own.imag else MP.mpf(own.real)
-        for i, one in form.items():
-            for j, other in form.items():
-                if model.allowed[i, j]:
-                    dynamic[i][j] += factor * one * other
+    dynamic = _dynamic_at(model, omega)
     given = [
         [MP.zero if act else MP.mpf(float(v)) for v in drive[:6]]
         for drive, act in zip(drives, acts, strict=True)
@@ -221,6 +203,30 @@ def _at(
     size = abs(full.real) + abs(full.imag) + omega * abs(model.damping) + omega**2 * abs(model.mass)
     moved = y.T @ size[6:] @ x + abs(rows) @ x
     return exact, error, moved / np.where(exact == 0, 1.0, abs(exact))
+
+
+def _dynamic_at(model: LinearSystem, omega: float) -> list[list[Any]]:
+    """Dynamic stiffness with all terms of the frequency."""
+    matrices, forms = _matrices(model)
+    dynamic, k = _dynamic(*matrices, MP.mpf(float(omega))), np.array(model.k, dtype=complex)
+    for term in model.terms:
+        there = term.at(np.array([omega]))
+        values = there.functions(range(len(term.compact)))
+        for value, matrix in zip(values, term.compact, strict=True):
+            factor = MP.mpc(complex(value[0]))
+            for i, j in zip(*np.nonzero(matrix), strict=True):
+                at = term.columns[i], term.columns[j]
+                if model.allowed[at]:
+                    dynamic[at[0]][at[1]] += factor * MP.mpf(float(matrix[i, j]))
+        if isinstance(term, WireTerm):
+            k[term.number] = 1 / complex(np.ravel(there.compliance)[0])
+    for own, form in zip(k.tolist(), forms, strict=True):
+        factor = MP.mpc(own) if own.imag else MP.mpf(own.real)
+        for i, one in form.items():
+            for j, other in form.items():
+                if model.allowed[i, j]:
+                    dynamic[i][j] += factor * one * other
+    return dynamic
 
 
 def _dynamic(stiffness: Any, loss: Any, damping: Any, mass: Any, w: Any) -> list[list[Any]]:
