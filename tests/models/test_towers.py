@@ -86,22 +86,6 @@ def transfer(design, source, target, frequency):
     return found.value[:, 0, 0]
 
 
-def lateral(k, mass=300.0, length=0.5):
-    return 3 * k / length**2 - mass * G / length
-
-
-def test_frequency_is_that_of_the_flexures_less_the_load():
-    found = sus.modes(alone(stiffness=600.0), fidelity="string")
-    expected = np.sqrt(lateral(600.0) / 300.0) / (2 * np.pi)
-    np.testing.assert_allclose(found.frequency[:2], expected, rtol=1e-9)
-
-
-def test_legs_resist_yaw_by_torsion_and_by_leaning():
-    found = sus.modes(alone(stiffness=600.0, yaw_stiffness=40.0), fidelity="string")
-    expected = np.sqrt((3 * 40.0 + 0.6**2 * lateral(600.0)) / 40.0) / (2 * np.pi)
-    np.testing.assert_allclose(found.frequency[2], expected, rtol=1e-9)
-
-
 PRELOADS = {
     "link": """[[link]]
 name = "push"
