@@ -12,7 +12,6 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.errors import InputError
 from suspension_cli.models import registry
 from suspension_cli.models import string as string_model
-from suspension_cli.scene import imperfections
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from tests.support import scenes
 
@@ -175,51 +174,6 @@ def test_com_hangs_under_the_wires(count):
         )
         where = scene.bodies.position[1] + found.pose.shift[1]
         np.testing.assert_allclose(where, [0, 0, -0.4 - np.hypot(a, 0.005 - b)], atol=1e-12)
-
-
-def bent_wire(scene, rng, pick, **hold):
-    amounts = {
-        "k_factor": rng.uniform(0.8, 1.2, (2, 3))[pick],
-        "upper_offset": rng.uniform(-1e-3, 1e-3, (2, 3, 3))[pick],
-        "lower_offset": rng.uniform(-1e-3, 1e-3, (2, 3, 3))[pick],
-        "length_change": rng.uniform(-1e-4, 1e-4, (2, 3))[pick],
-    }
-    return imperfections.wire(scene, 0, **amounts, **hold)
-
-
-IMPERFECT = {
-    "wire": bent_wire,
-    "wire of natural length": lambda *given: bent_wire(*given, hold="natural-length"),
-    "com": lambda scene, rng, pick: imperfections.move_com(
-        scene, 2, rng.uniform(-1e-3, 1e-3, (2, 3, 3))[pick]
-    ),
-    "turned mass": lambda scene, rng, pick: imperfections.turn_mass(
-        scene, 2, rng.uniform(-1e-1, 1e-1, (2, 3, 3))[pick]
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", IMPERFECT)
-def test_a_batch_is_its_members(kind):
-    scene = scenes.scene_of(scenes.bladed_chain(np.random.default_rng(13), 2, tip_mass=True))
-    batch = IMPERFECT[kind](scene, np.random.default_rng(14), ...)
-    assert batch.batch == (2, 3)
-    found = equilibrium.solve(batch)
-    model = string_model.linear_model(batch, found)
-    assert model.batch == (2, 3)
-    for pick in np.ndindex(2, 3):
-        alone = IMPERFECT[kind](scene, np.random.default_rng(14), pick)
-        one = equilibrium.solve(alone)
-        np.testing.assert_allclose(found.pose.shift[pick], one.pose.shift, atol=1e-12)
-        np.testing.assert_allclose(found.pose.rotation[pick], one.pose.rotation, atol=1e-12)
-        tension = np.broadcast_to(found.tension, (2, 3, *one.tension.shape))[pick]
-        np.testing.assert_allclose(tension, one.tension, rtol=1e-10)
-        single = string_model.linear_model(alone, one)
-        for name in ("mass", "stiffness"):
-            shape = (2, 3, model.size, model.size)
-            whole, part = np.broadcast_to(getattr(model, name), shape)[pick], getattr(single, name)
-            assert np.array_equal(model.basis, single.basis)
-            assert np.abs(whole - part).max() < 1e-12 * np.abs(part).max()
 
 
 def held(*wires, **more):
