@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 
 import numpy as np
@@ -56,26 +55,9 @@ def pendulum(**section):
             "inertia": [[0.03, 0.001, 0.0], [0.001, 0.02, 0.002], [0.0, 0.002, 0.04]],
         },
         "wire": wires,
-        "spring": [{"stiffness": [3.0, 1.0, 2.0, 0.1, 0.2, 0.3], "at": [0.01, 0.0, 0.02]}],
+        "spring": [{"stiffness": np.diag([3.0, 1.0, 2.0, 0.1, 0.2, 0.3]), "at": [0.01, 0.0, 0.02]}],
     }
     return scenes.raw_of(stage)
-
-
-def turned(raw, turn):
-    """The design with everything turned, in the frames of bodies that are turned too."""
-    result = copy.deepcopy(raw)
-    for stage in result["stage"]:
-        stage["position"] = (turn @ stage["position"]).tolist()
-        stage["body"]["inertia"] = (turn @ stage["body"]["inertia"] @ turn.T).tolist()
-        for wire in stage["wire"]:
-            for end in ("upper", "lower"):
-                wire[end] = (turn @ wire[end]).tolist()
-        for spring in stage["spring"]:
-            both = np.kron(np.eye(2), turn)
-            matrix = both @ np.diag(spring["stiffness"]) @ both.T
-            spring["stiffness"] = ((matrix + matrix.T) / 2).tolist()
-            spring["at"] = (turn @ spring["at"]).tolist()
-    return result
 
 
 TURN = rotation_matrix(np.array([0.05, 0.12, 0.02]))
@@ -86,11 +68,11 @@ def test_tilted_gravity_is_a_tilted_support(model):
     section = {"material": "steel302", "radius": 150e-6} if model == "beam" else {}
     level = pendulum(**section)
     tilted = level | {"constants": {"gravity": (TURN.T @ [0.0, 0.0, -G]).tolist()}}
-    found, expected = frequencies(tilted, model), frequencies(turned(level, TURN), model)
+    found, expected = frequencies(tilted, model), frequencies(scenes.turned(level, TURN), model)
     assert found == pytest.approx(expected, rel=1e-9)
     assert np.abs(found / frequencies(level, model) - 1).max() > 1e-4
     pose = solve(expand(scenes.design_of(tilted)))
-    other = solve(expand(scenes.design_of(turned(level, TURN))))
+    other = solve(expand(scenes.design_of(scenes.turned(level, TURN))))
     assert pose.tension == pytest.approx(other.tension, rel=1e-11)
     assert TURN @ pose.pose.shift[1] == pytest.approx(other.pose.shift[1], abs=1e-12)
 

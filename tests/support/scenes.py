@@ -312,13 +312,12 @@ def step_of(
     return rng.uniform(-1, 1, len(names)) * scale
 
 
-def rotated(raw: Raw, angle: float) -> Raw:
-    """A design of explicit wires as seen by somebody who has turned by -angle about z.
+def turned(raw: Raw, turn: Any) -> Raw:
+    """A design of explicit wires and springs by a rotation (3, 3), in the frames of bodies that are
+    turned too.
 
-    Blades with lateral stiffness keep to the axes, so they allow quarter turns only.
+    Blades keep to the vertical; those with lateral stiffness turn about it, by a quarter.
     """
-    cos, sin = (0.0, 1.0) if angle == np.pi / 2 else (np.cos(angle), np.sin(angle))
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     six = np.kron(np.eye(2), turn)
     result = copy.deepcopy(raw)
     for one in result["stage"]:
@@ -333,13 +332,11 @@ def rotated(raw: Raw, angle: float) -> Raw:
             if "at" in blade:
                 blade["at"] = (turn @ blade["at"]).tolist()
             if "lateral_stiffness" in blade:
-                assert angle == np.pi / 2
+                assert turn[1, 0] == 1
                 blade["lateral_stiffness"] = blade["lateral_stiffness"][::-1]
         for spring_ in one.get("spring", []):
-            spring_["at"], spring_["preload"] = (
-                (turn @ spring_["at"]).tolist(),
-                (six @ spring_["preload"]).tolist(),
-            )
+            spring_["at"] = (turn @ spring_["at"]).tolist()
+            spring_["preload"] = (six @ spring_.get("preload", np.zeros(6))).tolist()
             spring_["stiffness"] = _symmetric(six @ np.array(spring_["stiffness"]) @ six.T)
     return result
 
