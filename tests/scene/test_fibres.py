@@ -10,33 +10,20 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from suspension_cli.conventions import AVOGADRO
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections import circle, rectangle_torsion
 from suspension_cli.design.derive import part_loss, wire_loss, wire_stiffness
 from suspension_cli.design.losses import Bulk, Thermoelastic
-from suspension_cli.design.reader import convert, read
+from suspension_cli.design.reader import convert
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.fibres import compose, explain_unsuitable
 from tests.support.commandline import edited
 from tests.support.designs import RAW
-from tests.support.golden import configs
 
 WIRES = ("stage", 0, "wires")
 SINGLE = edited(
     RAW["single"], {(*WIRES, "l"): 0.28, (*WIRES, "material"): "fused-silica", ("materials",): {}}
 )
-
-ROUND = {"material": "wire", "radius": 1e-4}
-RICH = edited(
-    RAW["rich"],
-    {
-        (*place, key): value
-        for place in (("stage", 0, "wire", 1), ("stage", 2, "wires"))
-        for key, value in ROUND.items()
-    },
-)
-"""A tree with everything in it, all of whose wires could be beams."""
 
 
 def made(edits: Any, base: Any = SINGLE) -> Any:
@@ -119,30 +106,6 @@ def test_torsion_of_rectangles():
     assert rectangle_torsion(1.0, 3.0) == rectangle_torsion(3.0, 1.0)
 
 
-@pytest.mark.parametrize("config", configs(), ids=lambda path: path.stem)
-def test_in_the_order_of_the_scene(config):
-    design = read(config).design
-    scene = expand(design)
-    if explain_unsuitable(design, massive=False):
-        return
-    found = compose(design)
-    assert tuple(fibre.label for fibre in found.wire) == scene.wires.label
-    assert tuple(blade.label for blade in found.blade) == scene.blades.label
-    drawn = (scene.drawn or scene).wires
-    for fibre, k, length, span in zip(
-        found.wire, drawn.stiffness, drawn.length, drawn.span, strict=True
-    ):
-        assert 1 / sum(
-            section.length / section.stretching for section in fibre.sections
-        ) == pytest.approx(k, rel=1e-12)
-        assert sum(section.length for section in fibre.sections) == pytest.approx(length, rel=1e-12)
-        assert fibre.plane @ fibre.plane == pytest.approx(1, rel=1e-12)
-        assert abs(fibre.plane @ span) < 1e-12
-        for direction in fibre.clamp:
-            assert direction @ direction == pytest.approx(1, rel=1e-12)
-            assert direction @ span > 0
-
-
 THICK = (
     {"length": 0.01, "radius": 4e-4},
     {"length": 0.005, "radius": [4e-4, 1.25e-4]},
@@ -215,28 +178,6 @@ def test_clamps_of_a_set_are_mirrored():
     scene = expand(made({}))
     for fibre, span, length in zip(found, scene.wires.span, scene.wires.length, strict=True):
         np.testing.assert_allclose(fibre.clamp[1], span / length, rtol=1e-14)
-
-
-def test_temperatures_and_gas():
-    raw = edited(RICH, {("gas",): {"pressure": 1e-6, "molar_mass": 0.002}})
-    raw = edited(
-        raw,
-        {
-            ("stage", 1, "wires", "temperature"): {"upper": 80, "lower": 20.0},
-            ("stage", 0, "wire", 0, "temperature"): 100,
-        },
-    )
-    found = compose(convert(edited(raw, {("stage", 0, "blade", 0, "temperature"): 150.0})))
-    assert [fibre.temperature for fibre in found.wire[:4]] == [
-        (100.0, 100.0),
-        (300.0, 300.0),
-        (300.0, 300.0),
-        (80.0, 20.0),
-    ]
-    assert [blade.temperature for blade in found.blade] == [150.0, 300.0, 300.0, 300.0]
-    assert (found.gas.pressure, found.gas.temperature, found.temperature) == (1e-6, 300.0, 300.0)
-    assert found.gas.molecule == pytest.approx(0.002 / AVOGADRO, rel=1e-14)
-    assert compose(made({})).gas is None
 
 
 BLADES = ("stage", 0, "blades")
