@@ -194,7 +194,10 @@ def test_static_stiffness_and_hinges(name, rigidity):
         assert twist[i].tolist() == pytest.approx([(1e-3 + 3.0 * per_area) / length, 0.2])
 
 
-def test_static_beam_without_tension():
-    """4 EI/L and 2 EI/L of any text on beams."""
+def test_beam_without_tension():
+    """4 EI/L and 2 EI/L of any text on beams; with mass, at rest."""
     (bend, _), _ = resting.resistance(strand([(2.0, 0.0, 1.0)]).fibre.sections, 0.5, 0.0)
     np.testing.assert_allclose(bend, np.array([4, 2, 4]) * 2.0 / 0.5, rtol=1e-14)
+    found = strand([(2.0, 1e-3, 0.5)], 0.0).at(np.zeros(1))["bend-1"].stiffness
+    ends = joined_sections.to_ends(found)[..., 0]
+    np.testing.assert_allclose(ends[[0, 1, 1], [0, 1, 3]], [192.0, 16.0, 8.0], rtol=1e-11)

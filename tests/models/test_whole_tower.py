@@ -20,6 +20,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.models import string
 from suspension_cli.scene.pose import layout, nominal_pose
+from suspension_cli.studies import sampling
 from tests.support import jets
 
 GRAVITY, SLOPE = np.array([0.02, -0.03, -9.8]), 1e-4
@@ -273,6 +274,35 @@ def test_longer_legs_lift_the_platform():
     )
     lifted = after.pose.shift[1, 2] - before.pose.shift[1, 2]
     np.testing.assert_allclose(lifted, 1e-4, rtol=1e-6)
+
+
+def test_random_builds_scatter_them():
+    text = (
+        DESIGN
+        + """
+[[tolerance.leg]]
+stage = "ip"
+stiffness = { normal = 0.001 }
+length = { normal = 1e-5 }
+[[tolerance.blade]]
+stage = "ip"
+stiffness = { normal = 0.02 }
+[[tolerance.link]]
+link = "heat"
+stiffness = { uniform = 0.5 }
+"""
+    )
+    design = reader.parse(text)
+    scene = expand(design)
+    chosen = sampling.factors(design, scene)
+    assert [one.label for one in chosen] == [
+        "ip blades stiffness",
+        *(f"ip.leg{n} {key}" for n in (1, 2, 3) for key in ("stiffness", "length")),
+        "heat stiffness",
+    ]
+    built = sampling.imperfect(scene, chosen, np.array([[0.1, 0, 0, 0, 0, 0, 0, 1.0]] * 2))
+    ratio = built.springs.stiffness[:, :, 0, 0] / scene.springs.stiffness[:, 0, 0]
+    np.testing.assert_allclose(ratio[0][np.isfinite(ratio[0])], [1.0, 1.0, 1.0, 1.1, 2.0])
 
 
 @pytest.mark.parametrize(
