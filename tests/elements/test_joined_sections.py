@@ -25,10 +25,11 @@ PIECES = (0.05, 0.15, 0.11, 0.19, 0.27, 0.13, 0.1)
 
 
 def strand(rows, tension=TENSION, angle=0.0, *, massive=True, lossy=True, surrounded=None):
-    """A wire of sections: bending stiffness, mass per length and length of each."""
+    """A wire of sections: bending stiffness (twice as much in the second plane, which round wires
+    do not have), mass per length and length of each."""
     losses, nowhere = (Bulk(angle),) if angle else (), np.zeros(3)
     sections = tuple(
-        Section(length, (ei, ei), STRETCHING, 1e-3, mass, 1e-10, SHAPE, losses)
+        Section(length, (ei, 2 * ei), STRETCHING, 1e-3, mass, 1e-10, SHAPE, losses)
         for ei, mass, length in rows
     )
     fibre = Fibre("", sections, nowhere, (nowhere, nowhere), (290.0, 290.0))
@@ -58,6 +59,13 @@ MORE = {
 """Of the shortest, the stiffness EI/l^3 is up to 10^12 times that of the tension, T/l."""
 
 
+def ribbon(wire):
+    """The same of another shape, with both planes."""
+    shape = rectangle(width=1e-3, thickness=1e-4)
+    sections = tuple(replace(one, shape=shape) for one in wire.fibre.sections)
+    return replace(wire, fibre=replace(wire.fibre, sections=sections))
+
+
 def silica(shape):
     """(EI, mass, length) of radii and lengths."""
     return [
@@ -71,12 +79,13 @@ def test_bending_against_transfer_matrices(name):
     """Even the smallest element keeps 11 digits, however short and stiff a section is."""
     rows, angle = silica((STEPPED | MORE)[name]), 1e-3
     with np.errstate(all="raise", under="ignore"):
-        found = strand(rows, angle=angle).at(OMEGA)["bend-1"].stiffness
-    found = joined_sections.to_ends(found)
-    lossy = [(ei * (1 + 1j * angle), mass, length) for ei, mass, length in rows]
-    for n, omega in enumerate(OMEGA):
-        exact = beam_mp.doubles(beam_mp.transferred(lossy, TENSION, omega)[0])
-        assert np.abs(found[..., n] / exact - 1).max() < 1e-11
+        found = ribbon(strand(rows, angle=angle)).at(OMEGA)
+    for part, factor in (("bend-1", 1), ("bend-2", 2)):
+        ends = joined_sections.to_ends(found[part].stiffness)
+        lossy = [(factor * ei * (1 + 1j * angle), mass, length) for ei, mass, length in rows]
+        for n, omega in enumerate(OMEGA):
+            exact = beam_mp.doubles(beam_mp.transferred(lossy, TENSION, omega)[0])
+            assert np.abs(ends[..., n] / exact - 1).max() < 1e-11
 
 
 @pytest.mark.parametrize("name", STEPPED)
@@ -168,15 +177,8 @@ def test_static_stiffness_and_hinges(name, rigidity):
     """Of wires of many lengths and tensions at once, from long soft to short stiff ones, in both
     planes of a ribbon; hinges are the moment over the shear force where the other end is
     displaced."""
-    plain = strand([(rigidity * own, 0.0, share) for share, own in SHARES[name]]).fibre.sections
-    flat = tuple(
-        replace(
-            one,
-            shape=rectangle(width=1e-3, thickness=1e-4),
-            rigidity=(one.rigidity[0], 2 * one.rigidity[0]),
-        )
-        for one in plain
-    )
+    wire = strand([(rigidity * own, 0.0, share) for share, own in SHARES[name]])
+    plain, flat = wire.fibre.sections, ribbon(wire).fibre.sections
     lengths, tensions = np.array([[0.3], [0.6]]), np.array([3.0, 40.0])
     found, twist = resting.resistance(flat, lengths, tensions, np.array([0.0, 0.2]))
     hinges = resting.hinge_distances(plain, lengths, tensions)

@@ -97,7 +97,8 @@ def test_each_design_of_a_batch_is_that_design_alone(case, level):
         assert (found.status == builds.GOOD).all()
         known = bodies_with_signals(found.model)
         inputs = [parse(name, "", known) for name in driven]
-        outputs = [parse(f"{body}.{dof}", "", known) for body in found.model.body for dof in "xz"]
+        bodies = ("support", *found.model.body)
+        outputs = [parse(f"{body}.{dof}", "", known) for body in bodies for dof in "xz"]
         batch = builds.transfer(found, frequency, inputs, outputs)
         for n, place in enumerate(here):
             alone = registry.by_name(level).system(overridden(text, {path: values[place]}))
