@@ -151,6 +151,19 @@ def test_a_body_free_to_spin_needs_the_torsion_of_its_wire():
     assert (eigenmodes.solve(model).frequency > 0).all()
 
 
+def test_a_tighter_tolerance_takes_more():
+    """Of all models, with the error of each computed."""
+    design = random_design(4)
+    levels = []
+    for tolerance in (0.9, 1e-3, 1e-9):
+        compare = Systems(design).compare(lambda _: choice.Frequencies())
+        found = choice.choose(design, "auto", registry.MODELS, compare, tolerance)
+        assert found.error <= tolerance
+        levels.append(registry.LEVELS.index(found.level))
+    assert levels == sorted(levels)
+    assert registry.LEVELS[levels[-1]] == "violin"
+
+
 @pytest.mark.parametrize(("tolerance", "missed"), [(1e-9, True), (1.0, False)])
 def test_a_tolerance_that_the_models_allowed_cannot_keep_is_reported(tolerance, missed):
     chosen, _ = model_choice.for_modes(
