@@ -16,7 +16,7 @@ from suspension_cli.equilibrium.solve import solve
 from suspension_cli.linear import mode_count
 from suspension_cli.models import registry
 from suspension_cli.rotations import rotation_matrix
-from tests.support import scenes
+from tests.support import plants, scenes
 
 G = 9.81
 
@@ -75,6 +75,18 @@ def test_tilted_gravity_is_a_tilted_support(model):
     other = solve(expand(scenes.design_of(scenes.turned(level, TURN))))
     assert pose.tension == pytest.approx(other.tension, rel=1e-11)
     assert TURN @ pose.pose.shift[1] == pytest.approx(other.pose.shift[1], abs=1e-12)
+
+
+@pytest.mark.parametrize("model", ["string", "beam", "blade"])
+def test_x_and_y_are_alike(model):
+    """A quarter turn about the vertical of designs without any symmetry changes no mode."""
+    if model == "blade":
+        raw, model = plants.raw("five"), "string"
+    else:
+        raw = pendulum(**({"material": "steel302", "radius": 150e-6} if model == "beam" else {}))
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    found = frequencies(scenes.turned(raw, quarter), model)
+    assert found == pytest.approx(frequencies(raw, model), rel=1e-9)
 
 
 def bob(gradient, **constants):
