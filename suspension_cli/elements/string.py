@@ -124,14 +124,6 @@ def predicted_tension(
     return wires.tension + wires.stiffness * longer
 
 
-def add_loss(now: Configuration, derivatives: Derivatives) -> None:
-    """Add the imaginary part of the stiffness against stretching of wires."""
-    wires = now.arrays.wires
-    if wires.loss.any():
-        e = now.wires.direction
-        derivatives.add(now.wires, Terms(s=outer(wires.stiffness * wires.loss[:, None] * e, e)))
-
-
 def elongations(now: Configuration) -> Inexact[np.ndarray, "coordinate wire build"]:
     """Elongation of each wire per coordinate."""
     lines, numbering = now.wires, now.arrays.numbering
@@ -152,4 +144,4 @@ def elongations(now: Configuration) -> Inexact[np.ndarray, "coordinate wire buil
     return result[:-1]
 
 
-ELEMENT = Element(energy, add_derivatives, add_loss=add_loss)
+ELEMENT = Element(energy, add_derivatives)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import spring, string
+from suspension_cli.elements import spring
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
@@ -179,12 +179,12 @@ def damping_matrix(
 def loss_matrix(
     scene: Scene, numbering: Layout, pose: Pose
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Imaginary part of the stiffness but for wires: each elastic constant times its loss angle.
+    """Imaginary part of the stiffness: each elastic constant times its loss angle.
 
-    Geometric stiffness (tension) is not lossy.
+    The stretching of wires is left out (`LinearSystem.k`); geometric stiffness (tension) is not
+    lossy.
     """
-    lossy = [item.add_loss for item in elements_of(scene) if item is not string.ELEMENT]
-    return sum_forms(scene, numbering, pose, lossy)
+    return sum_forms(scene, numbering, pose, [item.add_loss for item in elements_of(scene)])
 
 
 class SceneModel(Model):

@@ -1,15 +1,18 @@
-"""Gas drag against the Maxwell distribution and against sums over surface elements."""
+"""Gas drag against the Maxwell distribution, sums over surface elements, and the equation of a
+stretched wire."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
+import tomli_w
 
+import suspension_cli as sus
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
-from suspension_cli.design.bodies import body_inertia
 from suspension_cli.design.cross_sections import circle, rectangle
 from suspension_cli.design.schema import Body, Gas
 from suspension_cli.elements import gas as drag
@@ -107,8 +110,8 @@ def faces_of_cylinder(radius, hole, length, axis):
 
 BODIES = {
     "box": (Body(shape="box", size=(0.1, 0.25, 0.4), mass=1.0), faces_of_box((0.1, 0.25, 0.4))),
-    "disc": (
-        Body(shape="cylinder", axis="x", radius=0.09, length=0.1, mass=1.0),
+    "disc": (  # along x by default
+        Body(shape="cylinder", radius=0.09, length=0.1, mass=1.0),
         faces_of_cylinder(0.09, 0.0, 0.1, 0),
     ),
     "tube": (
@@ -131,12 +134,6 @@ def test_bodies_against_surface_elements(name):
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * expected.max())
 
 
-def test_default_axis_is_that_of_the_inertia():
-    body = Body(shape="cylinder", radius=0.01, length=1.0, mass=1.0)
-    inertia, damping = np.diag(body_inertia(body)), np.diag(drag.body_damping(body, AIR))
-    assert np.argmin(inertia) == np.argmin(damping[3:]) == np.argmin(damping[:3]) == 0
-
-
 def test_no_shape_no_drag():
     assert drag.body_damping(Body(mass=1.0, inertia=[1.0, 1.0, 1.0]), AIR) is None
 
@@ -144,22 +141,63 @@ def test_no_shape_no_drag():
 def test_wires_against_long_bodies():
     """A long thin cylinder or plate, by its length."""
     long = 1e6
-    pole = (
-        np.diag(
-            drag.body_damping(
-                Body(shape="cylinder", axis="z", radius=2e-4, length=long, mass=1.0), AIR
-            )
-        )
-        / long
-    )
-    np.testing.assert_allclose(
-        circle(2e-4, 2e-4).drag(*drag.surface_drag(AIR)), pole[[0, 1, 2, 5]], rtol=1e-8
-    )
-    plate = (
-        np.diag(drag.body_damping(Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0), AIR)) / long
-    )
-    np.testing.assert_allclose(
-        rectangle(width=1e-3, thickness=1e-4).drag(*drag.surface_drag(AIR)),
-        plate[[0, 1, 2, 5]],
-        rtol=1e-8,
-    )
+    pole = Body(shape="cylinder", axis="z", radius=2e-4, length=long, mass=1.0)
+    plate = Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0)
+    for body, shape in (
+        (pole, circle(2e-4, 2e-4)),
+        (plate, rectangle(width=1e-3, thickness=1e-4)),
+    ):
+        expected = np.diag(drag.body_damping(body, AIR))[[0, 1, 2, 5]] / long
+        np.testing.assert_allclose(shape.drag(*drag.surface_drag(AIR)), expected, rtol=1e-8)
+
+
+# ---------------------------------------------------------------- a mass that bounces on one wire
+
+PRESSURE, MOLAR, WARMTH = 20.0, 0.028, 300.0
+LENGTH, RADIUS, MASS = 0.8, 5e-5, 0.3
+YOUNG, DENSITY = 7e10, 2200.0
+BOUNCE: dict[str, Any] = {
+    "design": {"name": "bounce"},
+    "constants": {"temperature": WARMTH},
+    "gas": {"pressure": PRESSURE, "molar_mass": MOLAR},
+    "materials": {"glass": {"youngs_modulus": YOUNG, "density": DENSITY}},
+    "stage": [
+        {
+            "name": "test",
+            "body": {"mass": MASS, "inertia": [1e-3, 1e-3, 1e-3]},
+            "wires": {"count": 1, "l": LENGTH, "d": 0.01, "material": "glass", "radius": RADIUS},
+        }
+    ],
+}
+
+
+def dragged(frequency: float) -> tuple[complex, complex]:
+    """z of the mass for a unit motion of the support and for a unit force on it: EA u'' + (mu w^2 -
+    i w c) u = 0, c = 2 pi r p sqrt(m/(2 pi k T))."""
+    with mpmath.workdps(40):
+        w, radius = 2 * mpmath.pi * frequency, mpmath.mpf(RADIUS)
+        mean = mpmath.sqrt(MOLAR / AVOGADRO / (2 * mpmath.pi * BOLTZMANN * WARMTH))
+        rub = 2 * mpmath.pi * radius * PRESSURE * mean
+        stiff = YOUNG * mpmath.pi * radius**2
+        kappa = mpmath.sqrt((DENSITY * mpmath.pi * radius**2 * w**2 - 1j * w * rub) / stiff)
+        far, cos = mpmath.sin(kappa * LENGTH) / kappa, mpmath.cos(kappa * LENGTH)
+        dynamic = stiff * cos / far - MASS * w**2
+        return complex(stiff / far / dynamic), complex(1 / dynamic)
+
+
+@pytest.mark.parametrize("frequency", [40.0, 3562.0], ids=["bounce", "second stretching mode"])
+def test_drag_along_a_wire(frequency):
+    """The response, and the thermal noise, all of it from the gas: S = -(4 k T/w) Im of the
+    susceptibility."""
+    moved, susceptibility = dragged(frequency)
+    design = sus.parse(tomli_w.dumps(BOUNCE))
+    way = {"outputs": ["test.z"], "frequency": [frequency], "fidelity": "violin"}
+    found = sus.response(design, inputs=["support.z"], **way).value.item()
+    assert abs(found / moved - 1) < 1e-11
+    plain = sus.parse(tomli_w.dumps({key: BOUNCE[key] for key in BOUNCE if key != "gas"}))
+    # the drag can be seen at all
+    assert abs(sus.response(plain, inputs=["support.z"], **way).value.item() / moved - 1) > 1e-7
+    noise = sus.thermal(design, **way).document()
+    density = -4 * BOLTZMANN * WARMTH / (2 * math.pi * frequency) * susceptibility.imag
+    for name in (noise["contributions"]["test.gas"], noise["displacement_asd"]):
+        assert name[0] == pytest.approx(math.sqrt(density), rel=1e-10)

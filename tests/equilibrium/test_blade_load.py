@@ -11,7 +11,6 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support import scenes
-from tests.support.commandline import run, strict_json, written
 
 G = 9.81
 MASS, STIFFNESS, WIRE = (7.0, 5.0), 900.0, 4e4
@@ -143,35 +142,3 @@ def test_least_energy_of_a_lopsided_pair():
     place = (scene.bodies.position + found.pose.shift)[1]
     roll = np.arctan2(found.pose.rotation[1, 2, 1], found.pose.rotation[1, 1, 1])
     np.testing.assert_allclose([*place[1:], roll, *found.pose.deflection[:, 2]], best, atol=2e-6)
-
-
-def test_bad_loads_are_refused(tmp_path):
-    file = written(tmp_path, built(load=-1.0))
-    result = run("modes", file, "--json", "--no-plot", "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert "load" in result.stderr
-
-
-def test_the_command(tmp_path):
-    """The same modes however it is drawn, and `check` reports what the blades carry."""
-    drawn = [
-        written(tmp_path, built(aside), f"{n}.toml")
-        for n, aside in enumerate([(0.0, 0.0, 0.0), (0.05, 0.0, 0.0)])
-    ]
-    first, other = (
-        strict_json(
-            run(
-                "modes",
-                file,
-                *["--json", "--no-plot", "--fidelity", "string", "--out"],
-                tmp_path / "out",
-            ).stdout
-        )["modes"]
-        for file in drawn
-    )
-    for one, same in zip(first, other, strict=True):
-        assert same["frequency_hz"] == pytest.approx(one["frequency_hz"], rel=1e-9)
-    carried = strict_json(run("check", drawn[1], "--json").stdout)["blades"]
-    assert [row["load_n"] for row in carried] == pytest.approx(
-        [6 * G, 6 * G, 2.5 * G, 2.5 * G], rel=1e-9
-    )

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
+from suspension_cli.models import registry
 from suspension_cli.models import string as string_model
-from suspension_cli.scene import imperfections
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from tests.support import scenes
 
@@ -60,7 +59,7 @@ def twist(pose):
 
 @pytest.mark.parametrize("kind", ["crooked", "one stage", "chain", "blades", "single wires"])
 def test_imperfect_designs_balance(kind):
-    for seed in range(12):
+    for seed in range(6):
         scene = perturbed(kind, np.random.default_rng([10, seed]))
         found = equilibrium.solve(scene)
         assert found.iterations > 0
@@ -73,7 +72,7 @@ def test_imperfect_designs_balance(kind):
 
 @pytest.mark.parametrize("kind", ["crooked", "blades"])
 def test_the_pose_does_not_depend_on_the_start(kind):
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng([11, seed])
         scene = perturbed(kind, rng)
         numbering, found = layout(scene), equilibrium.solve(scene)
@@ -89,19 +88,8 @@ def test_the_pose_does_not_depend_on_the_start(kind):
         assert np.abs(again.pose.deflection - found.pose.deflection).max(initial=0.0) < 1e-12, seed
 
 
-def test_the_start_of_the_search_is_the_callers():
-    rng = np.random.default_rng(2)
-    scene = perturbed("blades", rng)
-    numbering = layout(scene)
-    step = scenes.step_of(rng, numbering.name, 3e-3, 3e-3, support=False)
-    pose = displace(numbering, nominal_pose(scene), step)
-    before = {name: value.copy() for name, value in vars(pose).items() if name != "rotation"}
-    equilibrium.solve(scene, start=pose)
-    assert all(np.array_equal(vars(pose)[name], value) for name, value in before.items())
-
-
 def test_symmetric_designs_hang_as_drawn():
-    for seed in range(40):
+    for seed in range(12):
         rng = np.random.default_rng([12, seed])
         raw = (
             scenes.chain(rng, 1 + seed % 5)
@@ -188,261 +176,92 @@ def test_com_hangs_under_the_wires(count):
         np.testing.assert_allclose(where, [0, 0, -0.4 - np.hypot(a, 0.005 - b)], atol=1e-12)
 
 
-def test_com_between_two_wires_loads_them_by_the_lever_rule():
-    for a in (1e-3, 2e-2):
-        found = equilibrium.solve(
-            scenes.scene_of(
-                two_vertical_wires(k=1e7)
-                | {"perturbation": [{"body": "test", "com_offset": [0.0, a, 0.0]}]}
-            )
-        )
-        np.testing.assert_allclose(
-            found.tension, 5.6 * 9.81 / 2 * np.array([1 + a / 0.1, 1 - a / 0.1]), rtol=1e-4
-        )
+def held(*wires, **more):
+    """A body on vertical wires at (x, y)."""
+    rows = [{"upper": [x, y, 0.0], "lower": [x, y, 0.005], "k": 2e4} for x, y in wires]
+    stage = {"name": "test", "body": BODY, "position": [0, 0, -0.4], "wire": rows}
+    return scenes.raw_of(stage | more)
 
 
-def test_a_turned_mass_is_still_in_balance():
-    raw = two_vertical_wires() | {"perturbation": [{"body": "test", "rotation": [0.1, 0.2, 0.3]}]}
-    scene = scenes.scene_of(raw)
-    assert equilibrium.solve(scene).iterations == 0
-    assert abs(scene.bodies.inertia[0, 0, 1]) > 1e-5
-    np.testing.assert_allclose(
-        np.linalg.eigvalsh(scene.bodies.inertia[0]), sorted(BODY["inertia"]), rtol=1e-14
-    )
+FOUR = {"count": 4, "l": 0.4, "s": 0.03, "t1": 0.1, "t2": 0.1, "d": 0.005, "k": 2e4}
+SPRING = {"stiffness": [1.0] * 6, "preload": [0, 0, 5.6 * 9.81, 0, 0, 0]}
+TOO_LONG = {"wire": "test.1", "length_change": 5e-3}
+FAULTY = {
+    "slack as it hangs": (
+        scenes.raw_of({"name": "test", "body": BODY, "wires": FOUR}, perturbation=[TOO_LONG]),
+        r"wire test\.1 is slack",
+    ),
+    "slack as drawn": (held((0.0, 0.05), (0.0, 0.1)), r"wire test\.2 would be slack.*tension -"),
+    "off its centre": (
+        held((0.01, 0.05), (0.01, -0.05)),
+        r"stage\.test: cannot balance in the nominal pose: .*N m of pitch torque",
+    ),
+}
 
 
-def amounts(rng, shape):
-    return {
-        "k_factor": rng.uniform(0.8, 1.2, shape),
-        "upper_offset": rng.uniform(-1e-3, 1e-3, (*shape, 3)),
-        "lower_offset": rng.uniform(-1e-3, 1e-3, (*shape, 3)),
-        "length_change": rng.uniform(-1e-4, 1e-4, shape),
-    }
-
-
-@pytest.mark.parametrize("hold", ["loaded-length", "natural-length"])
-@pytest.mark.parametrize("given", ["all", "k_factor"])
-def test_a_batch_of_wires_is_its_members(given, hold):
-    rng = np.random.default_rng(13)
-    scene = scenes.scene_of(scenes.bladed_chain(rng, 2, tip_mass=True))
-    changes = {key: value for key, value in amounts(rng, (2, 3)).items() if given in ("all", key)}
-    same_as_members(
-        lambda pick: imperfections.wire(
-            scene, 0, hold=hold, **{key: value[pick] for key, value in changes.items()}
-        )
-    )
-
-
-@pytest.mark.parametrize("change", [imperfections.move_com, imperfections.turn_mass])
-def test_a_batch_of_bodies_is_its_members(change):
-    rng = np.random.default_rng(14)
-    scene = scenes.scene_of(scenes.bladed_chain(rng, 2, tip_mass=True))
-    values = rng.uniform(-1e-3, 1e-3, (2, 3, 3))
-    same_as_members(lambda pick: change(scene, 2, values[pick]))
-
-
-def same_as_members(build):
-    batch = build(...)
-    assert batch.batch == (2, 3)
-    found = equilibrium.solve(batch)
-    model = string_model.linear_model(batch, found)
-    assert model.batch == (2, 3)
-    for pick in np.ndindex(2, 3):
-        alone = build(pick)
-        one = equilibrium.solve(alone)
-        np.testing.assert_allclose(found.pose.shift[pick], one.pose.shift, atol=1e-12)
-        np.testing.assert_allclose(found.pose.rotation[pick], one.pose.rotation, atol=1e-12)
-        np.testing.assert_allclose(
-            np.broadcast_to(found.tension, (2, 3, *one.tension.shape))[pick],
-            one.tension,
-            rtol=1e-10,
-        )
-        single = string_model.linear_model(alone, one)
-        for name in ("mass", "stiffness"):
-            whole, part = (
-                np.broadcast_to(getattr(model, name), (2, 3, model.size, model.size))[pick],
-                getattr(single, name),
-            )
-            assert np.array_equal(model.basis, single.basis)
-            assert np.abs(whole - part).max() < 1e-12 * np.abs(part).max()
-
-
-def test_natural_lengths_are_solved_for():
-    """Two vertical wires cut too long by different amounts: the pose has both at their stretched
-    lengths."""
-    tension, long = 5.6 * 9.81 / 2, (2e-3, 2e-3)
-    wires = [
-        {
-            "upper": [0, y, 0],
-            "lower": [0, y, 0.01],
-            "k": 2e4,
-            "natural_length": 0.4 - tension / 2e4 + e,
-        }
-        for y, e in zip((0.1, -0.1), long, strict=True)
-    ]
-    scene = scenes.scene_of(
-        scenes.raw_of({"name": "test", "body": BODY, "position": [0, 0, -0.41], "wire": wires})
-    )
-    found = equilibrium.solve(scene)
-    found.demand(scene)
-    assert found.iterations > 0
-    np.testing.assert_allclose(found.pose.shift[1], [0, 0, -2e-3], atol=1e-12)
-    np.testing.assert_allclose(found.tension, tension, rtol=1e-10)
-
-
-def test_a_body_on_one_wire():
-    raw = scenes.raw_of(
-        {"name": "test", "body": BODY, "wires": {"count": 1, "l": 0.4, "d": 0.005, "k": 2e4}}
-    )
-    scene = scenes.scene_of(raw)
-    assert equilibrium.solve(scene).iterations == 0
-    lower = replace(scene, wires=replace(scene.wires, tension=scene.wires.tension - 2e4 * 1e-3))
-    found = equilibrium.solve(lower)
-    assert found.residual < 1e-10
-    np.testing.assert_allclose(found.pose.shift[1], [0, 0, -1e-3], atol=1e-12)
-    for seed in range(10):
-        offset = np.random.default_rng(seed).uniform(-1e-3, 1e-3, 3)
-        tilted = equilibrium.solve(imperfections.move_com(scene, 1, offset))
-        assert tilted.residual < 1e-10
-        assert tilted.iterations < 15
-        assert np.abs(twist(tilted.pose)).max() < 0.05, seed  # nothing asks it to spin
+@pytest.mark.parametrize("kind", FAULTY)
+def test_what_cannot_hang_is_named(kind):
+    raw, message = FAULTY[kind]
+    with pytest.raises(InputError, match=message) as caught:
+        registry.STRING.system(scenes.design_of(raw))
+    assert caught.value.exit_code == 2
+    if kind == "off its centre":
+        torque = float(str(caught.value).split(" N m of pitch")[0].rpartition(" ")[2])
+        assert abs(torque) == pytest.approx(5.6 * 9.81 * 0.01, rel=0.05)
 
 
 def test_what_does_not_balance_is_refused():
-    scene = perturbed("one stage", np.random.default_rng(15))
-    found = equilibrium.solve(scene)
+    found = equilibrium.solve(scene := perturbed("one stage", np.random.default_rng(15)))
     found.demand(scene)
-    with pytest.raises(InputError, match="no equilibrium found") as caught:
+    with pytest.raises(InputError, match="no equilibrium found"):
         replace(found, residual=1e-10).demand(scene)
-    assert caught.value.exit_code == 2
-    far = {
-        "name": "test",
-        "body": BODY,
-        "position": [0, 0, -0.4],
-        "spring": [{"stiffness": [1.0] * 6, "preload": [0, 0, 5.6 * 9.81, 0, 0, 0]}],
-    }
-    sagging = scenes.scene_of(scenes.raw_of(far))
-    # rests 55 m further down
-    sagging = replace(
-        sagging, springs=replace(sagging.springs, preload=0 * sagging.springs.preload)
-    )
+    sagging = scenes.scene_of(held(wire=[], spring=[SPRING]))
+    preload = 0 * sagging.springs.preload  # rests 55 m further down
+    sagging = replace(sagging, springs=replace(sagging.springs, preload=preload))
     with pytest.raises(InputError, match="no equilibrium found near the nominal pose"):
         string_model.linear_model(sagging)
 
 
-def test_slack_wires_are_named():
-    four = scenes.raw_of(
-        {
-            "name": "test",
-            "body": BODY,
-            "wires": {"count": 4, "l": 0.4, "s": 0.03, "t1": 0.1, "t2": 0.1, "d": 0.005, "k": 2e4},
-        }
-    )
-    scene = with_wire(four, length_change=5e-3)
-    with pytest.raises(InputError, match=r"wire test\.1 is slack") as caught:
-        string_model.linear_model(scene)
-    assert caught.value.exit_code == 2
-    outside = scenes.raw_of(
-        {
-            "name": "test",
-            "body": BODY,
-            "position": [0, 0, -0.4],
-            "wire": [wire_at(y) for y in (0.05, 0.1)],
-        }
-    )
-    with pytest.raises(InputError, match=r"wire test\.2 would be slack.*tension -") as caught:
-        expand(scenes.design_of(outside))
-    assert caught.value.exit_code == 2
-
-
-def wire_at(y, x=0.0, k=2e4):
-    return {"upper": [x, y, 0.0], "lower": [x, y, 0.005], "k": k}
-
-
-def test_what_is_left_over_is_named():
-    weight = 5.6 * 9.81
-    raw = scenes.raw_of(
-        {
-            "name": "test",
-            "body": BODY,
-            "position": [0, 0, -0.4],
-            "wire": [wire_at(y, 0.01) for y in (0.05, -0.05)],
-        }
-    )
-    with pytest.raises(
-        InputError, match=r"cannot balance in the nominal pose: .*N m of pitch torque"
-    ) as caught:
-        expand(scenes.design_of(raw))
-    assert caught.value.exit_code == 2
-    assert "stage.test" in str(caught.value)
-    torque = float(
-        str(caught.value)
-        .split("left over")[0]
-        .split("pose:")[1]
-        .split("N m of pitch")[0]
-        .split(",")[-1]
-    )
-    assert abs(torque) == pytest.approx(weight * 0.01, rel=0.05)
-
-
-BELOW = {"count": 4, "l": 0.28, "s": 0.005, "t1": 0.09, "t2": 0.09, "d": 0.001}
-
-
-def pair(k):
-    """A soft imperfect stage above one on wires of k N/m."""
-    stages = [
-        {"name": name, "body": BODY, "wires": BELOW | {"k": stiffness}}
-        for name, stiffness in (("upper", 1.2e4), ("test", k))
-    ]
-    upper = {"wire": "upper.1", "lower_offset": [1e-3, 5e-4, 0.0], "length_change": 1e-4}
-    return scenes.scene_of(
-        scenes.raw_of(*stages)
-        | {"perturbation": [upper, {"body": "test", "com_offset": [1e-4, 2e-4, 0.0]}]}
-    )
-
-
 def test_stiff_wires_balance_as_well_as_rounding_lets_them():
     """A displacement of 0.1 mm is known to 1e-20 m, which a wire of 1e12 N/m turns into 1e-8 N: no
-    reason to refuse the design."""
+    reason to refuse the design, below a soft imperfect stage; 1e17 N/m are one."""
+    errors = [
+        {"wire": "upper.1", "lower_offset": [1e-3, 5e-4, 0.0], "length_change": 1e-4},
+        {"body": "test", "com_offset": [1e-4, 2e-4, 0.0]},
+    ]
+
+    def pair(k):
+        stages = [
+            {"name": name, "body": BODY, "wires": FOUR | {"d": 0.001, "s": 0.005, "k": own}}
+            for name, own in (("upper", 1.2e4), ("test", k))
+        ]
+        return scenes.scene_of(scenes.raw_of(*stages, perturbation=errors))
+
     soft, *stiff = (equilibrium.solve(pair(k)) for k in (1e11, 1e12, 1e13, 1e14))
     for found in stiff:
         assert found.converged
         assert found.residual < found.rounding
         assert np.abs(points(pair(1e12), found.pose) - points(pair(1e12), soft.pose)).max() < 1e-8
-
-
-def test_wires_too_stiff_to_be_balanced_are_reported():
     with pytest.raises(InputError, match=r"1.0e\+17 N/m are too stiff to be balanced"):
         equilibrium.solve(pair(1e17)).demand(pair(1e17))
 
 
-@pytest.mark.parametrize("mass", [1.0, 1e-3, 1e-6])
+@pytest.mark.parametrize("mass", [1.0, 1e-6])
 def test_a_light_stage_below_a_heavy_one_is_not_taken_for_rounding(mass):
     """A milligram below a tonne tilts by what it does below the support: the tonne does not
     move."""
     size = (mass / 2200) ** (1 / 3)
-    wires = {
-        "count": 4,
-        "l": 0.3,
-        "s": 0.1 * size,
-        "t1": 0.5 * size,
-        "t2": 0.5 * size,
-        "d": 0.02 * size,
-        "k": 400 * mass * 9.81 / 0.3,
-    }
-    light = {
-        "name": "light",
-        "body": {"mass": mass, "inertia": [0.15 * mass * size**2] * 3},
-        "wires": wires,
-    }
-    heavy = {
-        "name": "heavy",
-        "body": {"mass": 1e3, "inertia": [60.0] * 3},
-        "wires": BELOW | {"s": 0.2, "k": 5e6},
-    }
-    imperfect = {"perturbation": [{"wire": "light.1", "lower_offset": [1e-6 * size, 0.0, 0.0]}]}
+    shape = {"s": 0.1 * size, "t1": 0.5 * size, "t2": 0.5 * size, "d": 0.02 * size}
+    wires = FOUR | shape | {"l": 0.3, "k": 400 * mass * 9.81 / 0.3}
+    body = {"mass": mass, "inertia": [0.15 * mass * size**2] * 3}
+    light = {"name": "light", "body": body, "wires": wires}
+    heavy = {"name": "heavy", "body": {"mass": 1e3, "inertia": [60.0] * 3}}
+    heavy["wires"] = FOUR | {"d": 0.001, "s": 0.2, "k": 5e6}
+    error = {"wire": "light.1", "lower_offset": [1e-6 * size, 0.0, 0.0]}
     tilt = [
-        equilibrium.solve(scenes.scene_of(scenes.raw_of(*stages) | imperfect)).pose.turn[-1, 0, 2]
+        equilibrium.solve(scenes.scene_of(scenes.raw_of(*stages, perturbation=[error]))).pose.turn[
+            -1, 0, 2
+        ]
         for stages in ([light], [heavy, light])
     ]
     assert tilt[0] != 0

@@ -4,12 +4,11 @@ the nominal pose."""
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.design import reader
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.pose import layout, nominal_pose
-from suspension_cli.studies import builds, sampling
+from suspension_cli.studies import sampling
 from suspension_cli.studies.sample_points import uniforms
 from tests.support.golden import CONFIGS
 
@@ -62,32 +61,3 @@ def test_all_builds_hang_where_following_leads(job, found, lost):
     assert expected.converged.all()
     np.testing.assert_allclose(found.pose.shift[some], expected.pose.shift, atol=1e-10)
     np.testing.assert_allclose(found.tension[some], expected.tension, rtol=1e-8)
-
-
-def test_newton_alone_loses_few(lost):
-    """The others are found by following the imperfections as they grow."""
-    assert lost.sum() < 0.01 * COUNT
-
-
-def test_one_build_alone_hangs_the_same(job, found):
-    """But for rounding, although it takes other steps."""
-    scene, chosen, values = job
-    for n in (0, 7, 123):
-        single = equilibrium.solve(sampling.imperfect(scene, chosen, values[n : n + 1]))
-        np.testing.assert_allclose(single.pose.shift[0], found.pose.shift[n], rtol=0, atol=1e-12)
-        np.testing.assert_allclose(single.pose.turn[0], found.pose.turn[n], rtol=0, atol=1e-12)
-
-
-def test_no_build_is_dropped():
-    known = ("support", "upper", "middle", "test")
-    from suspension_cli.analyses.xcouple.solve import CouplingRequest
-    from suspension_cli.linear import signals
-
-    over, under = (signals.parse_output(f"test.{dof}@0,0,-0.001", known) for dof in "xz")
-    task = RandomBuilds(
-        TEXT,
-        COUNT,
-        SEED,
-        CouplingRequest(0, 1, "", signals.parse_input("support.z", known), over, under, (50.0,)),
-    )
-    assert (task.compute(0, COUNT)["status"] == builds.GOOD).all()

@@ -1,4 +1,4 @@
-"""What responses must do whatever the numbers: reciprocity, rigid motion, power laws, statics, hand
+"""What responses must do whatever the numbers: reciprocity, rigid motion, power laws, hand
 formulas."""
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
 from suspension_cli.models import registry
 from suspension_cli.rotations import cross_matrix
-from tests.support import paper, plants, responses_mp, scenes
+from tests.support import plants, scenes
 
 MODELS = [
     ("triple", "force"),
@@ -53,26 +53,6 @@ def test_reciprocity(kind, level, loss):
     assert np.array_equal(value == 0, np.swapaxes(value, 1, 2) == 0)
 
 
-@pytest.mark.parametrize(("kind", "level"), MODELS)
-def test_a_slow_support_carries_everything_along(kind, level):
-    """At rest exactly; at 1 uHz but for (f / f0)^2 of the slowest mode, which is of order 1e-11."""
-    model = plants.model(kind, level)
-    inputs, outputs = (
-        plants.drives(model, "support.x", "support.y", "support.z", "support.yaw"),
-        plants.all_motions(model),
-    )
-    expected = np.array(
-        [[out.dof == moved.dof for moved in inputs] for out in outputs], dtype=float
-    )
-    known = np.ones(expected.shape, dtype=bool)
-    if kind == "five":  # turned about the support point, a body beside it moves in x and y too
-        known[:, 3] = [out.dof > 1 for out in outputs]
-    for frequency in (0.0, 1e-6):
-        found = solved(model, frequency, inputs, outputs)[0]
-        tolerance = 1e-12 + 30 * (frequency / eigenmodes.solve(model).frequency[0]) ** 2
-        assert np.abs(found - expected)[known].max() < tolerance
-
-
 @pytest.mark.parametrize(("kind", "level"), [case for case in MODELS if case[0] != "five"])
 def test_a_moving_support_is_a_leaning_and_accelerating_world(kind, level):
     """Seen from the support the bodies feel -m a, and, where it rolls or pitches, gravity at an
@@ -86,7 +66,7 @@ def test_a_moving_support_is_a_leaning_and_accelerating_world(kind, level):
     for n, body in enumerate(("support", *model.body)):
         rigid[6 * n : 6 * n + 6] = np.eye(6)
         rigid[6 * n : 6 * n + 3, 3:] = -cross_matrix(np.array(positions[body]))
-    frequency = away_from(model, np.geomspace(0.01, 3.0, 25), 1e-2)
+    frequency = away_from(model, np.append(0.0, np.geomspace(0.01, 3.0, 25)), 1e-2)
     outputs = plants.all_motions(model)
     last = 6 * (len(model.body) + 1)
     weight = np.zeros((model.size, 6))
@@ -100,57 +80,6 @@ def test_a_moving_support_is_a_leaning_and_accelerating_world(kind, level):
     assert (
         np.abs(found - expected) <= 1e-10 * np.where(size == 0, 1.0, np.maximum(size, 1e-3))
     ).all()
-
-
-def chain_of(stages):
-    """Equal stages on four leaning wires."""
-    one = scenes.stage(np.random.default_rng(5), "mass")
-    one["wires"] = {
-        "count": 4,
-        "l": 0.4,
-        "s": 0.03,
-        "t1": 0.08,
-        "t2": 0.1,
-        "d": 0.002,
-        "d_upper": 0.001,
-        "k": 3e4,
-    }
-    return scenes.design_of(
-        scenes.raw_of(*(one | {"name": f"mass{n}"} for n in range(1, stages + 1)))
-    )
-
-
-@pytest.mark.parametrize("level", ["force", "string"])
-@pytest.mark.parametrize("stages", [1, 2, 3, 4])
-@pytest.mark.parametrize("dof", ["x", "z"])
-def test_every_stage_isolates_as_frequency_squared(stages, dof, level):
-    model = registry.by_name(level).system(chain_of(stages))
-    highest = eigenmodes.solve(model).frequency.max()
-    frequency = np.geomspace(20 * highest, 2000 * highest, 60)
-    answer = response.solve(
-        model,
-        frequency,
-        plants.drives(model, f"support.{dof}"),
-        plants.motions(model, f"mass{stages}.{dof}"),
-    )
-    assert answer.blocks == 1
-    slope = np.gradient(np.log(np.abs(answer.value[:, 0, 0])), np.log(frequency))
-    assert np.abs(slope[30:] + 2 * stages).max() < 1e-3
-    assert np.polyfit(np.log(frequency), np.log(np.abs(answer.value[:, 0, 0])), 1)[
-        0
-    ] == pytest.approx(-2 * stages, abs=0.01)
-
-
-@pytest.mark.parametrize(("kind", "level"), MODELS)
-def test_static_response_is_the_inverse_of_stiffness(kind, level):
-    model = plants.model(kind, level)
-    value = solved(model, 0.0, every_force(model), plants.all_motions(model))[0]
-    assert not value.imag.any()
-    count = len(value)
-    expected = np.linalg.inv(model.stiffness[6:, 6:])[:count, :count]
-    own = np.sqrt(np.diag(expected))
-    assert (np.abs(value - expected) <= 1e-12 * own[:, None] * own).all()
-    assert (np.diag(value.real) > 0).all()
 
 
 @pytest.mark.parametrize("level", ["force", "string"])
@@ -191,54 +120,13 @@ def test_points_move_with_their_body():
     np.testing.assert_allclose(found, lever @ whole @ lever.T, rtol=1e-11)
 
 
-@pytest.mark.parametrize("case", paper.TABLE_1)
-def test_models_agree(case):
-    """The paper's single pendulums: closed forms, force model and strings share no code.
-
-    Where the support hardly causes a motion (roll from y, slowly), roundings of the elements of K
-    are what is left of it: see `exact`. Where it causes none, but no symmetry says so (roll from
-    roll, with the wires' upper ends in one line), a model may keep a rounding.
-    """
-    design = scenes.design_of(paper.table_1(case))
-    models = [
-        registry.by_name(level).system(design) for level in ("closed-form", "force", "string")
-    ]
-    frequency = away_from(models[0], np.geomspace(0.05, 1e4, 40), 0.02)
-    inputs, outputs = (
-        plants.moves(models[0]) + plants.forces(models[0], "test"),
-        plants.all_motions(models[0]),
-    )
-    answers = [solved(model, frequency, inputs, outputs) for model in models]
-    none = np.any([(answer == 0).all(0) for answer in answers], axis=0)
-    assert max(np.abs(answer[:, none]).max() for answer in answers) < 1e-13
-    compared = responses_mp.compare(models[0], frequency, inputs, outputs, condition=True)
-    for answer in answers:
-        error = np.where(
-            none, 0.0, np.abs(answer - compared.exact) / np.where(none, 1.0, np.abs(compared.exact))
-        )
-        assert (error <= np.maximum(1e-12, 2.0**-52 * compared.condition)).all()
-
-
 def test_on_a_lossless_pole_it_is_refused():
     stage = scenes.hung({"count": 1, "l": 0.5, "k": 100.0}, 1.0, 0.1)
     model = registry.FORCE.system(scenes.design_of(scenes.raw_of(stage)))
-    (frequency,) = eigenmodes.solve(model).of("z")
-    with pytest.raises(InputError, match="resonance without loss"):
-        solved(
-            model,
-            [1.0, frequency],
-            plants.drives(model, "support.z"),
-            plants.motions(model, "test.z"),
-        )
-    with pytest.raises(InputError, match="resonance without loss"):
-        solved(
-            model, 0.0, plants.drives(model, "test.torque_yaw"), plants.motions(model, "test.yaw")
-        )
-    assert np.isfinite(
-        solved(
-            model,
-            frequency * (1 + 1e-12),
-            plants.drives(model, "support.z"),
-            plants.motions(model, "test.z"),
-        )
-    ).all()
+    (pole,) = eigenmodes.solve(model).of("z")
+    vertical = plants.drives(model, "support.z"), plants.motions(model, "test.z")
+    free = plants.drives(model, "test.torque_yaw"), plants.motions(model, "test.yaw")
+    for frequency, signals in (([1.0, pole], vertical), (0.0, free)):
+        with pytest.raises(InputError, match="resonance without loss"):
+            solved(model, frequency, *signals)
+    assert np.isfinite(solved(model, pole * (1 + 1e-12), *vertical)).all()

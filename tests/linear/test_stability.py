@@ -7,8 +7,6 @@ them, and what they grow with.
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
@@ -16,131 +14,119 @@ from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.models import registry
 from tests.support.paths import ROOT
 from tools import atlas
-from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
+from tools.stability import frequency
 from tools.stability.references import SHAPE, design, document, omega_squared, stage
-from tools.stability.row import BROKEN, Row
+from tools.stability.row import BROKEN
 
 EPS = 2.0**-53
 
 
-def assert_within(row: Row, limit, *methods: str) -> None:
-    """Our errors stay below a limit (a number, or one for each value)."""
-    for name in methods or row.shipped:
-        assert (row.error[name] <= limit).all(), f"{name}: {row.error[name]}"
+CASES = {
+    # a solve body by body loses a few roundings wherever no resonance is near; the exports carry
+    # those of an eigenvalue problem below the modes
+    "roll-off": (
+        [0.1, 1.0, 10.0, 1e3, 1e5],
+        {"body by body": 100 * EPS, "state space": 100 * EPS, "zpk": 1e-11},
+        {"modal sum": (10, 1e3), "zpk": (10, 1e3)},
+    ),
+    "long-chain": (
+        [1, 3, 8, 30],
+        {"": 60 * EPS},
+        {"modal sum": (3, 8), "transfer matrices": (1, 8), "state space": (8, 30)},
+    ),
+    # the chord of a slender wire is soft against its ends by 1 / (L sqrt(T / EI)), a difference
+    # that costs as much
+    "beam-functions": (
+        [1e-3, 1e-2, 0.1, 1.0, 10.0, 30.0, 100.0, 600.0, 800.0, 1e4, 1e5],
+        {"": lambda value: EPS * (20 + 3 * value)},
+        {"cosh and sinh, 4": (10, 100), "cosh and sinh, closed": (600, 800)},
+    ),
+    "short-sections": (
+        [1e-2, 1e-4, 1e-6, 1e-7],
+        {"": 1e-12},
+        {"stiffnesses between the ends": (1e-2, 1e-6)},
+    ),
+    # an offset x is known to the last bit of its point (0.1 m at most), so a coupling of first
+    # order to EPS 0.1 / x and one of second to its square
+    "tiny-couplings": (
+        [1e-3, 1e-5, 1e-11, 1e-13],
+        {
+            "lower end": lambda value: 100 * EPS + EPS * 0.1 / value,
+            "upper end, second order": lambda value: 1e-12 + 2e-17 / value**2,
+        },
+        {"difference": (1e-5, 1e-11)},
+    ),
+    "large-perturbations": (
+        [1e-4, 1e-3, 1e-2, 0.1],
+        {"": 1e-12},
+        {"in proportion": (None, 1e-4), "about": (None, 1e-4)},
+    ),
+    # shares of modes that a symmetry keeps apart do not move at all; of others by EPS over the
+    # gap, down to where they are taken as degenerate
+    "equal-modes": (
+        [1.0, 1e-4, 1e-8, 3e-10, 1e-12, 1e-14, 1e-15],
+        {
+            "symmetric design": 0.0,
+            "no symmetry left": lambda value: np.where(
+                value < batch_modes.DEGENERATE, 1e-15, 10 * EPS / value
+            ),
+        },
+        {"symmetric eigenvectors": (1.0, 1e-14)},
+    ),
+    # where wires lean, the sums in the stiffness matrix round EPS k l / T of the soft part away,
+    # but what they round is kept
+    "rigid-wires": ([1e2, 1e6, 1e10, 1e14], {"": 20 * EPS}, {}),
+    "rigid-chain": (
+        [1e3, 1e8, 1e12, 1e14, 1e15],
+        {"": 1e-12},
+        {"eigenvalues": (1e8, 1e14), "symmetric": (1e8, 1e14)},
+    ),
+    # nothing of a blade is lost on any model; in doubles EPS times the ratio is, or its square
+    "soft-blades": ([1.0, 1e4, 1e8, 1e10, 1e15], {"": 1e-9}, {"tips with": (1e4, 1e15)}),
+    # next to tipping, what is left of the torque keeps EPS over the distance
+    "soft-pitch": (
+        [1.0, 1e-2, 1e-5, 1e-8, 1e-11],
+        {"": lambda value: 20 * EPS + 10 * EPS / value},
+        {"difference": (1.0, 1e-8)},
+    ),
+    # of a tension that is a difference, EPS over what is left
+    "slack": ([0.5, 1e-2, 1e-9], {"": lambda value: 100 * EPS / value}, {"in prop": (0.5, 1e-2)}),
+    # no rounding shows at any Q, and nothing is left out where losses are large
+    "quality": (
+        [1e-2, 1e-5, 1e-8, 1e-11, 1e-14, 1e-15],
+        {"": 20 * EPS},
+        {"poles": (1e-5, 1e-14), "width": (1e-5, 1e-14)},
+    ),
+    # pitch by a millionth of the size is known to the last bit of the offset: 1e-10; modes to a
+    # thousandth of that
+    "masses": (
+        [1e3, 1.0, 1e-3, 1e-6],
+        {"pitch of the light body": 3e-10, "ω² of all modes": 1e-12},
+        {"pitch": (1.0, 1e-3)},
+    ),
+}
+"""Of each row: values; limits of our errors by a part of the method's name; of others by their
+beginnings, a value at which they are right (or None), and one from which on they are wrong
+somewhere.
+
+Where exactly a method breaks is the luck of rounding, which differs from one processor to the next,
+so the two values lie well to either side of that.
+"""
 
 
-def fails(row: Row, **where: tuple[float, float]) -> None:
-    """A method whose name begins with a word is right at the first value, and off at some value
-    from the second one on.
-
-    Where exactly it breaks is the luck of rounding, which differs from one processor to the next,
-    so the two values lie well to either side of that.
-    """
-    for word, (good, bad) in where.items():
-        (name,) = [name for name in row.others if name.replace(" ", "_").startswith(word)]
-        error, value = row.error[name], row.value.tolist()
-        assert error[value.index(good)] < BROKEN, name
-        assert error[value.index(bad) :].max() > BROKEN, name
-
-
-def test_roll_off():
-    """A solve body by body loses a few roundings wherever no resonance is near; the exports carry
-    those of an eigenvalue problem below the modes."""
-    row = frequency.roll_off(np.array([0.1, 1.0, 10.0, 1e3, 1e5]))
-    assert_within(row, 100 * EPS, "pendsus: body by body", "pendsus export: state space")
-    assert_within(row, 1e-11, "pendsus export: zpk")
-    fails(row, modal_sum=(10, 1e3), zpk=(10, 1e3))
-
-
-def test_long_chain():
-    row = frequency.long_chain([1, 3, 8, 30])
-    assert_within(row, 60 * EPS)
-    fails(row, modal_sum=(3, 8), transfer_matrices=(1, 8), state_space=(8, 30))
-
-
-def test_beam_functions():
-    """The chord of a slender wire is soft against its ends by 1 / (L sqrt(T / EI)), a difference
-    that costs as much."""
-    value = np.array([1e-3, 1e-2, 0.1, 1.0, 10.0, 30.0, 100.0, 600.0, 800.0, 1e4, 1e5])
-    row = beams.row(value)
-    assert_within(row, EPS * (20 + 3 * value))
-    assert row.error["cosh and sinh, closed form"][:2].max() > 1e-7
-    assert not np.isfinite(row.error["cosh and sinh, closed form"][-3:]).any()
-    fails(row, **{"cosh_and_sinh,_4": (10, 100), "cosh_and_sinh,_closed": (600, 800)})
-
-
-def test_short_sections():
-    row = beams.short_sections([1e-2, 1e-4, 1e-6, 1e-7])
-    assert_within(row, 1e-12)
-    eliminated = row.error["stiffnesses between the ends, node eliminated"]
-    assert eliminated[0] < 1e-9
-    assert eliminated[2:].min() > BROKEN
-
-
-def test_tiny_couplings():
-    """An offset x is known to the last bit of its point (0.1 m at most), so a coupling of first
-    order to EPS 0.1 / x and one of second to its square."""
-    value = np.array([1e-3, 1e-5, 1e-11, 1e-13])
-    row = couplings.tiny(value)
-    assert_within(row, 100 * EPS + EPS * 0.1 / value, "pendsus: lower end")
-    assert_within(row, 1e-12 + 2e-17 / value**2, "pendsus: upper end, second order")
-    fails(row, difference=(1e-5, 1e-11))
-
-
-def test_large_perturbations():
-    row = couplings.large(np.array([1e-4, 1e-3, 1e-2, 0.1]))
-    assert_within(row, 1e-12)
-    assert (
-        min(
-            row.error[name][0] for name in row.others if name.startswith(("in proportion", "about"))
-        )
-        > BROKEN
-    )
-    assert row.error["one linear step"].max() > 1e-4
-
-
-def test_equal_modes():
-    """Shares of modes that a symmetry keeps apart do not move at all; of others by EPS over the
-    gap, down to where they are taken as degenerate."""
-    value = np.array([1.0, 1e-4, 1e-8, 3e-10, 1e-12, 1e-14, 1e-15])
-    row = modal.equal_modes(value)
-    assert_within(row, 0.0, "pendsus: symmetric design")
-    assert_within(
-        row,
-        np.where(value < batch_modes.DEGENERATE, 1e-15, 10 * EPS / value),
-        "pendsus: no symmetry left",
-    )
-    assert row.error["symmetric eigenvectors"].max() > BROKEN
-
-
-def test_rigid_wires():
-    """Where wires lean, the sums in the stiffness matrix round EPS k l / T of the soft part away,
-    but what they round is kept."""
-    value = np.array([1e2, 1e6, 1e10, 1e14])
-    row = modal.rigid_wires(value)
-    assert_within(row, 20 * EPS)
-    assert row.error["eigenvalues of M⁻¹K"].max() > 1e-4
-
-
-def test_rigid_wires_of_a_chain():
-    row = modal.graded_chain(np.array([1e3, 1e8, 1e12, 1e14, 1e15]))
-    assert_within(row, 1e-12)
-    fails(row, eigenvalues=(1e8, 1e14), symmetric=(1e8, 1e14))
-
-
-def test_soft_blades():
-    """Nothing of a blade is lost on any model; in doubles EPS times the ratio is, or its square."""
-    row = blades.row(np.array([1.0, 1e4, 1e8, 1e10, 1e15]))
-    assert_within(row, 1e-9)
-    fails(row, tips_with=(1e4, 1e15))
-
-
-def test_soft_pitch():
-    """Next to tipping, what is left of the torque keeps EPS over the distance."""
-    value = np.array([1.0, 1e-2, 1e-5, 1e-8, 1e-11])
-    row = geometry.soft_pitch(value)
-    assert_within(row, 20 * EPS + 10 * EPS / value)
-    fails(row, difference=(1.0, 1e-8))
+@pytest.mark.parametrize("name", atlas.ROWS)
+def test_row(name):
+    value, limits, broken = CASES[name]
+    row = atlas.ROWS[name](np.array(value))
+    for method in row.shipped:
+        (limit,) = [limit for part, limit in limits.items() if part in method]
+        allowed = limit(np.array(value)) if callable(limit) else limit
+        assert (row.error[method] <= allowed).all(), f"{method}: {row.error[method]}"
+    for beginning, (good, bad) in broken.items():
+        (method,) = [other for other in row.others if other.startswith(beginning)]
+        if good is not None:
+            assert row.error[method][value.index(good)] < BROKEN, method
+        assert row.error[method][value.index(bad) :].max() > BROKEN, method
 
 
 @pytest.mark.parametrize("size", [1e-2, 1e-6, 1e-12])
@@ -166,39 +152,6 @@ def test_nearly_horizontal_wires(slope):
     for model in (registry.STRING, registry.FORCE):
         found = np.sort(eigenmodes.solve(model.system(design(document(**shape)))).omega_squared)
         np.testing.assert_allclose(found, exact, rtol=20 * EPS + 3 * EPS / slope**2)
-
-
-def test_nearly_slack():
-    """Of a tension that is a difference, EPS over what is left."""
-    value = np.array([0.5, 1e-2, 1e-9])
-    row = geometry.nearly_slack(value)
-    assert_within(row, 100 * EPS / value)
-    fails(row, in_proportion=(0.5, 1e-2))
-
-
-def test_quality():
-    """No rounding shows at any Q, and nothing is left out where losses are large."""
-    loss = np.array([1e-2, 1e-5, 1e-8, 1e-11, 1e-14, 1e-15])
-    row = modal.quality(loss)
-    assert_within(row, 20 * EPS)
-    for name in row.others:  # right at some Q, wrong from 1e16 on
-        assert row.error[name].min() < BROKEN < row.error[name][-2:].max()
-
-
-def test_masses():
-    """Pitch by a millionth of the size is known to the last bit of the offset: 1e-10; modes to a
-    thousandth of that."""
-    row = masses.row(np.array([1e3, 1.0, 1e-3, 1e-6]))
-    assert_within(row, 3e-10, "pendsus: pitch of the light body")
-    assert_within(row, 1e-12, "pendsus: ω² of all modes")
-    fails(row, pitch=(1.0, 1e-3))
-
-
-def test_every_row_is_tested():
-    """The functions of the atlas are those called here, with their own grids."""
-    text = (ROOT / "tests" / "linear" / "test_stability.py").read_text()
-    for make in atlas.ROWS.values():
-        assert re.search(rf"{make.__module__.rsplit('.', 1)[1]}\.{make.__name__}\(", text), make
 
 
 def test_the_page_is_that_of_the_rows():

@@ -26,34 +26,28 @@ def one_damper(raw):
     return raw
 
 
+def massless(stiffness, **more):
+    return {"support": {"stiffness": stiffness} | more}
+
+
 SYSTEMS = {
     "triple": ("force", plants.raw("triple")),
-    "triple-string": ("string", plants.raw("triple")),
-    "quadruple": ("force", plants.raw("quadruple")),
-    "quadruple-string": ("string", plants.raw("quadruple")),
+    "quadruple": ("string", plants.raw("quadruple")),
     "five": ("string", plants.raw("five")),
-    "dampers": ("string", plants.raw("triple", damping=True)),
-    "dampers-five": ("string", plants.raw("five", damping=True)),
     "frame": ("force", plants.raw("triple") | {"support": FRAME}),
-    "massless-frame": (
-        "force",
-        plants.raw("triple") | {"support": {"stiffness": {"x": 1e6, "z": 3e6}}},
-    ),
+    "massless-frame": ("force", plants.raw("triple") | massless({"x": 1e6, "z": 3e6})),
     "damped-massless-frame": (
         "force",
-        plants.raw("triple")
-        | {"support": {"stiffness": {"x": 1e6, "z": 3e6}, "damping": {"x": 300.0}}},
+        plants.raw("triple") | massless({"x": 1e6, "z": 3e6}, damping={"x": 300.0}),
     ),
     "dampers-massless-frame": (
         "string",
-        plants.raw("five", damping=True)
-        | {"support": {"stiffness": {"x": 2e4, "pitch": 6e3, "yaw": 1e3}}},
+        plants.raw("five", damping=True) | massless({"x": 2e4, "pitch": 6e3, "yaw": 1e3}),
     ),
     "damper-massless-frame": (
         "force",
-        one_damper(plants.raw("triple")) | {"support": {"stiffness": {"x": 1e5, "pitch": 3e4}}},
+        one_damper(plants.raw("triple")) | massless({"x": 1e5, "pitch": 3e4}),
     ),
-    "tips": ("string", plants.raw("triple", tips=True)),
     "everything": ("string", plants.raw("triple", tips=True, damping=True) | {"support": FRAME}),
     "everything-five": ("string", plants.raw("five", tips=True, damping=True) | {"support": FRAME}),
 }
@@ -69,54 +63,37 @@ def ends(model):
     return plants.drives(model, *inputs), plants.motions(model, *outputs)
 
 
-def error_of(system, model, frequency, inputs, outputs):
-    """Relative errors; and 0 instead where they are no more than what an error of ROUNDING in each
-    element of K, C and M makes."""
-    compared = responses_mp.compare(model, frequency, inputs, outputs, condition=True)
-    found = system.at(frequency)
-    assert (found[compared.exact == 0] == 0).all()
-    error = np.abs(found - compared.exact) / np.where(
-        compared.exact == 0, 1, np.abs(compared.exact)
-    )
-    return np.where(error <= ROUNDING * compared.condition, 0.0, error), error
-
-
 @pytest.mark.parametrize("name", MODELS)
 def test_it_is_the_direct_response(name):
+    """But for what an error of `ROUNDING` in each element of K, C and M makes; the main responses
+    in any case, and exactly 0 where a symmetry says so."""
     model = MODELS[name]
     inputs, outputs = ends(model)
     low, high = export.mode_range(model)
     rng = np.random.default_rng(11)
     frequency = np.exp(rng.uniform(np.log(low / 100), np.log(high * 100), 6))
-    beyond, error = error_of(
-        statespace.build(model, inputs, outputs), model, frequency, inputs, outputs
-    )
-    assert beyond.max() < 1e-9
+    exact = responses_mp.compare(model, frequency, inputs, outputs, condition=True)
+    found = statespace.build(model, inputs, outputs).at(frequency)
+    assert (found[exact.exact == 0] == 0).all()
+    error = np.abs(found - exact.exact) / np.where(exact.exact == 0, 1, np.abs(exact.exact))
+    assert (error <= np.maximum(1e-9, ROUNDING * exact.condition)).all()
     last = model.body[-1]
     for dof in ("x", "y", "z", "yaw"):
-        pair = (
-            [out.text for out in outputs].index(f"{last}.{dof}"),
-            [into.text for into in inputs].index(f"support.{dof}"),
-        )
-        assert error[(slice(None), *pair)].max() < 1e-9
+        row = [out.text for out in outputs].index(f"{last}.{dof}")
+        column = [into.text for into in inputs].index(f"support.{dof}")
+        assert error[:, row, column].max() < 1e-9
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", ["quadruple", "dampers-massless-frame", "everything-five"])
 def test_the_band_is_true(name):
     """At frequencies other than those that it was measured at; from below the modes to 100 times
     the highest for the main responses."""
     model = MODELS[name]
     low, high = export.mode_range(model)
     rng = np.random.default_rng(12)
-    for into, out in (
-        ("support.x", "x"),
-        ("support.z", "z"),
-        (f"{model.body[0]}.force_x", "pitch"),
-    ):
-        inputs, outputs = (
-            plants.drives(model, into),
-            plants.motions(model, f"{model.body[-1]}.{out}"),
-        )
+    first, last = model.body[0], model.body[-1]
+    for into, out in (("support.x", "x"), ("support.z", "z"), (f"{first}.force_x", "pitch")):
+        inputs, outputs = plants.drives(model, into), plants.motions(model, f"{last}.{out}")
         made = export.build(model, inputs, outputs)
         assert made.tolerance == 1e-9
         assert made.band[0] < low / 2
@@ -137,9 +114,7 @@ def sharp(model, inputs, outputs):
     )
 
 
-@pytest.mark.parametrize(
-    "name", ["triple", "quadruple", "quadruple-string", "five", "frame", "tips", "everything"]
-)
+@pytest.mark.parametrize("name", ["quadruple", "five", "everything"])
 def test_zero_pole_gain(name):
     model = MODELS[name]
     inputs, outputs = (

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 
-import msgspec
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
@@ -13,13 +12,12 @@ from scipy.optimize import linear_sum_assignment
 from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal import solve as thermal
-from suspension_cli.design.reader import Source, read
+from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import choice, registry
-from suspension_cli.models.choice import Frequencies, Systems, Transfer
+from suspension_cli.models.choice import Systems, Transfer
 from tests.support import plants, scenes
-from tests.support.paths import CONFIGS
 from tests.support.pendulums import Pendulum
 
 TOLERANCE = 1e-3
@@ -153,62 +151,12 @@ def test_a_body_free_to_spin_needs_the_torsion_of_its_wire():
     assert (eigenmodes.solve(model).frequency > 0).all()
 
 
-@pytest.mark.parametrize("name", ["husman2000/table2", "triple-damped"])
-def test_bending_points_are_those_of_strings(name):
-    """Where a design gives the points at which its wires seem to bend, beams clamped beyond them
-    move as strings do, but for torsion and (u/l)^2."""
-    design = read(CONFIGS / f"{name}.toml").design
-    thin, thick = (
-        eigenmodes.solve(registry.by_name(level).system(design)) for level in ("string", "beam")
-    )
-    error = np.abs(thick.frequency / thin.frequency - 1)
-    yaw = np.array([home[1] == "yaw" for home in thin.home])
-    assert error[~yaw].max() < 2e-4
-    assert error[yaw].max() < 2e-3
-    clamped = msgspec.structs.replace(design, stage=[_clamped(stage) for stage in design.stage])
-    assert (
-        np.abs(eigenmodes.solve(registry.BEAM.system(clamped)).frequency / thin.frequency - 1).max()
-        > 0.05
-    )
-
-
-def test_bending_points_of_thick_ends():
-    """A fibre with ends ten times as thick, shorter than their own bending length: the bending
-    points are still those that the design gives."""
-    wires = {
-        "count": 4,
-        "l": 0.4,
-        "s": 0.02,
-        "t1": 0.08,
-        "t2": 0.08,
-        "d": 0.002,
-        "material": "fused-silica",
-        "clamp": "bending-point",
-    }
-    wires["sections"] = [
-        {"length": 0.02, "radius": 1.5e-3},
-        {"radius": 1.5e-4},
-        {"length": 0.02, "radius": 1.5e-3},
-    ]
-    stage = {"name": "test", "body": {"mass": 10.0, "inertia": [0.05, 0.04, 0.04]}, "wires": wires}
-    design = scenes.design_of({"design": {"name": "thick"}, "stage": [stage]})
-    thin, thick = (
-        eigenmodes.solve(registry.by_name(level).system(design)) for level in ("string", "beam")
-    )
-    assert thick.of("x") == pytest.approx(thin.of("x"), rel=1e-2)
-    assert thick.of("y") == pytest.approx(thin.of("y"), rel=1e-2)
-
-
-def _clamped(stage):
-    return msgspec.structs.replace(stage, wires=msgspec.structs.replace(stage.wires, clamp="wire"))
-
-
 def test_a_tighter_tolerance_takes_more():
     """Of all models, with the error of each computed."""
     design = random_design(4)
     levels = []
     for tolerance in (0.9, 1e-3, 1e-9):
-        compare = Systems(design).compare(lambda _: Frequencies())
+        compare = Systems(design).compare(lambda _: choice.Frequencies())
         found = choice.choose(design, "auto", registry.MODELS, compare, tolerance)
         assert found.error <= tolerance
         levels.append(registry.LEVELS.index(found.level))
@@ -223,11 +171,3 @@ def test_a_tolerance_that_the_models_allowed_cannot_keep_is_reported(tolerance, 
     )
     assert chosen.level == "beam"
     assert ("not met by any model" in chosen.reason) == missed
-
-
-def test_wires_of_unknown_section_are_reported():
-    raw = scenes.chain(np.random.default_rng(1), 1)
-    chosen, _ = for_modes(scenes.design_of(raw))
-    assert chosen.level == "string"
-    assert np.isnan(chosen.error)
-    assert "unknown: wire bending and wire mass" in chosen.reason

@@ -7,7 +7,6 @@ written down in finite rotations, as jets, which carry its second derivatives.
 from __future__ import annotations
 
 import itertools
-import re
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
-from suspension_cli.studies import builds, variants
 from tests.support import jets, plants
 
 G = 9.81
@@ -65,7 +63,7 @@ LINKS = (
 )
 
 
-def _design(extra: str = "") -> str:
+def design_text(extra: str = "") -> str:
     lines = ['[design]\nname = "towers"\n']
     for (upper, lower, length, s, t, d, d_upper, k), name in zip(WIRES, BODIES, strict=False):
         inertia = list(INERTIA[name])
@@ -149,16 +147,8 @@ def _solved(model: Any, frequency: Any, inputs: list[str], outputs: list[str]) -
     return response.solve(model, frequency, drives, motions).value
 
 
-def test_matrices_of_tower_with_links(hessian: Any) -> None:
-    model = registry.STRING.system(reader.parse(_design()))
-    _close(model.stiffness[6:, 6:], hessian[:18, :18], 1e-13)
-    _close(model.stiffness[6:, :6], hessian[:18, 18:24], 1e-13)
-    assert model.ground is not None
-    _close(np.real(model.ground.stiffness)[6:], hessian[:18, 24:30], 1e-13)
-
-
 def test_responses_to_support_ground_and_pair_of_forces(hessian: Any) -> None:
-    model = registry.STRING.system(reader.parse(_design().replace("loss_angle", "#")))
+    model = registry.STRING.system(reader.parse(design_text().replace("loss_angle", "#")))
     frequency = np.array([0.0, 0.05, 0.31, 0.9, 3.3, 12.0, 80.0])
     inputs = [f"{b}.{d}" for b in ("ground", "support") for d in DOFS]
     inputs += ["test~reaction.force_x@0.01,0.02,0.03", "reaction~test.torque_yaw"]
@@ -177,40 +167,9 @@ def test_responses_to_support_ground_and_pair_of_forces(hessian: Any) -> None:
             _close(found[:, column], expected[:, column])
 
 
-def test_support_and_ground_together_move_everything_rigidly_at_rest() -> None:
-    model = registry.STRING.system(reader.parse(_design()))
-    outputs = [f"{b}.{d}" for b in ("platform", "test") for d in "xyz"]
-    total = sum(
-        _solved(model, np.zeros(1), [f"{b}.{d}" for d in "xyz"], outputs)[0]
-        for b in ("support", "ground")
-    )
-    _close(total, np.vstack([np.eye(3), np.eye(3)]), 1e-11)
-
-
-def test_ground_with_losses_and_dampers() -> None:
-    design = reader.parse(_design(DAMPER))
-    frequency = np.geomspace(0.1, 20, 7)
-    model = registry.STRING.system(design)
-    known = signals.bodies_with_signals(model)
-    inputs = [signals.parse_input(text, known) for text in ("ground.x", "ground.roll", "support.y")]
-    outputs = [signals.parse_output(text, known) for text in ("test.x", "test~reaction.y")]
-    value = response.solve(model, frequency, inputs, outputs).value
-    # by hand, from the complex matrices
-    omega = 2 * np.pi * frequency[:, None, None]
-    ground = model.ground
-    assert ground is not None and np.iscomplexobj(ground.stiffness)
-    z = model.complete + 1j * omega * model.damping - omega**2 * model.mass
-    g = ground.stiffness + 1j * omega * ground.damping
-    rows = np.array([signals.linear_form(s, model) for s in outputs])
-    for n, column in enumerate([g[:, 6:, 0], g[:, 6:, 3], z[:, 6:, 1]]):
-        x = -np.linalg.solve(z[:, 6:, 6:], column[..., None])
-        direct = rows[:, 1] if n == 2 else 0.0
-        _close(value[:, :, n], (rows[:, 6:] @ x)[..., 0] + direct, 1e-10)
-
-
 def test_dampers_resist_relative_motion_at_their_point_alone() -> None:
-    plain = registry.STRING.system(reader.parse(_design()))
-    model = registry.STRING.system(reader.parse(_design(DAMPER)))
+    plain = registry.STRING.system(reader.parse(design_text()))
+    model = registry.STRING.system(reader.parse(design_text(DAMPER)))
     c = model.damping - plain.damping
     ground = model.ground
     assert ground is not None and model.rigid is not None
@@ -385,28 +344,8 @@ def test_ground_beside_an_elastic_support() -> None:
                 assert value == pytest.approx(np.linalg.solve(z, right)[0], rel=1e-11)
 
 
-def test_batches_of_builds_see_links_and_ground() -> None:
-    """A sweep over a stiffness takes compiled batches; each point is that design alone."""
-    text = _design(DAMPER)
-    path = "link.link3.stiffness.1.1"
-    values = np.array([20.0, 40.0, 100.0])
-    frequency = np.array([0.2, 1.7])
-    names = (("ground.x", "support.x", "test~reaction.force_x"), ("test.x", "test~reaction.pitch"))
-    for found, here in variants.balanced(variants.designs_at(text, {path: values}), "string"):
-        known = signals.bodies_with_signals(found.model)
-        inputs = [signals.parse_input(name, known) for name in names[0]]
-        outputs = [signals.parse_output(name, known) for name in names[1]]
-        batch = builds.transfer(found, frequency, inputs, outputs)
-        for n, value in zip(here, batch, strict=True):
-            model = registry.STRING.system(
-                reader.parse_with_overrides(text, (f"{path}={values[n]}",))
-            )
-            alone = response.solve(model, frequency, inputs, outputs).value
-            np.testing.assert_allclose(value, alone, rtol=1e-9, atol=1e-12)
-
-
 def test_signals_between_bodies_are_checked() -> None:
-    model = registry.STRING.system(reader.parse(_design()))
+    model = registry.STRING.system(reader.parse(design_text()))
     known = signals.bodies_with_signals(model)
     for text, problem in (
         ("test~test.x", "names one body twice"),
@@ -421,60 +360,3 @@ def test_signals_between_bodies_are_checked() -> None:
     plain = registry.STRING.system(reader.parse(reader.template("single", "single")))
     with pytest.raises(InputError, match="names no body"):
         signals.parse_input("ground.x", signals.bodies_with_signals(plain))
-
-
-@pytest.mark.parametrize("level", ["string", "beam"])
-def test_sensitivity_reaches_links_dampers_and_tables(
-    level: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from suspension_cli.analyses.sensitivity import solve as sensitivity
-    from suspension_cli.linear import eigenmodes, named_results
-    from suspension_cli.studies import parameters
-
-    table = TABLE.format("2.0, 3.0, 6.0", "0.1, 0.2, 0.9").replace('"z"', '"x"')
-    text = _design(DAMPER) + '[[link]]\nname = "tab"\nbetween = ["test", "ground"]\n' + table
-    text = text.replace("[link.table]", "[link.table]\nfactor = 1.0")
-    if level == "beam":
-        text = re.sub(r"(?m)^k = .*$", 'material = "c70steel"\nradius = 2e-4', text)
-    model = registry.by_name(level).system(reader.parse(text))
-    names = ["test.x/ground.x:1.3", "test~reaction.yaw/test~reaction.torque_yaw:0.7"]
-    known = signals.bodies_with_signals(model)
-    results = named_results.parse(names, eigenmodes.solve(model), known)
-    paths = (
-        "link.link2.loss_angle",
-        "link.link3.stiffness.1.1",
-        "link.link3.loss_angle",
-        "link.link1.at.2",
-        "link.tab.table.factor",
-        "damper.feet.damping.1",
-        "damper.brake.damping.6",
-    )
-    # of all numbers of the design, only those that are checked
-    every = [item for item in parameters.every(text, level) if item.name in paths]
-    monkeypatch.setattr(parameters, "every", lambda *_: every)
-    found = sensitivity.solve(text, results, level)
-
-    def size(values: dict[str, float]) -> Any:
-        settings = tuple(f"{path}={value!r}" for path, value in values.items())
-        other = reader.parse_with_overrides(text, settings)
-        made = registry.by_name(level).system(other)
-        ratios = [r for r in results if isinstance(r, named_results.Ratio)]
-        return np.array(
-            [
-                np.abs(response.solve(made, [r.frequency], [r.input], [r.over]).value[0, 0, 0])
-                for r in ratios
-            ]
-        )
-
-    rows = [found.parameter.index(path) for path in paths]
-    value, derivative = found.value[rows], found.derivative[rows]
-    size_of_steps = 1e-4 * np.where(value == 0, 1.0, np.abs(value))
-    # all at once, twice, by what makes each count alike: a wrong one shows in one or the other
-    for sign in ([1, 1, 1, 1, 1, 1, 1], [1, -1, 1, 1, -1, -1, 1]):
-        step = sign * size_of_steps
-        share = np.abs(derivative[:, 0] * step) + np.abs(derivative[:, 1] * step)
-        step = step * np.minimum(share.max() / np.where(share > 0, share, np.inf), 1.0)
-        above, below = (
-            size(dict(zip(paths, (value + k * step).tolist(), strict=True))) for k in (1, -1)
-        )
-        np.testing.assert_allclose(step @ derivative, (above - below) / 2, rtol=1e-4)

@@ -6,7 +6,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import suspension_cli
@@ -14,8 +13,6 @@ from suspension_cli.design.reader import read
 from suspension_cli.models import registry
 from suspension_cli.models.choice import Frequencies, Systems, choose
 from suspension_cli.models.registry import Choice
-from suspension_cli.studies import variants
-from tests.support.designs import overridden
 from tests.support.paths import CONFIGS
 
 CASE = CONFIGS / "husman2000" / "table1-case3.toml"
@@ -34,24 +31,6 @@ def test_models_are_ordered():
     # which options read without the models
     assert ("auto", *(model.name for model in registry.MODELS)) == registry.LEVELS
     assert all(model.description and model.valid_for for model in registry.MODELS)
-
-
-@pytest.mark.parametrize("model", registry.MODELS, ids=lambda model: model.name)
-def test_a_batch_is_its_designs(model):
-    """Matrices of many designs at once are those of each."""
-    text, values = CASE.read_text(), np.array([0.3, 0.4, 0.5])
-    path = "stage.test.wires.l"
-    reached = []
-    for found, here in variants.balanced(variants.designs_at(text, {path: values}), model.name):
-        assert (found.status == 0).all()
-        for place, point in enumerate(here):
-            alone = model.system(overridden(text, {path: values[point]}))
-            assert found.model.stiffness[place] == pytest.approx(
-                alone.stiffness, rel=1e-9, abs=1e-9 * np.abs(alone.stiffness).max()
-            )
-            assert found.model.coordinate == alone.coordinate
-        reached += here.tolist()
-    assert sorted(reached) == [0, 1, 2]
 
 
 def test_physics_between_models():

@@ -8,7 +8,6 @@ import pytest
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.reader import parse, read
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response
 from suspension_cli.models import registry
@@ -163,69 +162,3 @@ def test_dampers_do_not_resist_what_moves_as_one(against):
     assert force[other] == 3.0
     lever = com_positions(design)["test"][2] - com_positions(design)[against][2]
     assert force[other + 4] == pytest.approx(3.0 * lever, rel=1e-14)
-
-
-@pytest.mark.parametrize("level", LEVELS)
-def test_a_damper_by_hand(level):
-    stage = scenes.hung({"count": 1, "l": 0.5, "k": K}, MASS, 0.1, damping={"z": 12.0})
-    model = registry.by_name(level).system(scenes.design_of(scenes.raw_of(stage)))
-    omega = 2 * np.pi * np.geomspace(0.05, 100, 40)
-    path = K + 12j * omega
-    found = solved(model, omega / (2 * np.pi), ["support.z", "test.force_z"], ["test.z"])[:, 0]
-    np.testing.assert_allclose(
-        found, np.array([path, np.ones(40)]).T / (path - MASS * omega**2)[:, None], rtol=1e-12
-    )
-
-
-def dense(model, frequency, inputs, outputs):
-    """All coordinates at once by LAPACK, tips and structure included."""
-    stiffness = model.complete
-    result = []
-    for w in 2 * np.pi * frequency:
-        whole = stiffness + 1j * w * model.damping - w**2 * model.mass
-        right = [
-            np.eye(model.size)[6 + model.coordinate[6:].index(s)]
-            if s in model.coordinate[6:]
-            else None
-            for s in inputs
-        ]
-        driven = [
-            whole[6:, DOFS.index(s.split(".")[1])] if r is None else -r[6:]
-            for r, s in zip(right, inputs, strict=True)
-        ]
-        moved = -np.linalg.solve(whole[6:, 6:], np.array(driven).T)
-        result.append(moved[[model.coordinate[6:].index(out) for out in outputs]])
-    return np.array(result)
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_trees_against_a_dense_solution(seed):
-    """A recoil mass beside the mirror with a damper between them, springs, nothing symmetric; or
-    the shipped one."""
-    if seed:
-        raw = scenes.crooked(np.random.default_rng(seed))
-        raw["stage"][1]["damping"] = {"x": 4.0, "yaw": 0.1, "against": "upper"}
-    else:
-        raw = read(plants.CONFIGS / "payload-recoil-mass.toml").text
-    design = parse(raw) if isinstance(raw, str) else scenes.design_of(raw)
-    model = registry.STRING.system(design)
-    frequency = np.geomspace(0.05, 300, 25)
-    bodies = [f"{body}.{dof}" for body in model.body for dof in DOFS]
-    pushes = [
-        f"{body}.{'force' if dof in 'xyz' else 'torque'}_{dof}"
-        for body, dof in (name.split(".") for name in bodies)
-    ]
-    moves = [f"support.{dof}" for dof in DOFS]
-    found, expected = (
-        solved(model, frequency, [*moves, *pushes], bodies),
-        dense(model, frequency, [*moves, *bodies], bodies),
-    )
-    own = np.sqrt(np.abs(np.einsum("fii->fi", expected[:, :, 6:])))
-    size = np.concatenate(
-        [
-            np.abs(expected[:, :, :6]).max((1, 2), keepdims=True) * np.ones((1, len(bodies), 6)),
-            own[:, :, None] * own[:, None, :],
-        ],
-        axis=2,
-    )
-    assert (np.abs(found - expected) <= 1e-11 * size).all()

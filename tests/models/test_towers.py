@@ -86,27 +86,6 @@ def transfer(design, source, target, frequency):
     return found.value[:, 0, 0]
 
 
-def lateral(k, mass=300.0, length=0.5):
-    return 3 * k / length**2 - mass * G / length
-
-
-def test_frequency_is_that_of_the_flexures_less_the_load():
-    found = sus.modes(alone(stiffness=600.0), fidelity="string")
-    expected = np.sqrt(lateral(600.0) / 300.0) / (2 * np.pi)
-    np.testing.assert_allclose(found.frequency[:2], expected, rtol=1e-9)
-
-
-def test_legs_resist_yaw_by_torsion_and_by_leaning():
-    found = sus.modes(alone(stiffness=600.0, yaw_stiffness=40.0), fidelity="string")
-    expected = np.sqrt((3 * 40.0 + 0.6**2 * lateral(600.0)) / 40.0) / (2 * np.pi)
-    np.testing.assert_allclose(found.frequency[2], expected, rtol=1e-9)
-
-
-def test_measured_frequency_sets_the_flexures():
-    found = sus.modes(alone(frequency=0.06, leg_mass=3.0), fidelity="string")
-    np.testing.assert_allclose(found.frequency[:2], 0.06, rtol=1e-9)
-
-
 PRELOADS = {
     "link": """[[link]]
 name = "push"
@@ -142,30 +121,6 @@ def test_ground_tilt_moves_the_stage_by_g_over_omega_squared():
     found = transfer(design, "support.pitch", "ip.x", 1e-9)
     np.testing.assert_allclose(found, 69.5 + 0.5, rtol=1e-8)
     np.testing.assert_allclose(transfer(design, "support.roll", "ip.y", 1e-9), -70.0, rtol=1e-8)
-
-
-@pytest.mark.filterwarnings("ignore:.*unstable")
-def test_it_tips_over_at_the_critical_load():
-    critical = 3 * 600.0 / 0.5 / G  # kg
-    for factor, stable in ((1 - 1e-9, True), (1 + 1e-9, False)):
-        design = alone(stiffness=600.0).replace({"stage.ip.body.mass": critical * factor})
-        assert sus.modes(design, fidelity="string").stable is stable
-
-
-@pytest.mark.parametrize("below", [None, 0.1])
-def test_high_frequencies_pass_by_the_inertia_of_the_legs(below):
-    keys = {"frequency": 0.06, "leg_mass": 4.0}
-    coupling, top = 4.0 / 6, 4.0 / 3  # a rod about its end: m/3, and m/6 between the ends
-    if below is not None:
-        keys["counterweight"] = f"{{ mass = 5.0, below = {below} }}"
-        coupling -= 5.0 * below / 0.5 * (1 + below / 0.5)
-        top += 5.0 * (below / 0.5) ** 2
-    mass = 300.0 + 3 * top
-    w = 2 * np.pi * np.array([0.1, 1.0, 8.0])
-    k = (2 * np.pi * 0.06) ** 2 * mass
-    expected = (k + 3 * coupling * w**2) / (k - mass * w**2)
-    found = transfer(alone(**keys), "support.x", "ip.x", w / (2 * np.pi))
-    np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
 def test_thermal_noise_is_that_of_an_oscillator_with_diluted_loss():

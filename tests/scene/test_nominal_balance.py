@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.equilibrium.energy import gradient_and_stiffness
-from suspension_cli.scene import imperfections
-from suspension_cli.scene.pose import layout, nominal_pose
 from tests.support import scenes
 
 
@@ -73,56 +70,3 @@ def test_lopsided_trees_balance_as_drawn(blades, springs):
         # those of the upper stage hang on the support
         tips = scene.blades.tip_mass[2:].sum() if blades else 0.0
         assert carried == pytest.approx(9.81 * (scene.bodies.mass.sum() + tips), rel=1e-12)
-
-
-def attachments(scene):
-    """Every attachment in the nominal pose, in global axes."""
-    at, w, b, s = scene.bodies.position, scene.wires, scene.blades, scene.springs
-    ends = (
-        (w.upper, w.upper_point),
-        (w.lower, w.lower_point),
-        (b.body, b.tip),
-        (s.upper, s.upper_point),
-        (s.lower, s.lower_point),
-    )
-    return np.concatenate([at[body] + point for body, point in ends])
-
-
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_a_com_moves_alone(number):
-    """Attachments, wires and their tensions stay where they are; only the weight pulls
-    elsewhere."""
-    scene = scenes.scene_of(lopsided_tree(np.random.default_rng(31)))
-    offset = np.array([2e-3, -1e-3, 3e-3])
-    moved = imperfections.move_com(scene, number, offset)
-    np.testing.assert_allclose(attachments(moved), attachments(scene), rtol=0, atol=1e-15)
-    step = np.zeros((4, 3))
-    step[number] = offset
-    np.testing.assert_allclose(
-        moved.bodies.position - scene.bodies.position, step, rtol=0, atol=1e-15
-    )
-    numbering = layout(scene)
-    before, _ = gradient_and_stiffness(scene, numbering, nominal_pose(scene))
-    after, _ = gradient_and_stiffness(moved, numbering, nominal_pose(moved))
-    # the gradient about the COM: what balanced there now has the weight's torque about the old one
-    expected = np.zeros_like(before)
-    weight = np.array([0.0, 0.0, -9.81 * scene.bodies.mass[number - 1]])
-    expected[6 * number + 3 : 6 * number + 6] = -np.cross(offset, weight)
-    np.testing.assert_allclose((after - before)[6:], expected[6:], rtol=0, atol=1e-11)
-
-
-def test_shifting_everything_of_a_body_is_no_change():
-    """A COM that moves up by h against attachments that were drawn h higher is the same body, drawn
-    otherwise."""
-    rng = np.random.default_rng(32)
-    raw = scenes.single(rng)
-    wires = raw["stage"][0]["wires"]
-    wires["d"] = 0.004
-    one = imperfections.move_com(scenes.scene_of(raw), 1, [0.0, 0.0, 0.003])
-    wires["d"] = 0.001
-    other = scenes.scene_of(raw)
-    for name in ("upper_point", "lower_point", "span", "tension"):
-        np.testing.assert_allclose(
-            getattr(one.wires, name), getattr(other.wires, name), rtol=1e-13, atol=1e-16
-        )
-    np.testing.assert_allclose(one.bodies.position, other.bodies.position, rtol=1e-14)

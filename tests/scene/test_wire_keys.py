@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 
 import suspension_cli as sus
 from suspension_cli.design import materials, reader
-from suspension_cli.design.sections import given_sections, reduced, stretches
+from suspension_cli.design.sections import reduced
 from suspension_cli.elements import joined_sections
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.equilibrium.nominal import expand
@@ -61,26 +61,10 @@ def test_ring_is_its_wires(count, lower, model):
     assert found == pytest.approx(frequencies(plain, model), rel=1e-9, nan_ok=True)
 
 
-def test_ring_of_four_is_a_symmetric_set():
-    square = STEEL | {"count": 4, "s": 0.05, "t1": 0.05, "t2": 0.05}
-    ring = STEEL | {"count": 4, "ring": 0.05 * math.sqrt(2), "phase": math.pi / 4}
-    assert frequencies(single(ring)) == pytest.approx(frequencies(single(square)), rel=1e-12)
-
-
 @pytest.mark.parametrize(("phase", "mirror"), [(0.0, "xy"), (math.pi / 2, "xy"), (0.1, "")])
 def test_ring_of_three_has_its_exact_zeros(phase, mirror):
     scene = expand(scenes.design_of(single(STEEL | {"count": 3, "ring": 0.05, "phase": phase})))
     assert "".join(find_symmetry(scene, layout(scene)).mirrors) == mirror
-
-
-def test_ring_on_blades_and_pivot():
-    """Three blades, one per wire; and a ring that meets in a point, which frees the yaw."""
-    blades = {"count": 3, "stiffness": 2e3}
-    raw = single(STEEL | {"count": 3, "ring": 0.05, "phase": 0.2}, blades=blades)
-    scene = expand(scenes.design_of(raw))
-    assert scene.wires.blade.tolist() == [0, 1, 2]
-    assert scene.blades.tip[:, :2] == pytest.approx(scene.wires.upper_point[:, :2])
-    assert scene.blades.load[:, 2] == pytest.approx(5.0 * 9.81 / 3)
 
 
 def test_crossing_pair():
@@ -204,20 +188,6 @@ def test_reduced_profile_is_within_its_error(error):
     assert sum(s.mass * s.length for s in own) == pytest.approx(density * mass, rel=1e-12)
     compliance = (np.diff(z) / (d[1:] * d[:-1])).sum() * 4 / np.pi / modulus
     assert sum(s.length / s.stretching for s in own) == pytest.approx(compliance, rel=error)
-
-
-def test_profile_of_a_cone_is_a_taper():
-    z = np.linspace(0.0, 0.6, 301)
-    cone = {"profile": {"position": z.tolist(), "diameter": (4e-4 + 1e-3 * z).tolist()}}
-    cone["profile"]["error"] = 1e-4
-    taper = {"sections": [{"radius": [2e-4, 5e-4], "steps": 256}]}
-    found, expected = (TautWire(fibre(k), 49.0, False, False).static for k in (cone, taper))
-    for part in ("bend-1", "stretch", "twist"):
-        scale = np.abs(expected[part]).max()
-        assert np.abs(found[part] - expected[part]).max() < 1e-4 * scale
-    pieces = stretches(scenes.design_of(single(SILICA | cone)).stage[0].wires, 0.6)
-    given = given_sections(scenes.design_of(single(SILICA | cone)).stage[0].wires)
-    assert len(pieces) == len(given)
 
 
 def test_hinged_string_is_a_beam_at_rest():

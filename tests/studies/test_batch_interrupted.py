@@ -156,12 +156,8 @@ def test_interrupted_from_the_keyboard(when, small, tmp_path):
 @pytest.mark.parametrize("writes", [0, 15])
 def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny, tmp_path):
     """In the first chunk and in later ones."""
-
-    def interrupt():
-        raise KeyboardInterrupt
-
     with monkeypatch.context() as patch:
-        after(patch, writes, interrupt)
+        fail_after(patch, writes, KeyboardInterrupt())
         patch.setattr(sys, "argv", ["-c", "xcouple", str(FILE), "--out", str(tmp_path), *TINY])
         result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1")
     assert result.exit_code == 130
@@ -171,34 +167,24 @@ def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny
     assert finished(tmp_path, *TINY, "--resume") == tiny
 
 
-def interrupt_after(monkeypatch, writes, error):
-    """Let the file fail after some writes of results, and for good."""
-
-    def fail():
-        raise error
-
-    after(monkeypatch, writes, fail)
-
-
-def after(monkeypatch, writes, happens):
-    """Let something happen at every write of results after some."""
+def fail_after(monkeypatch, writes, error):
+    """Let every write of results after some raise an error."""
     real, count = sweep_file._write, iter(range(10**9))
 
     def write(stream, data, place):
         if next(count) >= writes:
-            happens()
+            raise error
         real(stream, data, place)
 
     monkeypatch.setattr(sweep_file, "_write", write)
 
 
-def full():
-    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_a_disk_that_is_full_from_the_start(monkeypatch, tmp_path):
     def no_space(*_):
-        raise full()
+        raise FULL
 
     monkeypatch.setattr(sweep_file.os, "truncate", no_space)
     result = run("xcouple", FILE, "--out", tmp_path)
@@ -220,11 +206,18 @@ def test_a_file_larger_than_allowed(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("writes", [2, 20])
-def test_a_disk_that_fills_up(writes, monkeypatch, tiny, tmp_path):
-    """One line, exit code 2; what was done can be read, and the run goes on from there."""
+@pytest.mark.parametrize(("writes", "bare"), [(2, False), (20, False), (20, True)])
+def test_a_disk_that_fills_up(writes, bare, monkeypatch, tiny, tmp_path):
+    """One line, exit code 2; what was done can be read, and the run goes on from there: also
+    without what Windows lacks, locks of `fcntl`, `os.pwrite` and masks of signals."""
+    if bare:
+        monkeypatch.setattr(sweep_file, "fcntl", None)
+        for name in ("pread", "pwrite", "O_NOFOLLOW", "fstatvfs", "statvfs"):
+            monkeypatch.delattr(os, name)
+        monkeypatch.delattr(signal, "pthread_sigmask")
+        monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1 << 40))
     with monkeypatch.context() as patch:
-        interrupt_after(patch, writes, full())
+        fail_after(patch, writes, FULL)
         result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1")
     assert result.exit_code == 2
     assert result.stdout == ""
@@ -232,9 +225,9 @@ def test_a_disk_that_fills_up(writes, monkeypatch, tiny, tmp_path):
     assert "cannot be written (No space left on device)" in result.stderr
     done = marks(tmp_path / f"{NAME}.part", 15 * 15)
     assert done.sum() == writes // 7  # six columns of a chunk, then its checksum
-    result = run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1", "--resume")
-    assert result.exit_code == 0, result.stderr
-    found, expected = numbers((tmp_path / NAME).read_bytes(), tmp_path), numbers(tiny, tmp_path)
+    found, expected = (
+        numbers(image, tmp_path) for image in (finished(tmp_path, *TINY, "--resume"), tiny)
+    )
     assert all(np.array_equal(found[name], expected[name]) for name in expected)
 
 
@@ -246,25 +239,6 @@ def numbers(image, folder):
         result = {name: values[:] for name, values in file["xcouple"].items()}
     path.unlink()
     return result
-
-
-def test_without_what_only_some_systems_have(monkeypatch, tiny, tmp_path):
-    """Windows has no locks of `fcntl`, and neither `os.pwrite` nor masks of signals."""
-    monkeypatch.setattr(sweep_file, "fcntl", None)
-    for module, names in (
-        (os, ("pread", "pwrite", "O_NOFOLLOW", "fstatvfs", "statvfs")),
-        (signal, ("pthread_sigmask",)),
-    ):
-        for name in names:
-            monkeypatch.delattr(module, name)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1 << 40))
-    with monkeypatch.context() as patch:
-        interrupt_after(patch, 20, full())
-        assert run("xcouple", FILE, "--out", tmp_path, *TINY, "--workers", "1").exit_code == 2
-    found, expected = (
-        numbers(image, tmp_path) for image in (finished(tmp_path, *TINY, "--resume"), tiny)
-    )
-    assert all(np.array_equal(found[name], expected[name]) for name in expected)
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.tolerance.statistics import (
-    replicate_interval,
     sobol_indices,
     standard_error,
-    wilson_interval,
 )
 from suspension_cli.studies.parameters import natural_step
 from suspension_cli.studies.sample_points import (
@@ -95,18 +93,6 @@ def test_indices_of_ishigamis_function():
     assert (np.abs(found.total[:, 0] - total) < 5 * found.total_error[:, 0] + 1e-12).all()
 
 
-@pytest.mark.parametrize("method", ["random", "sobol"])
-def test_indices_of_a_linear_function(method):
-    """Of a sum, a group causes the fraction of its terms, alone and together."""
-    weight = np.array([1.0, 2.0, 2.0, 0.0])
-    expected = np.array([1.0, 8.0, 0.0]) / 9
-    found = estimated(lambda u: u @ weight, GROUPS, 5 * 8192, method)
-    tolerance = 0.03 if method == "random" else 0.003
-    np.testing.assert_allclose(found.first[:, 0], expected, atol=tolerance)
-    np.testing.assert_allclose(found.total[:, 0], expected, atol=tolerance)
-    assert found.total[2, 0] == 0.0
-
-
 def test_indices_of_what_fails_or_does_not_vary():
     rng = np.random.default_rng(1)
     values = rng.random((4, 64, 2))
@@ -115,21 +101,6 @@ def test_indices_of_what_fails_or_does_not_vary():
     found = sobol_indices(values, np.arange(64) // 8)
     assert np.isfinite(found.total[:, 0]).all()
     assert np.isnan(found.total[:, 1]).all() and np.isnan(found.first[:, 1]).all()
-
-
-def test_intervals_of_replicates_contain_the_fraction():
-    """19 times of 20, for fractions of low-discrepancy points; narrower than of random ones."""
-    inside, width = 0, 0.0
-    for seed in range(100):
-        points = SamplePoints("sobol", seed, 256)
-        met = points.of(0, 256, 2).sum(1) < 0.8
-        low, high = replicate_interval(met, points.replicate(np.arange(256)))
-        inside, width = inside + (low <= 0.32 <= high), width + (high - low) / 100
-    assert 90 <= inside <= 99
-    assert width < 0.6 * np.subtract(*wilson_interval(82, 256)[::-1])
-    assert replicate_interval(np.ones(256, dtype=bool), np.arange(256) // 32) == wilson_interval(
-        256, 256
-    )
 
 
 @pytest.mark.parametrize(

@@ -69,14 +69,6 @@ class Bent:
             rows.append([sign * self.rigidity * bend for bend in two])
         return MP.matrix(rows) * self.ends() ** -1
 
-    def shape(self, ends, order=0):
-        """Deflection or a derivative of it as a function of x, for the motion w1, w1', w2, w2' of
-        the ends."""
-        factors = self.ends() ** -1 * MP.matrix([number(value) for value in ends])
-        return lambda x: sum(
-            (f * v for f, v in zip(factors, self.basis(x)[order], strict=True)), MP.zero
-        )
-
     def carried(self):
         """(4, 4): w, w', shear and moment at the lower end from those at the upper end."""
 
@@ -128,15 +120,8 @@ def bent(rigidity, tension, mass, length, omega, *, nudge=0):
         ).stiffness()
 
 
-def of_ends(elements, tension, length):
-    """Elements of `elements.beam.stiffness`, with the tension, on (W_s, T_s, W_a, T_a)."""
-    ww, wt, tt, pp, pd, dd = elements
-    h = length / 2
-    return np.array([ww, wt, tt, (pp + tension * length - 2 * pd + dd) / h**2, (pd - dd) / h, dd])
-
-
 def even_odd(matrix):
-    """The same on (W_s, T_s, W_a, T_a)."""
+    """A stiffness on w1, w1', w2, w2' on (W_s, T_s, W_a, T_a)."""
     with exact(4 * DIGITS):
         form = MP.matrix(ALIKE)
         return form.T * matrix * form
@@ -146,27 +131,6 @@ def doubles(matrix):
     return np.array(
         [[complex(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)]
     )
-
-
-def held(rigidity, tension, length):
-    """The same of a wire without mass, by its closed form: lambda L may be anything."""
-    with exact(4 * DIGITS):
-        ei, t, h = number(rigidity), number(tension), number(length) / 2
-        wave = MP.sqrt(t / ei)
-        tanh = MP.tanh(wave * h) / wave
-        # the middle stays, the end goes by W at slope T: EI w'' + shear times arm
-        odd = 1 / (h - tanh)
-        even_turn, displace = 2 * ei * wave / MP.tanh(wave * h), 2 * t * odd
-        own = MP.matrix(
-            [
-                [0, 0, 0, 0],
-                [0, even_turn, 0, 0],
-                [0, 0, displace, -displace * tanh],
-                [0, 0, -displace * tanh, displace * h * tanh],
-            ]
-        )
-        back = MP.matrix(ALIKE) ** -1
-        return back.T * own * back
 
 
 class Strained:
@@ -183,11 +147,6 @@ class Strained:
         """(2, 2) on u1, u2."""
         far, cos = self.sine(self.length), MP.cos(self.wave * self.length)
         return self.rigidity / far * MP.matrix([[cos, -1], [-1, cos]])
-
-    def slope(self, ends):
-        u1, u2 = (number(value) for value in ends)
-        factor = (u2 - u1 * MP.cos(self.wave * self.length)) / self.sine(self.length)
-        return lambda x: factor * MP.cos(self.wave * x) - u1 * self.wave * MP.sin(self.wave * x)
 
 
 def transferred(sections, tension, omega):

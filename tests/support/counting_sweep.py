@@ -68,10 +68,6 @@ class Toy:
             times[start:stop] += 1
         return times
 
-    def values(self) -> Any:
-        """What `value` must hold in the end."""
-        return np.sin(np.arange(self.count)[:, None] + [1.0, 2.0, 3.0])
-
 
 def fill(group: h5py.Group) -> None:
     add_scale(group, "axis", np.arange(3), "1")
@@ -107,9 +103,3 @@ def marks(file: Path, count: int) -> Any:
             return (stored[sweep_file.SUMS][:] != 0).astype(np.uint8)
     except (OSError, KeyError):  # just begun, or just finished
         return np.zeros(-(-count // sweep_file.UNIT), dtype=np.uint8)
-
-
-def records(file: Path, name: str) -> Any:
-    """Values of a column of an unfinished file."""
-    with h5py.File(file, locking=False) as stored:
-        return stored["toy"][name][:]

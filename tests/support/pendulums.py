@@ -17,9 +17,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import mpmath
+from tests.support import beam_mp
 
-BOLTZMANN = "1.380649e-23"
+BOLTZMANN = 1.380649e-23
 
 
 @dataclass(frozen=True)
@@ -75,60 +75,18 @@ class Pendulum:
             ],
         }
 
-    def susceptibility(self, frequency: float, *, massive: bool, digits: int = 50) -> Any:
+    def susceptibility(self, frequency: float, *, massive: bool) -> Any:
         """w(L) / F."""
-        with mpmath.workdps(digits):
-            omega = 2 * mpmath.pi * mpmath.mpf(frequency)
-            rigidity = (
-                self.modulus
-                * mpmath.pi
-                * mpmath.mpf(self.radius) ** 4
-                / 4
-                * mpmath.mpc(1, self.angle)
-            )
-            tension, length = mpmath.mpf(self.mass) * self.gravity, mpmath.mpf(self.length)
-            mu = (
-                self.density * mpmath.pi * mpmath.mpf(self.radius) ** 2
-                if massive
-                else mpmath.mpf("1e-40")
-            )
-            tau, m = tension / rigidity, mu * omega**2 / rigidity
-            roots = [
-                sign * mpmath.sqrt((tau + branch * mpmath.sqrt(tau**2 + 4 * m)) / 2)
-                for branch in (1, -1)
-                for sign in (1, -1)
-            ]
-            # growing waves are measured from the lower end, so that none overflows
-            start = [length if mpmath.re(root) > 0 else 0 for root in roots]
-
-            def wave(n: int, order: int, z: Any) -> Any:
-                return roots[n] ** order * mpmath.exp(roots[n] * (z - start[n]))
-
-            rows = [
-                [wave(n, 0, 0) for n in range(4)],
-                [wave(n, 1, 0) for n in range(4)],
-                [
-                    rigidity * wave(n, 2, length) - self.inertia * omega**2 * wave(n, 1, length)
-                    for n in range(4)
-                ],
-                [
-                    -rigidity * wave(n, 3, length)
-                    + tension * wave(n, 1, length)
-                    - self.mass * omega**2 * wave(n, 0, length)
-                    for n in range(4)
-                ],
-            ]
-            amplitude = mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix([0, 0, 0, 1]))
-            return sum(amplitude[n] * wave(n, 0, length) for n in range(4))
+        rigidity, omega = self.rigidity * (1 + 1j * self.angle), 2 * math.pi * frequency
+        mass = self.density * math.pi * self.radius**2 if massive else 0.0
+        wire = rigidity, self.tension, mass, self.length, omega
+        held = beam_mp.bent(*wire)[2:, 2:]
+        with beam_mp.exact(beam_mp.digits_for(*wire)):
+            for n, inertia in enumerate((self.mass, self.inertia)):
+                held[n, n] -= beam_mp.number(inertia) * beam_mp.number(omega) ** 2
+            return (held**-1)[0, 0]
 
     def density_of_noise(self, frequency: float, *, massive: bool) -> float:
         """-4 k T Im(w / F) / omega, m^2/Hz."""
-        with mpmath.workdps(50):
-            omega = 2 * mpmath.pi * mpmath.mpf(frequency)
-            return float(
-                -4
-                * mpmath.mpf(BOLTZMANN)
-                * self.temperature
-                / omega
-                * mpmath.im(self.susceptibility(frequency, massive=massive))
-            )
+        found = float(self.susceptibility(frequency, massive=massive).imag)
+        return -4 * BOLTZMANN * self.temperature / (2 * math.pi * frequency) * found

@@ -19,15 +19,15 @@ import mpmath
 import numpy as np
 
 from suspension_cli.linear import response, signals
+from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.system import LinearSystem
 
 MP: Any = mpmath.mp.clone()
 MP.dps = 50
 TOGETHER = (0, 1, 2, 5)
 """x, y, z and yaw among the support's coordinates."""
-ROUNDING = 1e-10
-"""Share of the sizes of its terms up to which a sum counts as 0; dampers on bodies that have moved
-from where they were drawn do not."""
+ROUNDING = 4e-15
+"""Share of the sizes of its terms up to which a sum counts as 0."""
 
 
 def eliminate(matrix: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]:
@@ -85,49 +85,26 @@ def compare(
     frequency: Any,
     inputs: list[Any],
     outputs: list[Any],
-    alone: bool = False,
     condition: bool = False,
 ) -> Compared:
-    """`response.solve` against LU with partial pivoting in 50 digits, tips without mass included.
-
-    Parameters
-    ----------
-    alone : bool
-        Ask for the response to each input alone, not to all at once.
-    condition : bool
-        Work out the condition too.
-    """
+    """`response.solve` against LU with partial pivoting in 50 digits, tips without mass included;
+    by choice with the condition."""
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     drives, rows = (
         np.array([signals.linear_form(signal, model) for signal in group])
         for group in (inputs, outputs)
     )
     acts = [signal.acts for signal in inputs]
-    together = [slice(n, n + 1) for n in range(len(acts))] if alone else [slice(None)]
-    found = np.concatenate(
-        [response.transfer(model, omega, drives[part], acts[part], rows)[0] for part in together],
-        axis=-1,
-    )
+    found, _ = response.transfer(model, omega, drives, acts, rows)
     parts = [_at(model, w, drives, acts, rows, found[n], condition) for n, w in enumerate(omega)]
     values, errors, conditions = zip(*parts, strict=True)
     return Compared(np.array(values), np.array(errors), np.array(conditions) if condition else None)
 
 
-def completed(matrix: Any, model: LinearSystem, low: Any = None) -> list[list[Any]]:
+def completed(matrix: Any, model: LinearSystem) -> list[list[Any]]:
     """A matrix in 50 digits whose rows feel nothing when everything moves together, where they
-    should: K_r,own = -sum of K_r,m R_m.
-
-    With what the model knows to be missing from its doubles.
-    """
+    should: K_r,own = -sum of K_r,m R_m."""
     result = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in matrix]
-    if low is not None:
-        result = [
-            [
-                value + MP.mpf(float(part)) if part else value
-                for value, part in zip(*rows, strict=True)
-            ]
-            for rows in zip(result, low, strict=True)
-        ]
     motion = model.rigid
     masses = np.diag(model.mass)[6 : 6 * len(model.body) + 6 : 6]
     unbalanced = float(10.0 * model.residual * masses.sum())
@@ -155,29 +132,27 @@ def completed(matrix: Any, model: LinearSystem, low: Any = None) -> list[list[An
 _KEPT: dict[int, Any] = {}
 
 
-def _low(matrix: Any, model: LinearSystem, part: Any) -> Any:
-    """What is missing from the sum of the stretching of wires and all else, rounded to doubles."""
-    soft, form, k = part(model.soft), model.elongation, part(model.k)
-    result = np.zeros(matrix.shape)
-    for i, j in zip(*np.nonzero(matrix), strict=True):
-        exact = MP.mpf(float(soft[i, j])) - MP.mpf(float(matrix[i, j]))
-        for n in np.flatnonzero(form[:, i] * form[:, j] * k):
-            exact += MP.mpf(float(k[n])) * MP.mpf(float(form[n, i])) * MP.mpf(float(form[n, j]))
-        result[i, j] = float(exact)
+def elongation(form: Any, model: LinearSystem) -> dict[int, Any]:
+    """A wire's elongation in 50 digits, by coordinate: 0 when everything moves together."""
+    result = {int(n): MP.mpf(float(form[n])) for n in np.flatnonzero(form)}
+    lowest = max(n // 6 for n in result if n < 6 * (len(model.body) + 1))
+    for dof in TOGETHER:
+        terms = [value * MP.mpf(float(model.rigid[n, dof])) for n, value in result.items()]
+        if abs(sum(terms, MP.zero)) <= ROUNDING * sum(map(abs, terms), MP.zero):
+            own = 6 * lowest + dof
+            result[own] = result.get(own, MP.zero) - sum(terms, MP.zero)
     return result
 
 
 def _matrices(model: LinearSystem) -> Any:
-    """Stiffness, its imaginary part, damping and mass in 50 digits; computed once a model (which
-    is kept, so that its id stays its own)."""
+    """Stiffness of wires that keep their lengths, its imaginary part, damping and mass, and all
+    elongations, in 50 digits; computed once a model (which is kept, so that its id stays its
+    own)."""
     if id(model) not in _KEPT:
-        full = model.complete
         mass = [[MP.mpf(float(value)) if value else MP.zero for value in row] for row in model.mass]
-        stiffness, loss = (
-            completed(matrix, model, _low(matrix, model, part))
-            for matrix, part in ((full.real, np.real), (full.imag, np.imag))
-        )
-        _KEPT[id(model)] = (model, stiffness, loss, completed(model.damping, model), mass)
+        parts = [completed(part, model) for part in (model.soft.real, np.imag(model.soft))]
+        forms = [elongation(form, model) for form in model.elongation]
+        _KEPT[id(model)] = model, (*parts, completed(model.damping, model), mass), forms
     return _KEPT[id(model)][1:]
 
 
@@ -190,7 +165,7 @@ def _at(
     found: Any,
     condition: bool,
 ) -> tuple[Any, Any, Any]:
-    dynamic = _dynamic(*_matrices(model), MP.mpf(float(omega)))
+    dynamic = _dynamic_at(model, omega)
     given = [
         [MP.zero if act else MP.mpf(float(v)) for v in drive[:6]]
         for drive, act in zip(drives, acts, strict=True)
@@ -228,6 +203,30 @@ def _at(
     size = abs(full.real) + abs(full.imag) + omega * abs(model.damping) + omega**2 * abs(model.mass)
     moved = y.T @ size[6:] @ x + abs(rows) @ x
     return exact, error, moved / np.where(exact == 0, 1.0, abs(exact))
+
+
+def _dynamic_at(model: LinearSystem, omega: float) -> list[list[Any]]:
+    """Dynamic stiffness with all terms of the frequency."""
+    matrices, forms = _matrices(model)
+    dynamic, k = _dynamic(*matrices, MP.mpf(float(omega))), np.array(model.k, dtype=complex)
+    for term in model.terms:
+        there = term.at(np.array([omega]))
+        values = there.functions(range(len(term.compact)))
+        for value, matrix in zip(values, term.compact, strict=True):
+            factor = MP.mpc(complex(value[0]))
+            for i, j in zip(*np.nonzero(matrix), strict=True):
+                at = term.columns[i], term.columns[j]
+                if model.allowed[at]:
+                    dynamic[at[0]][at[1]] += factor * MP.mpf(float(matrix[i, j]))
+        if isinstance(term, WireTerm):
+            k[term.number] = 1 / complex(np.ravel(there.compliance)[0])
+    for own, form in zip(k.tolist(), forms, strict=True):
+        factor = MP.mpc(own) if own.imag else MP.mpf(own.real)
+        for i, one in form.items():
+            for j, other in form.items():
+                if model.allowed[i, j]:
+                    dynamic[i][j] += factor * one * other
+    return dynamic
 
 
 def _dynamic(stiffness: Any, loss: Any, damping: Any, mass: Any, w: Any) -> list[list[Any]]:

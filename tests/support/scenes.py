@@ -198,7 +198,6 @@ def crooked_stage(
     load: float,
     *,
     blades: bool = False,
-    lateral: bool = True,
     springs: int = 0,
     **more: Any,
 ) -> Raw:
@@ -231,7 +230,7 @@ def crooked_stage(
         result["wire"].append(wire)
     if blades:
         result["blade"] = [
-            {"name": side} | blade_set(rng, 1, tip_mass=True, lateral=lateral)
+            {"name": side} | blade_set(rng, 1, tip_mass=True, lateral=True)
             for side in ("left", "right")
         ]
         for blade in result["blade"]:
@@ -242,15 +241,13 @@ def crooked_stage(
     return result
 
 
-def crooked(rng: Generator, *, lateral: bool = True) -> Raw:
+def crooked(rng: Generator) -> Raw:
     """A tree with nothing symmetric: an upper mass on blades, a mirror and a recoil mass beside
     each other, springs."""
     below = 2 * 15.0 * 9.81
-    upper = crooked_stage(rng, "upper", below, blades=True, lateral=lateral, springs=1)
+    upper = crooked_stage(rng, "upper", below, blades=True, springs=1)
     mirror = crooked_stage(rng, "mirror", 0.0, springs=2)
-    recoil = crooked_stage(
-        rng, "recoil", 0.0, blades=bool(rng.random() < 0.5), lateral=lateral, hangs_from="upper"
-    )
+    recoil = crooked_stage(rng, "recoil", 0.0, blades=bool(rng.random() < 0.5), hangs_from="upper")
     return raw_of(upper, mirror, recoil)
 
 
@@ -312,13 +309,9 @@ def step_of(
     return rng.uniform(-1, 1, len(names)) * scale
 
 
-def rotated(raw: Raw, angle: float) -> Raw:
-    """A design of explicit wires as seen by somebody who has turned by -angle about z.
-
-    Blades with lateral stiffness keep to the axes, so they allow quarter turns only.
-    """
-    cos, sin = (0.0, 1.0) if angle == np.pi / 2 else (np.cos(angle), np.sin(angle))
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+def turned(raw: Raw, turn: Any) -> Raw:
+    """A design of explicit wires and springs by a rotation (3, 3), in the frames of bodies that are
+    turned too."""
     six = np.kron(np.eye(2), turn)
     result = copy.deepcopy(raw)
     for one in result["stage"]:
@@ -329,17 +322,9 @@ def rotated(raw: Raw, angle: float) -> Raw:
                 (turn @ wire["upper"]).tolist(),
                 (turn @ wire["lower"]).tolist(),
             )
-        for blade in one.get("blade", []):
-            if "at" in blade:
-                blade["at"] = (turn @ blade["at"]).tolist()
-            if "lateral_stiffness" in blade:
-                assert angle == np.pi / 2
-                blade["lateral_stiffness"] = blade["lateral_stiffness"][::-1]
         for spring_ in one.get("spring", []):
-            spring_["at"], spring_["preload"] = (
-                (turn @ spring_["at"]).tolist(),
-                (six @ spring_["preload"]).tolist(),
-            )
+            spring_["at"] = (turn @ spring_["at"]).tolist()
+            spring_["preload"] = (six @ spring_.get("preload", np.zeros(6))).tolist()
             spring_["stiffness"] = _symmetric(six @ np.array(spring_["stiffness"]) @ six.T)
     return result
 

@@ -1,12 +1,7 @@
-"""Suspensions on blades far softer than their wires, in 50 digits, from the definition of their
-parts alone.
+"""Masses on blades far softer than their wires, in 50 digits: chains that move vertically alone, on
+vertical wires.
 
-`Assembly` takes the points, tensions, stiffnesses and masses of a scene in its nominal pose, as
-numbers, and none of the program's mechanics: every wire along u with tension T and length L adds
-J^T (k u u^T + T/L (1 - u u^T)) J, J the motion of its span with the coordinates, and T u .
-d2(span), where a rotation t moves a point p to second order by t x (t x p) / 2 (elastic wires:
-Husman et al. (2000), section 4b). `Column` is a chain that moves vertically alone, on vertical
-wires: springs, blades and exact rods (any text on vibrations), one below the other.
+Springs, blades and exact rods (any text on vibrations), one below the other.
 """
 
 from __future__ import annotations
@@ -16,135 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.responses_mp import MP, eliminate
-
-
-def vector(values: Any) -> list[Any]:
-    """Doubles as they stand."""
-    return [MP.mpf(float(value)) for value in values]
-
-
-def dot(a: Any, b: Any) -> Any:
-    return sum((x * y for x, y in zip(a, b, strict=True)), MP.zero)
-
-
-class Assembly:
-    """The stiffness and masses (N, N) of a scene whose nominal pose is its equilibrium; blade tips
-    move along z alone."""
-
-    def __init__(self, scene: Any) -> None:
-        blades = scene.blades
-        self.bodies = len(scene.bodies.name) + 1
-        assert (blades.axes == [False, False, True]).all()
-        size = 6 * self.bodies + len(blades.label)
-        self.stiffness = [[MP.zero] * size for _ in range(size)]
-        self.mass = [[MP.zero] * size for _ in range(size)]
-        for n in range(len(scene.wires.label)):
-            self._hang(scene.wires, n)
-        for n in range(len(blades.label)):
-            tip = 6 * self.bodies + n
-            self.stiffness[tip][tip] += MP.mpf(float(blades.stiffness[n, 2]))
-            self._load(scene, n)
-        for n in range(1, self.bodies):
-            for i in range(3):
-                self.mass[6 * n + i][6 * n + i] += MP.mpf(float(scene.bodies.mass[n - 1]))
-                for j in range(3):
-                    self.mass[6 * n + 3 + i][6 * n + 3 + j] += MP.mpf(
-                        float(scene.bodies.inertia[n - 1, i, j])
-                    )
-
-    def _pulled(self, body: int, point: Any, force: Any) -> dict[int, list[Any]]:
-        """How a point of a body moves; and what turning the body costs by a force (the energy's
-        slope) on it."""
-        arm, base, rows = vector(point), 6 * body, {}
-        for axis in range(3):
-            rows[base + axis] = [MP.mpf(axis == i) for i in range(3)]
-        x, y, z = arm
-        rows[base + 3], rows[base + 4], rows[base + 5] = (
-            [MP.zero, -z, y],
-            [z, MP.zero, -x],
-            [-y, x, MP.zero],
-        )
-        for i in range(3):
-            for j in range(3):
-                turned = (
-                    force[i] * arm[j] + force[j] * arm[i] - (2 * dot(force, arm) if i == j else 0)
-                )
-                self.stiffness[base + 3 + i][base + 3 + j] += turned / 2
-        return rows
-
-    def _hang(self, wires: Any, n: int) -> None:
-        span = vector(wires.span[n])
-        length = MP.sqrt(dot(span, span))
-        along = [part / length for part in span]
-        pull, k = MP.mpf(float(wires.tension[n])), MP.mpf(float(wires.stiffness[n]))
-        upper = self._pulled(
-            int(wires.upper[n]), wires.upper_point[n], [-pull * part for part in along]
-        )
-        rows = {row: [-part for part in moved] for row, moved in upper.items()}
-        rows |= self._pulled(
-            int(wires.lower[n]), wires.lower_point[n], [pull * part for part in along]
-        )
-        blade = int(wires.blade[n])
-        if blade >= 0:
-            tip, base = 6 * self.bodies + blade, 6 * int(wires.upper[n]) + 3
-            rows[tip] = [MP.zero, MP.zero, -MP.one]
-            # -T u . (t x z) = T t . (u x z)
-            for i, value in enumerate((pull * along[1], -pull * along[0])):
-                self.stiffness[base + i][tip] += value
-                self.stiffness[tip][base + i] += value
-        stretch = {row: dot(moved, along) for row, moved in rows.items()}
-        for one, moved in rows.items():
-            for other, too in rows.items():
-                across = dot(moved, too) - stretch[one] * stretch[other]
-                self.stiffness[one][other] += (
-                    k * stretch[one] * stretch[other] + pull / length * across
-                )
-
-    def _load(self, scene: Any, blade: int) -> None:
-        """A mass on the tip of a blade, and its weight."""
-        mass = MP.mpf(float(scene.blades.tip_mass[blade]))
-        if not mass:
-            return
-        rows = self._pulled(
-            int(scene.blades.body[blade]),
-            scene.blades.tip[blade],
-            [MP.zero, MP.zero, mass * MP.mpf(float(scene.gravity))],
-        )
-        rows[6 * self.bodies + blade] = [MP.zero, MP.zero, MP.one]
-        for one, moved in rows.items():
-            for other, too in rows.items():
-                self.mass[one][other] += mass * dot(moved, too)
-
-    def responses(self, frequency: float) -> Any:
-        """Motion of all bodies for unit motions of the support, (6 n, 6) doubles."""
-        square = (2 * MP.pi * MP.mpf(frequency)) ** 2
-        rows = [
-            [k - square * m for k, m in zip(*pair, strict=True)]
-            for pair in zip(self.stiffness[6:], self.mass[6:], strict=True)
-        ]
-        moved = eliminate(
-            [row[6:] for row in rows], [[-value for value in row[:6]] for row in rows]
-        )
-        return np.array([[float(value) for value in row] for row in moved[: 6 * (self.bodies - 1)]])
-
-    def omega_squared(self) -> Any:
-        """All omega^2, ascending; tips without mass follow."""
-        heavy = [n for n in range(6, len(self.mass)) if self.mass[n][n]]
-        light = [n for n in range(6, len(self.mass)) if not self.mass[n][n]]
-
-        def part(matrix: Any, rows: list[int], columns: list[int]) -> Any:
-            return MP.matrix([[matrix[i][j] for j in columns] for i in rows])
-
-        left = part(self.stiffness, heavy, heavy)
-        if light:
-            across = part(self.stiffness, light, heavy)
-            left = left - across.T * MP.inverse(part(self.stiffness, light, light)) * across
-        lower = MP.inverse(MP.cholesky(part(self.mass, heavy, heavy)))
-        scaled = lower * left * lower.T
-        return np.array(
-            [float(value) for value in MP.eigsy((scaled + scaled.T) / 2, eigvals_only=True)]
-        )
+from tests.support.responses_mp import MP
 
 
 @dataclass(frozen=True)
