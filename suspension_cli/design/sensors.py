@@ -42,8 +42,9 @@ class NoiseSpectrum(Table, frozen=True):
 
 
 SENSORS = {
-    # LIGO-T0900496, rounded in LIGO's budget of the input mode cleaner; 3e-10 at 1 Hz, 1e-10 at
-    # 10 Hz are required (Carbone et al., Class. Quantum Grav. 29, 115005 (2012))
+    # after LIGO-T0900496, as rounded in LIGO's public noise budget of triple suspensions (function
+    # HAM_SUS_OSEM_noise, "original_data"); Carbone et al., Class. Quantum Grav. 29, 115005 (2012)
+    # describe the sensor
     "bosem": NoiseSpectrum(
         frequency=[0.1, 0.5, 1.0, 10.0, 100.0], asd=[1e-8, 3e-10, 1.5e-10, 6e-11, 6e-11]
     ),
