@@ -143,8 +143,10 @@ def save(name: str, text: str, rows: list[Row]) -> None:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
     writer.writeheader()
+    # to 1e-8, below which digits of differences are those of one machine
     writer.writerows(
-        [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows]
+        {k: f"{round(v, 8) + 0.0:.6g}" if isinstance(v, float) else v for k, v in row.items()}
+        for row in rows
     )
     RESULTS.mkdir(exist_ok=True)
     write_bytes(RESULTS / f"{name}.md", text.encode())
