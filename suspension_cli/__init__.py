@@ -9,6 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from suspension_cli.conventions import ANALYSES
 from suspension_cli.version import __version__
 
 __all__ = [
@@ -19,35 +20,19 @@ __all__ = [
     "Result",
     "__version__",
     "animate",
-    "budget",
-    "check",
-    "compare",
-    "damp",
-    "draw",
     "example",
     "examples",
-    "export",
     "finesse",
-    "fit",
     "gwinc",
     "import_sumcon",
-    "info",
     "load",
-    "modes",
-    "optimise",
     "parse",
     "python_control",
     "read",
-    "report",
-    "response",
-    "sensitivity",
-    "sweep",
     "template",
-    "thermal",
-    "tolerance",
-    "tradeoff",
-    "xcouple",
+    *ANALYSES,
 ]
+__all__.sort()
 HOMES = ("suspension_cli.errors", "suspension_cli.analyses.analysis", "suspension_cli.api")
 """Modules of the names; the stub beside this file has them for editors."""
 

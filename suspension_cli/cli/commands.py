@@ -17,16 +17,19 @@ OTHERS = {
 """Commands that are no analyses, and one line of help for each."""
 COMMANDS = (*ANALYSES, *OTHERS)
 """Names of all commands."""
+_ANALYSE = "Analyse, as in pendsus response my.toml --output test.x"
 _PURPOSES = {
     "Design, as in pendsus new triple my.toml": "new import check draw sweep sensitivity optimise"
     " info schema",
-    "Analyse, as in pendsus response my.toml --output test.x": "modes response thermal budget damp"
-    " compare tradeoff",
+    _ANALYSE: "modes response thermal budget damp compare tradeoff",
     "Build and measure, as in pendsus fit my.toml measured.toml": "tolerance xcouple fit",
     "Hand over, as in pendsus report my.toml": "report export plot",
 }
 PURPOSES = {purpose: names.split() for purpose, names in _PURPOSES.items()}
-"""Commands by purpose with an example, as help lists them."""
+"""Commands by purpose with an example, as help lists them; others are analyses."""
+PURPOSES[_ANALYSE] += [
+    name for name in ANALYSES if name not in " ".join(_PURPOSES.values()).split()
+]
 
 
 def summary(name: str) -> str:

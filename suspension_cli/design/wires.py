@@ -15,6 +15,8 @@ CROSS_SECTIONS: dict[str, Callable[[Any], CrossSection]] = {
     "section": lambda ribbon: rectangle(ribbon.width, ribbon.thickness),
 }
 """Cross-sections by their keys in `AnyWire` and `WireSection`."""
+NOT_ROUND = tuple(name for name in CROSS_SECTIONS if name != "radius")
+"""Those without necks."""
 
 TALL = Plausible(50.0, "larger than any suspension", serious=True)
 """Lengths and positions; mirror suspensions are up to about 10 m tall."""
@@ -194,7 +196,7 @@ class AnyWire(Table, frozen=True):
         if self.material is None and self.k is None and (bare or not pieces):
             remedy = "name a material for the whole wire, or give k in N/m"
             yield [*bare, "material"][0], "missing", remedy
-        if self.neck is not None and not given(self, "section", "sections", "profile"):
+        if self.neck is not None and not given(self, *NOT_ROUND, "sections", "profile"):
             if self.radius is None:
                 yield "radius", "missing", "give the radius between the necks in m"
             elif self.neck.radius <= self.radius:
@@ -207,7 +209,7 @@ class AnyWire(Table, frozen=True):
 
     rules = (
         demand.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
-        demand.excludes("neck", "section", "sections"),
+        demand.excludes("neck", *NOT_ROUND, "sections"),
         demand.excludes("sections", *CROSS_SECTIONS),
         _check_composition,
     )
