@@ -293,7 +293,7 @@ def export(
     Result
         With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
         `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
-        `analyses.export.gwinc_tables.Tables`: `table` and its `error`.
+        `analyses.export.gwinc_tables.Tables`: `table`, and the `accuracy` of interpolation.
 
     Raises
     ------

@@ -519,6 +519,10 @@ def gwinc(result: Result, frequency: Any = None) -> Any:
     RuntimeError
         If the table does not have these frequencies, or gwinc does not know the interferometer.
 
+    Notes
+    -----
+    Provisional: it follows the noise budgets of another program.
+
     Examples
     --------
     >>> import suspension_cli as sus
