@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.optimise.optimum import Optimum
 
-STARTS, SEED = 6, 1
-"""Copies of those in `optimise.solve`, whose import would delay the help."""
 COLUMNS = {
     "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
     "limits": "goal limit=name value margin room met active multiplier",
@@ -92,13 +90,13 @@ class OptimiseAnalysis(Analysis):
         option(
             "--starts",
             type=click.IntRange(1, 64),
-            default=STARTS,
+            default=6,
             help="Number of designs from which searches start; the first is the design itself.",
         ),
         option(
             "--seed",
             type=click.IntRange(0),
-            default=SEED,
+            default=1,
             help="Seed of the random starts.",
         ),
         options.ACCURACY,

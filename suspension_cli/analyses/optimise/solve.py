@@ -50,8 +50,6 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
-STARTS, SEED = 6, 1
-"""Number of starts, and seed of all but the first."""
 SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
 MAX_ITERATIONS = 100
@@ -68,16 +66,10 @@ SAME = 1e-2
 """Largest distance of equal designs, in fractions of the ranges between the bounds."""
 PENALTY = 10.0
 """Change for the worse of all values at an invalid design."""
-LARGEST_MARGIN = 50.0
-"""Largest margin, where margins are maximised."""
-OBJECTIVE = {
-    "near": (
-        "half the squared distance from the starting design, in fractions of the ranges between the"
-        " bounds"
-    ),
-    "margin": "minus the smallest margin",
-}
-"""What is minimised without quantities to minimise or maximise."""
+TERMS = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
+NEAREST = "half the squared distance from the starting design, in fractions of the ranges"
+OBJECTIVE = {"near": f"{NEAREST} between the bounds", "margin": "minus the smallest margin"}
+"""What is minimised, and without quantities to minimise or maximise."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +165,7 @@ class Search:
         shared = self._shares_margin
         if not shared.any():
             return self._minimise(point, shared, allowed)
-        return point if allowed.any() else self._minimise(point, shared, least=-LARGEST_MARGIN)
+        return point if allowed.any() else self._minimise(point, shared, least=-np.inf)
 
     def compromise(self, point: Point) -> Point:
         """Meet as many limits as possible, and approach the others as far as these permit.
@@ -304,8 +296,8 @@ def solve(
     goals: Goals,
     *,
     level: str = registry.AUTO,
-    starts: int = STARTS,
-    seed: int = SEED,
+    starts: int = 1,
+    seed: int = 1,
     tolerance: float = TOLERANCE,
     report: Progress | None = None,
 ) -> Optimum:
@@ -417,7 +409,6 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
         for item in items
     ]
     models = {"response": evaluator.responses, "of_mode": evaluator.modes}
-    terms = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
     return Optimum(
         numbers=Numbers(
             name=tuple(last),
@@ -442,7 +433,7 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
         modes=_mode_table(evaluator, old, new, design),
         starts=starts,
         unknown=wanted.unknown,
-        objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
+        objective=TERMS if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
         stationarity=stationarity,
         fidelity=chosen.level,
         reason=chosen.reason,
