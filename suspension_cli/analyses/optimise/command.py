@@ -278,7 +278,8 @@ def _verdict(found: Optimum) -> Iterator[str]:
         yield f"what is not met is limited by {', '.join(held)}"
     if len(starts.place) > 1:
         here, met = int((starts.place == 1).sum()), int((starts.after <= 1e-8).sum())
-        yield (f"{here} of {len(starts.place)} searches ended at this design, {met} met all limits")
+        others = "" if met == len(starts.place) else f"; {met} met all limits"
+        yield f"{here} of {len(starts.place)} searches ended at this design{others}"
 
 
 ANALYSIS = OptimiseAnalysis()

@@ -326,8 +326,11 @@ def solve(
     while True:  # models become more complete
         systems, cost = Systems(freed.design(best.fraction)), registry.by_name(evaluator.modes).cost
         compare = systems.compare(lambda _: Frequencies())
-        usable = [model for model in registry.SCENE_MODELS if model.cost >= cost]
-        chosen = choice.choose(systems.design, level, usable, compare, tolerance)
+        models = registry.SCENE_MODELS
+        chosen = choice.choose(systems.design, level, models, compare, tolerance)
+        if chosen.model.cost < cost:  # other designs of the search need another one
+            models = tuple(model for model in models if model.cost >= cost)
+            chosen = choice.choose(systems.design, level, models, compare, tolerance)
         most = registry.most_complete(systems.design).name if level == registry.AUTO else level
         needed = replace(evaluator, modes=chosen.level, responses=most)
         if needed == evaluator:
