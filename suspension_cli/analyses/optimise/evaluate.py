@@ -139,11 +139,11 @@ class Evaluator:
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:
         """Squares of quantities below which their logarithms continue linearly."""
-        lowest = np.full(len(self.requirements.quantities), np.inf)
-        for limit in self.requirements.limits:
-            lowest[limit.quantity] = min(lowest[limit.quantity], limit.value)
+        items, limits = self.requirements.quantities, self.requirements.limits
+        lowest = np.full(len(items), np.inf)
+        np.minimum.at(lowest, limits.quantity, limits.asked)
         lowest[np.isinf(lowest)] = 0.01
-        hertz = np.array([item.unit == "Hz" for item in self.requirements.quantities])
+        hertz = np.array([item.unit == "Hz" for item in items])
         return np.where(hertz, LINEAR_BELOW * lowest, TINY) ** 2
 
     def follow(self, fraction: Float[np.ndarray, " number"]) -> Array | None:

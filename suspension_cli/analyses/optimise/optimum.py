@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 HERTZ, SI = in_unit("Hz"), in_unit("{unit}")
+EQUAL = 1e-6
+"""Difference of logarithms, and of fractions of ranges, that count as equal."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,8 @@ class Limits:
     """Limits on the quantities, named like ``yaw 3 <= 5 Hz``.
 
     `goal` is the number of the goal in its file, from 1, and `quantity` that of the quantity, from
-    0. `margin` is ln of value over limit, or of limit over value, negative if not met; minus the
-    absolute value for an equality. `active` limits constrain the optimum; `multiplier` is the
-    decrease of the objective per unit by which the margin may shrink.
+    0. `active` limits constrain the optimum; `multiplier` is the decrease of the objective per unit
+    by which the margin may shrink.
     """
 
     name: tuple[str, ...] = field(metadata=scale_of("limit"))
@@ -76,10 +77,23 @@ class Limits:
     unit: tuple[str, ...] = field(metadata=along("limit"))
     asked: Float[np.ndarray, " limit"] = field(metadata=SI)
     value: Float[np.ndarray, " limit"] = field(metadata=SI)
-    margin: Float[np.ndarray, " limit"]
-    met: Bool[np.ndarray, " limit"]
     active: Bool[np.ndarray, " limit"]
     multiplier: Float[np.ndarray, " limit"]
+
+    @property
+    @derived()
+    def margin(self) -> Float[np.ndarray, " limit"]:
+        """ln of value over limit, or of limit over value: negative if not met, or not equal."""
+        with np.errstate(divide="ignore"):
+            log = np.log(self.value) - np.log(self.asked)
+        return self._signed(log)
+
+    @property
+    @derived()
+    def met(self) -> Bool[np.ndarray, " limit"]:
+        """Whether each limit is met, an equality to 1e-6; not if the value is NaN."""
+        tolerance = [EQUAL if sense == "equals" else 0.0 for sense in self.sense]
+        return self.margin >= -np.array(tolerance)
 
     @property
     def room(self) -> Float[np.ndarray, " limit"]:
@@ -88,9 +102,12 @@ class Limits:
 
     def relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
         """Distances of values from the limits relative to these; of equalities at most 0."""
-        away, sense = value / self.asked - 1, np.array(self.sense, dtype=str)
-        away = np.where(sense == "at_most", -away, away)
-        return np.where(sense == "equals", -np.abs(away), away) + 0.0  # -0.0 becomes 0.0
+        return self._signed(value / self.asked - 1) + 0.0  # -0.0 becomes 0.0
+
+    def _signed(self, above: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
+        sense = np.array(self.sense, dtype=str)
+        above = np.where(sense == "at_most", -above, above)
+        return np.where(sense == "equals", -np.abs(above), above)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.optimise.optimum import Optimum
@@ -86,12 +85,8 @@ def _rows(
                     Line(value[which], np.flatnonzero(which), name + remark, colour, marker)
                 )
 
-    def unclip(axes: Axes) -> None:
-        for line in axes.lines:
-            line.set_clip_on(False)
-
     height = ITEM * len(names)
-    return Panel("", lines, height, rows=names, across=across, paint=unclip, **layout)
+    return Panel("", lines, height, rows=names, across=across, **layout)
 
 
 def _modes(found: Optimum) -> tuple[Panel, Panel]:
@@ -109,7 +104,7 @@ def _modes(found: Optimum) -> tuple[Panel, Panel]:
     hertz = replace(hertz, key=[sample, *filter(panels.named, hertz.lines)])
     ends = np.maximum([modes.fraction_before, modes.fraction_after], MIN_FRACTION)
     ticks = {1e-4: "≤0.01", 1e-2: "1", 1.0: "100"}
-    across = Across("energy in top\nmass (%)", "log", (MIN_FRACTION, 1.0), ticks)
+    across = Across("energy in top\nmass (%)", "log", (MIN_FRACTION / 1.6, 1.6), ticks)
     nameless = [""] * len(names)
     limits = _limits_of_modes(found, "1")
     return hertz, _rows(nameless, ends, *limits, across, key=(), left=0.15, right=0.2)
@@ -152,7 +147,7 @@ def _numbers(found: Optimum) -> Panel:
         names.append(f"{single_line(name, max(36 - len(values), 8))}  {values}")
         bounds.append(f"{' to '.join(sides)} {unit}".replace("^2", "²"))
     both = np.isfinite(numbers.lower) & np.isfinite(numbers.upper)
-    across = Across("", "linear", (0.0, 1.0), {0.0: "lower bound", 1.0: "upper"})
+    across = Across("", "linear", (-0.03, 1.03), {0.0: "lower bound", 1.0: "upper"})
     allowed = np.where(both, [[0.0], [1.0]], np.nan)
     title = "Numbers of the design between their bounds"
     missed = np.zeros(ends.shape, dtype=bool)
@@ -175,6 +170,6 @@ def _margins(found: Optimum, which: Int[np.ndarray, " row"]) -> Panel:
         np.array([before < -MET, ~limits.met[which]]),
         across,
         title="Other limits: margin before and after",
-        beside=[f"{format_signed(round(value, 1), 2)} %" for value in after],
+        beside=[f"{format_signed(value * (abs(value) > 0.05), 2)} %" for value in after],
         key=(),
     )

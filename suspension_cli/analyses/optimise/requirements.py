@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from suspension_cli.analyses.check import statics
+from suspension_cli.analyses.optimise.optimum import Limits
 from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
 from suspension_cli.design import paths, reader
 from suspension_cli.design.derive import mirror
@@ -217,38 +218,16 @@ class Quantity(NamedTuple):
     key: tuple[Any, ...]
 
 
-class Limit(NamedTuple):
-    """Limit on a quantity in its unit: ``at_least``, ``at_most`` or ``equals`` a value.
-
-    `goal` and `quantity` are their numbers, from 0.
-    """
-
-    goal: int
-    quantity: int
-    sense: str
-    value: float
-
-
-def limit_name(quantity: Quantity, limit: Limit) -> str:
-    """Name a limit: ``yaw 3 <= 5 Hz``."""
-    unit = "" if quantity.unit == "1" else quantity.unit
-    return f"{quantity.text} {SIGNS[limit.sense]} {limit.value:g} {unit}".rstrip()
-
-
 @dataclass(frozen=True)
 class Requirements:
-    """Limits and objective of a design, from a file of goals.
+    """Limits (without values) and objective of a design, from a file of goals.
 
-    Attributes
-    ----------
-    weight : array
-        Of the logarithm of each quantity in the objective to be minimised.
-    unknown : tuple of str
-        Requested stresses that are unknown, and the keys that the design lacks.
+    `weight` is that of the logarithm of each quantity in the objective to be minimised; `unknown`
+    lists requested stresses that are unknown, and the keys that the design lacks.
     """
 
     quantities: tuple[Quantity, ...]
-    limits: tuple[Limit, ...]
+    limits: Limits
     weight: Float[np.ndarray, " quantity"]
     unknown: tuple[str, ...]
 
@@ -263,7 +242,7 @@ def interpret(
     """
     places: dict[Quantity, int] = {}
     weights: list[tuple[int, float]] = []
-    limits: list[Limit] = []
+    limits: list[tuple[int, Quantity, str, float]] = []
     unknown: dict[str, str] = {}
     faults: list[Fault] = []
     for n, goal in enumerate(goals.goal):
@@ -285,16 +264,34 @@ def interpret(
             place = places.setdefault(item, len(places))
             weights.append((place, (goal.minimise - goal.maximise) * (goal.weight or 1.0)))
             given = ((sense, getattr(goal, sense)) for sense in SIGNS)
-            limits += [Limit(n, place, sense, value) for sense, value in given if value is not None]
+            limits += [(n, item, sense, value) for sense, value in given if value is not None]
     if not faults and not places:
         problem = "no goal names a quantity that is known for this design"
         faults.append(Fault("goal", problem, f"give {next(iter(unknown.values()))}"))
     if faults:
         raise InputError(faults)
     which, weight = np.array(weights).T
-    lacking = tuple(f"{what}: {missing} is not given" for what, missing in unknown.items())
-    weight = np.bincount(which.astype(int), weight)
-    return Requirements(tuple(places), tuple(limits), weight, lacking)
+    return Requirements(
+        tuple(places),
+        Limits(
+            name=tuple(_name_limit(*limit[1:]) for limit in limits),
+            goal=np.array([n + 1 for n, *_ in limits], dtype=int),
+            quantity=np.array([places[item] for _, item, *_ in limits], dtype=int),
+            sense=tuple(sense for *_, sense, _ in limits),
+            unit=tuple(item.unit for _, item, *_ in limits),
+            asked=np.array([value for *_, value in limits], dtype=float),
+            value=np.full(len(limits), np.nan),
+            active=np.zeros(len(limits), dtype=bool),
+            multiplier=np.zeros(len(limits)),
+        ),
+        np.bincount(which.astype(int), weight),
+        tuple(f"{what}: {missing} is not given" for what, missing in unknown.items()),
+    )
+
+
+def _name_limit(quantity: Quantity, sense: str, value: float) -> str:
+    unit = "" if quantity.unit == "1" else quantity.unit
+    return f"{quantity.text} {SIGNS[sense]} {value:g} {unit}".rstrip()
 
 
 def _modes(goal: Goal, at: str, modes: Modes, families: Families) -> list[Quantity]:

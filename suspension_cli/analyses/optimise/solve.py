@@ -31,14 +31,14 @@ from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.optimise.evaluate import Evaluator, Results, solve_modes
 from suspension_cli.analyses.optimise.optimum import (
-    Limits,
+    EQUAL,
     ModeTable,
     Numbers,
     Optimum,
     Quantities,
     Starts,
 )
-from suspension_cli.analyses.optimise.requirements import FreeDesign, Requirements, limit_name
+from suspension_cli.analyses.optimise.requirements import FreeDesign
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
@@ -58,8 +58,6 @@ PRECISION = 1e-10
 """Change of the minimised function at which a search ends, and allowed deviation of equalities."""
 FEASIBLE = 1e-8
 """Largest violation of a point that satisfies all limits with the margin of the goals."""
-EQUAL = 1e-6
-"""Difference of violations that count as equal."""
 ACTIVE = 1e-5
 """Margin below which a limit is active."""
 SAME = 1e-2
@@ -109,11 +107,13 @@ class Search:
         self._points: dict[bytes, Point | None] = {}
         self._slopes: dict[bytes, Array] = {}
         wanted, bounds = evaluator.requirements, int(self.freed.bounded.sum())
+        signs = {"at_least": (1,), "at_most": (-1,), "equals": (1, -1)}
+        limits = wanted.limits
+        columns = zip(limits.quantity, limits.sense, limits.asked, strict=True)
         rows = [
-            (n, limit.quantity, sign, sign * np.log(limit.value), sense == "equals")
-            for n, limit in enumerate(wanted.limits)
-            for sense, sign in (("at_least", 1), ("at_most", -1), ("equals", 1), ("equals", -1))
-            if sense == limit.sense
+            (n, place, sign, sign * np.log(asked), sense == "equals")
+            for n, (place, sense, asked) in enumerate(columns)
+            for sign in signs[sense]
         ]
         rows += [(-1, len(wanted.quantities) + n, 1, 0, False) for n in range(bounds)]
         limit, place, self._sign, offset, equal = np.array(rows, float).reshape(-1, 5).T
@@ -252,17 +252,10 @@ class Search:
         """Find active limits and bounds, with multipliers by non-negative least squares.
 
         The multipliers meet the conditions of Karush, Kuhn and Tucker as well as possible: of the
-        sum of violations, if limits are violated, else of the objective.
-
-        Returns
-        -------
-        limit : array
-            Decrease of that function per unit by which the margin of a limit may shrink; NaN for a
-            limit that is not active.
-        bound : array
-            The same of the bounds of free and dependent numbers, per distance between them.
-        stationarity : float
-            Norm of the gradient that the multipliers do not balance, over that of the whole one.
+        sum of violations, if limits are violated, else of the objective. They are the decrease of
+        that function per unit by which the margin of a limit may shrink (NaN if it is not active),
+        and per shift of a bound by the distance between both. The last number is the norm of the
+        gradient that they do not balance, over that of the whole one.
         """
         from scipy.optimize import nnls
 
@@ -281,7 +274,7 @@ class Search:
         weight, left = nnls(matrix.T, gradient) if matrix.size else (np.zeros(0), whole)
         rows = np.zeros(len(by))
         rows[near] = weight[: near.sum()] * np.where(self._equal, self._sign, 1.0)[near]
-        limit = np.full(len(self.evaluator.requirements.limits), np.nan)
+        limit = np.full(len(self.evaluator.requirements.limits.name), np.nan)
         active = near & (self.limit >= 0)
         limit[self.limit[active]] = 0.0
         np.add.at(limit, self.limit[active], rows[active])
@@ -432,7 +425,12 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
             weight=wanted.weight,
             model=tuple(models.get(item.method, "") for item in items),
         ),
-        limits=_limits(wanted, after, gain),
+        limits=replace(
+            wanted.limits,
+            value=after[wanted.limits.quantity],
+            active=np.isfinite(gain),
+            multiplier=np.nan_to_num(gain),
+        ),
         modes=_mode_table(evaluator, old, new, design),
         starts=starts,
         unknown=wanted.unknown,
@@ -443,28 +441,6 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
         error=chosen.error,
         design=freed.toml(best.fraction),
     )
-
-
-def _limits(
-    wanted: Requirements,
-    quantity: Float[np.ndarray, " quantity"],
-    gain: Float[np.ndarray, " limit"],
-) -> Limits:
-    """Compare the limits with the quantities of the optimised design."""
-    items = [wanted.quantities[limit.quantity] for limit in wanted.limits]
-    names = tuple(map(limit_name, items, wanted.limits))
-    senses, units = tuple(one.sense for one in wanted.limits), tuple(one.unit for one in items)
-    rows = [(limit.goal + 1, limit.quantity, limit.value) for limit in wanted.limits]
-    goal, place, asked = np.array(rows, float).reshape(-1, 3).T
-    goal, place = goal.astype(int), place.astype(int)
-    with np.errstate(divide="ignore"):
-        log = np.log(quantity[place]) - np.log(asked)
-    sense = np.array(senses, dtype=str)
-    equal = sense == "equals"
-    margin = np.where(equal, -np.abs(log), np.where(sense == "at_most", -log, log))
-    met = margin >= np.where(equal, -EQUAL, 0.0)  # NaN is not met
-    values = asked, quantity[place], margin, met, np.isfinite(gain), np.nan_to_num(gain)
-    return Limits(names, goal, place, senses, units, *values)
 
 
 def _mode_table(evaluator: Evaluator, before: Results, after: Results, design: Design) -> ModeTable:
