@@ -240,9 +240,8 @@ def interpret(
     `modes` are those of the string model, to whose labels goals refer, `known` the bodies with
     signals. Raises `InputError` if the design lacks something that a goal refers to.
     """
-    places: dict[Quantity, int] = {}
-    weights: list[tuple[int, float]] = []
-    limits: list[tuple[int, Quantity, str, float]] = []
+    weight: dict[Quantity, float] = {}
+    limits: list[tuple[str, int, int, str, str, float]] = []
     unknown: dict[str, str] = {}
     faults: list[Fault] = []
     for n, goal in enumerate(goals.goal):
@@ -261,30 +260,36 @@ def interpret(
             faults += error.faults
             continue
         for item in some:
-            place = places.setdefault(item, len(places))
-            weights.append((place, (goal.minimise - goal.maximise) * (goal.weight or 1.0)))
+            sign = goal.minimise - goal.maximise
+            weight[item] = weight.get(item, 0.0) + sign * (goal.weight or 1.0)
+            place = list(weight).index(item)
             given = ((sense, getattr(goal, sense)) for sense in SIGNS)
-            limits += [(n, item, sense, value) for sense, value in given if value is not None]
-    if not faults and not places:
+            limits += [
+                (_name_limit(item, sense, value), n + 1, place, sense, item.unit, value)
+                for sense, value in given
+                if value is not None
+            ]
+    if not faults and not weight:
         problem = "no goal names a quantity that is known for this design"
         faults.append(Fault("goal", problem, f"give {next(iter(unknown.values()))}"))
     if faults:
         raise InputError(faults)
-    which, weight = np.array(weights).T
+    count = len(limits)
+    name, number, quantity, sense, unit, asked = zip(*limits, strict=True) if count else [()] * 6
     return Requirements(
-        tuple(places),
+        tuple(weight),
         Limits(
-            name=tuple(_name_limit(*limit[1:]) for limit in limits),
-            goal=np.array([n + 1 for n, *_ in limits], dtype=int),
-            quantity=np.array([places[item] for _, item, *_ in limits], dtype=int),
-            sense=tuple(sense for *_, sense, _ in limits),
-            unit=tuple(item.unit for _, item, *_ in limits),
-            asked=np.array([value for *_, value in limits], dtype=float),
-            value=np.full(len(limits), np.nan),
-            active=np.zeros(len(limits), dtype=bool),
-            multiplier=np.zeros(len(limits)),
+            name=name,
+            goal=np.array(number, dtype=int),
+            quantity=np.array(quantity, dtype=int),
+            sense=sense,
+            unit=unit,
+            asked=np.array(asked, dtype=float),
+            value=np.full(count, np.nan),
+            active=np.zeros(count, dtype=bool),
+            multiplier=np.zeros(count),
         ),
-        np.bincount(which.astype(int), weight),
+        np.array([*weight.values()]),
         tuple(f"{what}: {missing} is not given" for what, missing in unknown.items()),
     )
 
