@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -91,24 +90,18 @@ class CompareAnalysis(Analysis):
         """Read all items for one run, whose options come from the first design."""
         from suspension_cli.analyses.compare import items
 
-        found = items.read(ask, files["items"])
-        first = next(item for item in found if item.source is not None)
-        run = first.run or ask(first.source)
-        return dataclasses.replace(run, inputs={"items": found})
+        return items.read(ask, files["items"])
 
     def solve(self, run: Run) -> Result:
         """Analyse the designs and compare all items."""
-        from suspension_cli.analyses.compare import items as reading
         from suspension_cli.analyses.compare import solve as compare
         from suspension_cli.files.hdf5 import reporting_damage
 
-        signals = run.setting["inputs"], run.setting["outputs"]
-        items = [reading.resolve_signals(item, *signals) for item in run.inputs["items"]]
-        stored = [item.result.source.file for item in items if item.result]
-        with contextlib.ExitStack() as stack:
-            if stored:  # whose numbers, unlike those of designs, nobody has checked
-                damage = reporting_damage(" or ".join(stored), "run the analysis again")
-                stack.enter_context(damage)
+        items, damage = run.inputs["items"], contextlib.nullcontext()
+        if stored := " or ".join(item.result.source.file for item in items if item.result):
+            # whose numbers, unlike those of designs, nobody has checked
+            damage = reporting_damage(stored, "run the analysis again")
+        with damage:
             found, choice = compare.solve(items, run)
         opened = [i.name for i in items if i.run and i.source and i.source.design.control]
         if found.overlay and opened:

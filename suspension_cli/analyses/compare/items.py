@@ -80,11 +80,11 @@ class Item:
         return "design" if self.run else "result" if self.result else "measurement"
 
 
-def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
+def read(ask: Callable[..., Run], given: Sequence[Given]) -> Run:
     """Read all items, the variants of the first design after it, and give them different names.
 
-    `ask` reads one design (`Analysis.read`). Raises `InputError` if there are fewer than two items,
-    none has a design, or a file is of another kind.
+    Options are those of the first design. `ask` reads one design (`Analysis.read`). Raises
+    `InputError` if there are fewer than two items, none has a design, or a file is of another kind.
     """
     items = [_read(ask, one) for one in given]
     first = next((n for n, item in enumerate(items) if item.source is not None), None)
@@ -102,7 +102,9 @@ def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
         kinds = "designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5)"
         remedy = f"name {kinds}, or add a --variant of the design"
         raise InputError([Fault("", "compare needs at least two items", remedy)])
-    return _with_own_names(items)
+    signals = run.setting["inputs"], run.setting["outputs"]
+    items = [_resolve_signals(item, *signals) for item in _with_own_names(items)]
+    return replace(run, inputs={"items": items})
 
 
 def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
@@ -232,7 +234,7 @@ def _with_own_names(items: list[Item]) -> list[Item]:
     ]
 
 
-def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
+def _resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
     """Give measured data without names of signals those of the command.
 
     Raises `InputError` if neither a file nor the command names its signals.
