@@ -182,14 +182,16 @@ class OptimiseAnalysis(Analysis):
         return {"": picture.draw(result.data, result.subtitle)}
 
     def others(self, result: Result, path: Path) -> list[Path]:
-        """Write the optimised design as NAME-optimised.toml."""
+        """Write the optimised design as NAME-optimised.toml, with its origin and the text."""
         from suspension_cli.errors import escape_unprintable
         from suspension_cli.files.atomic import write_bytes
+        from suspension_cli.version import __version__
 
         made = path.with_name(f"{result.source.stem()}-optimised.toml")
-        goals = Path(result.extra.get("goals_file", "goals")).name
-        head = _origin(result.data, Path(result.source.file).name, goals, result.command)
-        comments = "".join(f"# {escape_unprintable(line)}\n" for line in head)
+        file, goals = Path(result.source.file).name, Path(result.extra.get("goals_file", "")).name
+        head = f"{file}, optimised for {goals or 'goals'} by pendsus {__version__}:"
+        lines = [head, f"  {result.command}", *str(result).splitlines()]
+        comments = "".join(f"# {escape_unprintable(line)}".rstrip() + "\n" for line in lines)
         write_bytes(made, f"{comments}\n{result.data.design}".encode())
         return [made]
 
@@ -198,30 +200,12 @@ class OptimiseAnalysis(Analysis):
         return 0 if result.data.met else 1
 
 
-def _origin(found: Optimum, file: str, goals: str, command: str) -> Iterator[str]:
-    """Say where an optimised design comes from, which limits it misses, and what was changed."""
-    from suspension_cli.version import __version__
-
-    limits, numbers = found.limits, found.numbers
-    yield f"{file}, optimised for {goals} by pendsus {__version__}:"
-    yield f"  {command}"
-    yield f"{int(limits.met.sum())} of {len(limits.name)} limits are met, {found.checked}"
-    for name, value, is_met in zip(limits.name, limits.value, limits.met, strict=True):
-        if not is_met:
-            yield f"  NOT MET: {name}: {value:.6g}"
-    yield from (f"  UNKNOWN: {what}" for what in found.unknown)
-    for name, before, after in zip(numbers.name, numbers.before, numbers.after, strict=True):
-        yield f"  {name} = {float(after)!r}, from {before:.6g}"
-
-
 def _warn(found: Optimum, log: Log) -> None:
-    """Warn of unknown quantities, of couplings that are 0, and of an unstable design."""
+    """Warn of couplings that are 0, and of an unstable design."""
     from suspension_cli.analyses.check import warnings
     from suspension_cli.design import reader
 
     warnings.warn_implausible(reader.parse(found.design), log)
-    for what in found.unknown:
-        log.warn(f"unknown, and so not met: {what}")
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             problem = "is 0 by the symmetry of the design, whatever its numbers are"

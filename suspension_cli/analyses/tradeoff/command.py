@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -116,7 +115,8 @@ class TradeoffAnalysis(Analysis):
         heads = {"question": "", f"fastest model {found.within}": ""}
         advice = [(answer.question, answer.advice) for answer in found.answers]
         times = tables.render(dict.fromkeys(("processor time and error", *names), ""), rows)
-        parts = tables.render(heads, advice), times, "\n".join(_left_out(found))
+        reasons = (f"{one.model} left out: {one.left_out}" for one in found.entries if one.left_out)
+        parts = tables.render(heads, advice), times, "\n".join(dict.fromkeys(reasons))
         return "\n\n".join(parts).rstrip()
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
@@ -124,18 +124,6 @@ class TradeoffAnalysis(Analysis):
         from suspension_cli.analyses.tradeoff import picture
 
         return {"": picture.draw(result.data, result.title)}
-
-
-def _left_out(found: Tradeoff) -> Iterator[str]:
-    """List the models that are left out, a line per model and reason."""
-    lines: dict[tuple[str, str], list[str]] = {}
-    for entry in found.entries:
-        if entry.left_out:
-            asked = entry.question.partition(",")[0]
-            lines.setdefault((entry.model, entry.left_out), []).append(asked)
-    for (model, reason), asked in lines.items():
-        question = "" if len(asked) == len(found.answers) else f" of {asked[0]}"
-        yield f"{model} left out{question}: {reason}"
 
 
 ANALYSIS = TradeoffAnalysis()
