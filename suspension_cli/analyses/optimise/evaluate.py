@@ -9,13 +9,13 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.check.statics import Stress
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.optimise.requirements import (
     Families,
@@ -228,9 +228,10 @@ class Results:
 
     def stress(self, part: str, place: int) -> Float[np.ndarray, " design"]:
         """Stress over tensile strength of one of the ``wires`` or ``blades``."""
+        loads = statics.wire_loads if part == "wires" else statics.blade_loads
         value = np.full(len(self.designs), np.nan)
-        for n, loads in self._loads.items():
-            value[n] = loads[part][place].fraction
+        for n, design, scene, found in self._equilibria:
+            value[n] = next(islice(loads(design, scene, found), place, None)).fraction
         return value
 
     def depth(self, stage: str) -> Float[np.ndarray, " design"]:
@@ -312,17 +313,6 @@ class Results:
             imperfect = [one and with_imperfections(one, perturbation) for one in self.designs]
             self._builds[key] = [*variants.solved(imperfect, level)]
         return self._builds[key]
-
-    @cached_property
-    def _loads(self) -> dict[int, dict[str, list[Stress]]]:
-        """Loads of wires and blades, by the number of the design."""
-        return {
-            n: {
-                "wires": [*statics.wire_loads(design, scene, found)],
-                "blades": [*statics.blade_loads(design, scene, found)],
-            }
-            for n, design, scene, found in self._equilibria
-        }
 
     @cached_property
     def _equilibria(self) -> list[tuple[int, Design, Scene, Equilibrium]]:
