@@ -886,7 +886,7 @@ def tradeoff(
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.result.Tradeoff`: `answers`, `entries`.
+        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`.
 
     Raises
     ------

@@ -21,8 +21,13 @@ from suspension_cli.analyses import registry
 from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
 from suspension_cli.analyses.tradeoff import picture
-from suspension_cli.analyses.tradeoff.measure import measure, median_times
-from suspension_cli.analyses.tradeoff.result import Entry, Tradeoff, format_time
+from suspension_cli.analyses.tradeoff.measure import (
+    Entry,
+    Tradeoff,
+    format_time,
+    measure,
+    median_times,
+)
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.labels import label_points

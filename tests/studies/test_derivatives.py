@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.optimise.mode_families import solve_modes
+from suspension_cli.analyses.optimise.evaluate import solve_modes
 from suspension_cli.analyses.sensitivity import solve as sensitivity
 from suspension_cli.design import paths, reader
 from suspension_cli.linear import eigenmodes, named_results, response, signals

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from suspension_cli.analyses.optimise import solve as searching
 from suspension_cli.analyses.optimise.evaluate import Evaluator
-from suspension_cli.analyses.optimise.free_parameters import FreeDesign
+from suspension_cli.analyses.optimise.requirements import FreeDesign
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
 from suspension_cli.design.schema import Perturbation
 from tests.support.golden import CONFIGS, ROOT

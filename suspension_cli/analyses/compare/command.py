@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
@@ -91,24 +90,18 @@ class CompareAnalysis(Analysis):
         """Read all items for one run, whose options come from the first design."""
         from suspension_cli.analyses.compare import items
 
-        found = items.read(ask, files["items"])
-        first = next(item for item in found if item.source is not None)
-        run = first.run or ask(first.source)
-        return dataclasses.replace(run, inputs={"items": found})
+        return items.read(ask, files["items"])
 
     def solve(self, run: Run) -> Result:
         """Analyse the designs and compare all items."""
-        from suspension_cli.analyses.compare import items as reading
         from suspension_cli.analyses.compare import solve as compare
         from suspension_cli.files.hdf5 import reporting_damage
 
-        signals = run.setting["inputs"], run.setting["outputs"]
-        items = [reading.resolve_signals(item, *signals) for item in run.inputs["items"]]
-        stored = [item.result.source.file for item in items if item.result]
-        with contextlib.ExitStack() as stack:
-            if stored:  # whose numbers, unlike those of designs, nobody has checked
-                damage = reporting_damage(" or ".join(stored), "run the analysis again")
-                stack.enter_context(damage)
+        items, damage = run.inputs["items"], contextlib.nullcontext()
+        if stored := " or ".join(item.result.source.file for item in items if item.result):
+            # whose numbers, unlike those of designs, nobody has checked
+            damage = reporting_damage(stored, "run the analysis again")
+        with damage:
             found, choice = compare.solve(items, run)
         opened = [i.name for i in items if i.run and i.source and i.source.design.control]
         if found.overlay and opened:
@@ -150,11 +143,8 @@ class CompareAnalysis(Analysis):
         neglected = choice.neglected or NOTHING * (choice.error == 0)
         lines = ["; ".join(filter(None, (*items, neglected))), *_changes(found)]
         if found.modes is not None:
-            lines += ["", *_pairs(found, found.modes)]
-        for overlay in found.overlay:
-            kind = "thermal " if overlay.kind == "noise" else ""
-            lines += ["", f"{kind}{overlay.name} ({overlay.unit})", *_ratios(found, overlay)]
-        return "\n".join(lines)
+            lines += _pairs(found, found.modes)
+        return "\n".join([*lines, *(row for one in found.overlay for row in _ratios(found, one))])
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw changes of modes, and responses and noises with their ratios."""
@@ -181,85 +171,86 @@ def _overlay(found: Comparison, overlay: Overlay) -> Document:
     import numpy as np
 
     response = overlay.kind == "response"
-    curves = []
-    for curve in overlay.curves:
-        name, value, ratio = found.name[curve.item], curve.value, curve.ratio
-        one = {"name": name, "frequency_hz": plain(curve.frequency)}
-        one["real" if response else "displacement_asd"] = plain(np.real(value))
-        over = {"frequency_hz": plain(curve.ratio_frequency), "real": plain(np.real(ratio))}
-        if response:
-            one["imag"], over["imag"] = plain(np.imag(value)), plain(np.imag(ratio))
-        curves.append(one | {"ratio": over})
+
+    def columns(value: Any) -> Document:
+        return {"imag": plain(np.imag(value))} if response else {}
+
+    curves = [
+        {
+            "name": found.name[curve.item],
+            "frequency_hz": plain(curve.frequency),
+            "real" if response else "displacement_asd": plain(np.real(curve.value)),
+            **columns(curve.value),
+            "ratio": {
+                "frequency_hz": plain(curve.ratio_frequency),
+                "real": plain(np.real(curve.ratio)),
+                **columns(curve.ratio),
+            },
+        }
+        for curve in overlay.curves
+    ]
     head = {"output": overlay.output} | ({"input": overlay.input} if response else {})
     reference = found.name[overlay.curves[0].item]
     return head | {"unit": overlay.unit, "reference": reference, "curves": curves}
 
 
-def _changes(found: Comparison) -> list[str]:
-    designs = [n for n, kind in enumerate(found.kind) if kind != "measurement"]
-    lines = []
-    for n in designs[1:]:
-        changes = found.change[n]
-        lines += ["", f"numbers that differ between {found.name[designs[0]]} and {found.name[n]}"]
-        if not changes:
-            lines[-1] += ": none"
-            continue
-        rows = [(c.words, c.before, c.after) for c in changes[:MANY]]
-        heads = ["", found.name[designs[0]], found.name[n]]
-        lines.append(tables.render(dict.fromkeys(heads, ""), rows))
+def _changes(found: Comparison) -> Iterator[str]:
+    first, *others = (n for n, kind in enumerate(found.kind) if kind != "measurement")
+    for n in others:
+        heads, changes = [found.name[first], found.name[n]], found.change[n]
+        none = "" if changes else ": none"
+        yield from ("", f"numbers that differ between {' and '.join(heads)}{none}")
+        if changes:
+            rows = [(change.words, change.before, change.after) for change in changes[:MANY]]
+            yield tables.render(dict.fromkeys(["", *heads], ""), rows)
         if len(changes) > MANY:
-            lines.append(f"  and {len(changes) - MANY} more, which --json lists")
-    return lines
+            yield f"  and {len(changes) - MANY} more, which --json lists"
 
 
 def _pairs(found: Comparison, modes: PairedModes) -> list[str]:
     import numpy as np
 
-    rows = []
-    shown = [n for n in range(len(found.name)) if np.isfinite(modes.frequency[:, n]).any()]
-    first = shown[0]
+    first, *others = np.flatnonzero(np.isfinite(modes.frequency).any(0)).tolist()
     few = (modes.overlap < MIXED).sum() <= len(modes.label) / 2
+    columns = {f"{found.name[first]}\nHz": "#.5g"}
+    for n in others:
+        columns |= {f"{found.name[n]}\nHz": "#.5g", f"{found.name[n]}\nchange %": "+.3g"}
+    rows = []
     for m, label in enumerate(modes.label):
-        row: list[object] = []
-        for n in shown:
-            row.append(modes.frequency[m, n])
-            if n != first:
-                change = 100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1)
-                row.append("0" if abs(change) < ROUNDED else change)
-        poor = [found.name[n] for n in shown if modes.overlap[m, n] < MIXED]
-        note = f"; shape differs in {', '.join(poor)}" if poor and few else ""
-        rows.append((*row, label + note))
-    columns: dict[str, str] = {}
-    for n in shown:
-        columns |= {f"{found.name[n]}\nHz": "#.5g"}
-        columns |= {f"{found.name[n]}\nchange %": "+.3g"} if n != first else {}
+        row: list[float | str | None] = [modes.frequency[m, first]]
+        for n in others:
+            change = 100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1)
+            row += [modes.frequency[m, n], "0" if abs(change) < ROUNDED else change]
+        poor = ", ".join(found.name[n] for n in others if modes.overlap[m, n] < MIXED)
+        rows.append((*row, f"{label}; shape differs in {poor}" if poor and few else label))
     more = "" if few else " as far as possible: most shapes differ"
-    return [f"modes, paired by shape{more}", tables.render(columns | {"mode": ""}, rows)]
+    return ["", f"modes, paired by shape{more}", tables.render(columns | {"mode": ""}, rows)]
 
 
-def _ratios(found: Comparison, overlay: Overlay) -> list[str]:
+def _ratios(found: Comparison, overlay: Overlay) -> Iterator[str]:
     import numpy as np
 
+    kind = "thermal " if overlay.kind == "noise" else ""
+    yield from ("", f"{kind}{overlay.name} ({overlay.unit})")
     reference = found.name[overlay.curves[0].item]
-    lines = []
-    zero = [found.name[curve.item] for curve in overlay.curves if not curve.value.any()]
-    if zero:
-        return [f"  0 by symmetry: {', '.join(zero)}"]
+    if zero := ", ".join(found.name[one.item] for one in overlay.curves if not one.value.any()):
+        yield f"  0 by symmetry: {zero}"
+        return
+    if len(overlay.curves) == 1:
+        yield f"  only {reference} has it: nothing to compare with"
     for curve in overlay.curves[1:]:
         size = np.abs(curve.ratio)
         known = np.isfinite(size) & (size > 0)
-        head = f"  {found.name[curve.item]} / {reference}: "
-        if not known.any():
-            lines.append(head + "no frequency in common")
-            continue
         f, size = curve.ratio_frequency[known], size[known]
-        worst = int(np.argmax(np.abs(np.log(size))))
-        lines.append(
-            f"{head}median {np.median(size):.4g}, {size[0]:.4g} at {f[0]:.4g} Hz,"
-            f" {size[-1]:.4g} at {f[-1]:.4g} Hz, farthest from 1: {size[worst]:.4g} at"
-            f" {f[worst]:.5g} Hz"
-        )
-    return lines or [f"  only {reference} has it: nothing to compare with"]
+        text = "no frequency in common"
+        if len(f):
+            worst = int(np.argmax(np.abs(np.log(size))))
+            text = (
+                f"median {np.median(size):.4g}, {size[0]:.4g} at {f[0]:.4g} Hz,"
+                f" {size[-1]:.4g} at {f[-1]:.4g} Hz, farthest from 1: {size[worst]:.4g} at"
+                f" {f[worst]:.5g} Hz"
+            )
+        yield f"  {found.name[curve.item]} / {reference}: {text}"
 
 
 ANALYSIS = CompareAnalysis()

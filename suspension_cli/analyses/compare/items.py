@@ -12,6 +12,7 @@ import numpy as np
 
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import in_unit
+from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -79,20 +80,11 @@ class Item:
         return "design" if self.run else "result" if self.result else "measurement"
 
 
-def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
+def read(ask: Callable[..., Run], given: Sequence[Given]) -> Run:
     """Read all items, the variants of the first design after it, and give them different names.
 
-    Parameters
-    ----------
-    ask : callable
-        Reads one design, see `Analysis.read`.
-    given : sequence
-        Paths of files, or results and designs of the Python API.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two items, none has a design, or a file is of another kind.
+    Options are those of the first design. `ask` reads one design (`Analysis.read`). Raises
+    `InputError` if there are fewer than two items, none has a design, or a file is of another kind.
     """
     items = [_read(ask, one) for one in given]
     first = next((n for n, item in enumerate(items) if item.source is not None), None)
@@ -107,13 +99,12 @@ def read(ask: Callable[..., Run], given: Sequence[Given]) -> list[Item]:
         raise InputError.of("--variant", problem, remedy, format_value(changes[0]))
     items[first + 1 : first + 1] = [_variant(ask, run.source, text) for text in changes]
     if len(items) < 2:
-        problem = "compare needs at least two items"
-        remedy = (
-            "name designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5), or add"
-            " a --variant of the design"
-        )
-        raise InputError([Fault("", problem, remedy)])
-    return _with_own_names(items)
+        kinds = "designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5)"
+        remedy = f"name {kinds}, or add a --variant of the design"
+        raise InputError([Fault("", "compare needs at least two items", remedy)])
+    signals = run.setting["inputs"], run.setting["outputs"]
+    items = [_resolve_signals(item, *signals) for item in _with_own_names(items)]
+    return replace(run, inputs={"items": items})
 
 
 def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
@@ -174,29 +165,30 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
 
 def _measured(responses: Sequence[MeasuredResponse]) -> dict[Quantity, tuple[Curve, str]]:
     """Curves of measured responses by their signals, or by the names of channels."""
-    return {
-        Quantity("response", one.output, one.input): (
-            Curve(0, one.frequency, one.value, one.uncertainty),
-            one.unit,
-        )
-        for one in responses
-    }
+    curves = {}
+    for one in responses:
+        curve = Curve(0, one.frequency, one.value, one.uncertainty)
+        curves[Quantity("response", one.output, one.input)] = curve, one.unit
+    return curves
 
 
 def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
     """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
     found, curves = result.data, {}
+
+    def add(what: Quantity, frequency: Array, value: Array, unit: str) -> None:
+        unknown = np.full(len(frequency), np.nan)
+        curves[what] = Curve(0, frequency, value, unknown), unit
+
     if result.analysis.name == "response":
-        unknown = np.full(len(found.frequency), np.nan)
         for o, out in enumerate(found.output):
             for i, into in enumerate(found.input):
-                curve = Curve(0, found.frequency, found.value[:, o, i], unknown)
-                curves[Quantity("response", out, into)] = curve, found.unit[o][i]
+                what = Quantity("response", out, into)
+                add(what, found.frequency, found.value[:, o, i], found.unit[o][i])
     elif result.analysis.name == "thermal":
         for noise in found:
-            unknown, value = np.full(len(noise.frequency), np.nan), noise.amplitude.astype(complex)
-            curve = Curve(0, noise.frequency, value, unknown)
-            curves[Quantity("noise", noise.output, "")] = curve, f"{noise.unit}/sqrt(Hz)"
+            what, value = Quantity("noise", noise.output, ""), noise.amplitude.astype(complex)
+            add(what, noise.frequency, value, f"{noise.unit}/sqrt(Hz)")
     return curves
 
 
@@ -236,20 +228,16 @@ def _with_own_names(items: list[Item]) -> list[Item]:
         item.name if given.count(item.name) == 1 else Path(item.file).stem or item.name
         for item in items
     ]
-    numbered = [
-        f"{one} ({names[: n + 1].count(one)})" if names.count(one) > 1 else one
-        for n, one in enumerate(names)
+    return [
+        replace(item, name=f"{one} ({names[:n].count(one) + 1})" if names.count(one) > 1 else one)
+        for n, (item, one) in enumerate(zip(items, names, strict=True))
     ]
-    return [replace(item, name=one) for item, one in zip(items, numbered, strict=True)]
 
 
-def resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
+def _resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
     """Give measured data without names of signals those of the command.
 
-    Raises
-    ------
-    InputError
-        If neither a file nor the command names its signals.
+    Raises `InputError` if neither a file nor the command names its signals.
     """
     # channels (``H1:SUS-...``) are no signals
     ends = [end for what in item.curves for end in (what.output, what.input)]

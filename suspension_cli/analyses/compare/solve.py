@@ -16,23 +16,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses import registry, settings
-from suspension_cli.analyses.analysis import Document, RelayedLog, Result, Run
+from suspension_cli.analyses.analysis import RelayedLog, Result, Run
 from suspension_cli.analyses.compare.items import Curve, Item, Quantity, curves_of
+from suspension_cli.conventions import DOF_NAMES
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Mode
 from suspension_cli.design.paths import format_with_unit
-from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import NOT_STORED, along, in_unit, scale_of
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import named_results
-from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models.registry import AUTO, MODELS, Choice
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Bool, Complex, Float
 
 LEAST_OVERLAP = 0.1
 """Overlap of two shapes below which modes are not paired."""
@@ -120,10 +119,7 @@ class Comparison:
 
 
 class _Analyses:
-    """Results of analyses by item: those read from files, and those computed for designs.
-
-    `choices` are the models of each item.
-    """
+    """Results by item: read from files, or computed for designs. `choices` are their models."""
 
     def __init__(self, items: Sequence[Item], run: Run) -> None:
         self.items, self.setting, self.log = items, run.setting, RelayedLog(run.log)
@@ -141,70 +137,45 @@ class _Analyses:
 
         runs = {n: item.run for n, item in enumerate(self.items) if item.run is not None}
         found = {n: one(run, self.setting["fidelity"]) for n, run in runs.items()}
-        top = max(
-            (result.choice.model for result in found.values()), key=MODELS.index, default=None
-        )
+        top = max((own.choice.model for own in found.values()), key=MODELS.index, default=None)
         for n, run in runs.items():
             if top and found[n].choice.model is not top and not top.unsuitable(run.design):
                 found[n] = one(run, top.name)
             self.choices[n].append(found[n].choice)
         return found
 
-    @property
-    def models(self) -> list[str]:
+    def models(self) -> tuple[str, ...]:
         """Most complete of the models of each item; "" of measurements."""
-        order = [model.name for model in MODELS]
-        levels = ([choice.level for choice in own] for own in self.choices)
-        return [max(own, key=order.index, default="") for own in levels]
+        levels = [[choice.model for choice in own] for own in self.choices]
+        return tuple(max(own, key=MODELS.index).name if own else "" for own in levels)
 
-    @property
     def choice(self) -> Choice:
         """All models, with the largest error and the physics neglected there."""
-        reason, error = "as the designs need it", np.nan
         choices = [choice for own in self.choices for choice in own]
-        if choices:
-            worst = max(choices, key=lambda one: np.inf if np.isnan(one.error) else one.error)
-            reason, error = "; ".join(filter(None, (reason, worst.neglected))), worst.error
-        return Choice(", ".join(sorted({*self.models} - {""})), reason, error)
+        worst = max(choices, key=lambda one: np.inf if np.isnan(one.error) else one.error)
+        reason = "; ".join(filter(None, ("as the designs need it", worst.neglected)))
+        return Choice(", ".join(sorted({*self.models()} - {""})), reason, worst.error)
 
 
 def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
     """Analyse the designs among the items, and compare all items.
 
     Modes are compared if designs or measured modes are given, responses and noises if a result, a
-    measurement or the setting names them. All designs have the most complete model that one of them
-    needs.
-
-    Returns
-    -------
-    comparison : Comparison
-    choice : Choice
-        The models of all items, with the largest of their estimated errors.
-
-    Raises
-    ------
-    InputError
-        With the faults of a design or of a setting.
+    measurement or the setting names them. Returns also the models of all items, with the largest of
+    their estimated errors. Raises `InputError` with the faults of a design or of a setting.
     """
-    texts = [item.source.text if item.source else None for item in items]
-    first = next(text for text in texts if text is not None)
+    texts = {n: item.source.text for n, item in enumerate(items) if item.source is not None}
+    first, *others = texts
+    changes = [
+        dataclasses.replace(change, item=n)
+        for n in others
+        for change in find_changes(texts[first], texts[n])
+    ]
     analyses = _Analyses(items, run)
-    modes = _modes(items, analyses)
-    overlay = tuple(_overlays(items, analyses))
-    found = Comparison(
-        name=tuple(item.name for item in items),
-        kind=tuple(item.kind for item in items),
-        model=tuple(analyses.models),
-        changes=tuple(
-            dataclasses.replace(change, item=n)
-            for n, text in enumerate(texts)
-            if text is not None and text is not first
-            for change in find_changes(first, text)
-        ),
-        modes=modes,
-        overlay=overlay,
-    )
-    return found, analyses.choice
+    modes, overlay = _modes(items, analyses), tuple(_overlays(items, analyses))
+    names, kinds = tuple(item.name for item in items), tuple(item.kind for item in items)
+    found = Comparison(names, kinds, analyses.models(), tuple(changes), modes, overlay)
+    return found, analyses.choice()
 
 
 def find_changes(before: str, after: str) -> list[Change]:
@@ -213,9 +184,9 @@ def find_changes(before: str, after: str) -> list[Change]:
     >>> find_changes("constants.gravity = 9.81", "constants.gravity = 9.8")
     [Change(path='constants.gravity', before='9.81 m/s^2', after='9.8 m/s^2')]
     """
-    documents = [tomllib.loads(text) for text in (before, after)]
-    names = [{stage["name"] for stage in one.get("stage", ())} for one in documents]
-    first, second = (_flatten(document, names[0] ^ names[1]) for document in documents)
+    raw = [tomllib.loads(text) for text in (before, after)]
+    names = [{stage["name"] for stage in one.get("stage", ())} for one in raw]
+    first, second = (dict(_values(one, alone=names[0] ^ names[1])) for one in raw)
     return [
         Change(path, _format_value(path, first.get(path)), _format_value(path, second.get(path)))
         for path in dict.fromkeys((*first, *second))
@@ -223,27 +194,17 @@ def find_changes(before: str, after: str) -> list[Change]:
     ]
 
 
-def _flatten(document: Document, alone: set[str]) -> dict[str, object]:
-    """Collect values by dotted path; stages that are `alone` are one value."""
-    kept = {key: value for key, value in document.items() if key not in OTHER_TABLES}
-    values = dict(_values(kept))
-    whole = {
-        path: f"stage.{name}"
-        for path in values
-        for name in alone
-        if path.startswith(f"stage.{name}.")
-    }
-    return {whole.get(path, path): "a stage" if path in whole else values[path] for path in values}
-
-
-def _values(value: object, path: str = "") -> Iterator[tuple[str, object]]:
-    """List dotted paths and values; tables in lists by name or number."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _values(item, f"{path}.{key}".strip("."))
+def _values(value: object, path: str = "", *, alone: set[str]) -> Iterator[tuple[str, object]]:
+    """List dotted paths and values; tables in lists by name or number, stages `alone` as one."""
+    if path.startswith("stage.") and path.removeprefix("stage.") in alone:
+        yield path, "a stage"
     elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
         for n, item in enumerate(value, 1):
-            yield from _values(item, f"{path}.{item.get('name', n)}")
+            yield from _values(item, f"{path}.{item.get('name', n)}", alone=alone)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            if path or key not in OTHER_TABLES:
+                yield from _values(item, f"{path}.{key}".strip("."), alone=alone)
     else:
         yield path, value
 
@@ -259,6 +220,7 @@ def _format_value(path: str, value: object) -> str:
 
 
 def _modes(items: Sequence[Item], analyses: _Analyses) -> PairedModes | None:
+    """Pair the modes of all items; None if only one design has modes."""
     results = {n: item.result for n, item in enumerate(items) if item.result is not None}
     stored = {n: result for n, result in results.items() if result.analysis.name == "modes"}
     alone = not stored and not any(item.modes for item in items)
@@ -268,91 +230,84 @@ def _modes(items: Sequence[Item], analyses: _Analyses) -> PairedModes | None:
     if not found:
         return None
     wires = bool(stored) or analyses.setting["fidelity"] != AUTO
-    pairs = {n: (result.data, result.design) for n, result in sorted(found.items())}
-    return pair_modes(pairs, items, wires=wires)
+    return pair_modes(dict(sorted(found.items())), items, wires=wires)
 
 
 def pair_modes(
-    found: dict[int, tuple[Modes, Design]], items: Sequence[Item], *, wires: bool = True
+    found: dict[int, Result], items: Sequence[Item], *, wires: bool = True
 ) -> PairedModes:
     """Pair the modes of designs by shape, and measured modes by label or frequency.
 
-    `found` are the modes and the design of each item with a design; `wires` is whether to list
-    modes of wires.
+    `found` are the modes of each item with a design. If `wires`, also those of wires, by label.
     """
-    names = {n: named_results.labels(modes) for n, (modes, _) in found.items()}
-    listed = {
-        n: np.flatnonzero(wires | (modes.order == 0)).tolist() for n, (modes, _) in found.items()
-    }
-    reference = next(iter(found))
-    # rows of modes of the reference by their number there, then further ones: (mode, overlap)
-    rows: dict[int, dict[int, tuple[int, float]]] = {
-        m: {reference: (m, 1.0)} for m in listed[reference]
-    }
+    names = {n: np.array(named_results.labels(one.data)) for n, one in found.items()}
+    listed = {n: np.flatnonzero(wires | (one.data.order == 0)) for n, one in found.items()}
+    reference, *others = found
+    first = listed[reference]
+    # a row has the number of the mode, and the overlap, of each item
+    rows = [{reference: (m, 1.0)} for m in first.tolist()]
     further: list[dict[int, tuple[int, float]]] = []
-    for n in [n for n in found if n != reference]:
-        overlap = _shape_overlap(*found[reference], *found[n])
-        partner = pair_by_overlap(overlap).tolist()
-        free = {*listed[n]}
-        for m, row in rows.items():
-            if partner[m] in free and overlap[m, partner[m]] > LEAST_OVERLAP:
-                row[n] = partner[m], float(overlap[m, partner[m]])
-                free.discard(partner[m])
-        by_name = {names[reference][m]: row for m, row in rows.items()}
-        for k in sorted(free):
-            row = by_name.get(names[n][k]) if found[n][0].order[k] else None
-            if row is None or n in row:
-                further.append(row := {})
-            row[n] = k, np.nan
-    labels, every = [], [*rows.values(), *further]
+    for n in others:
+        overlap = _shape_overlap(found[reference], found[n])[np.ix_(first, listed[n])]
+        of_wire = found[n].data.order[listed[n]] > 0
+        alike = (names[reference][first][:, None] == names[n][listed[n]]) & of_wire
+        overlap = np.where(alike, np.inf, np.where(of_wire, 0.0, overlap))
+        partner = pair_by_overlap(np.minimum(overlap, 2.0))
+        left = dict(enumerate(listed[n].tolist()))
+        for row, known, k in zip(rows, overlap, partner, strict=True):
+            if k >= 0 and known[k] > LEAST_OVERLAP:
+                row[n] = left.pop(k), float(known[k]) if np.isfinite(known[k]) else np.nan
+        further += [{n: (k, np.nan)} for k in left.values()]
+    every = rows + further
+    labels = [str(names[n][m]) for n, (m, _) in (next(iter(row.items())) for row in every)]
     values = np.full((3, len(every), len(items)), np.nan)
     for place, row in enumerate(every):
-        n, (m, _) = next(iter(row.items()))
-        labels.append(names[n][m])
-        for i, (k, overlap) in row.items():
-            modes = found[i][0]
-            values[:, place, i] = modes.frequency[k], modes.q[k], overlap
-    table = PairedModes(tuple(labels), *values)
+        for n, (m, overlap) in row.items():
+            values[:, place, n] = found[n].data.frequency[m], found[n].data.q[m], overlap
     for n, item in enumerate(items):
         for mode in item.modes:
-            row = _measured_row(table, mode, n, reference, found[reference][0])
-            table.frequency[row, n] = mode.frequency
+            free = np.isnan(values[0, :, n])
+            away = np.abs(values[0, :, reference] - mode.frequency)
+            row = _measured_row(labels, mode, free & np.isfinite(away), away)
+            values[0, row, n] = mode.frequency
     # by the first frequency; unstable modes have none
-    first = [next((f for f in row if np.isfinite(f)), -np.inf) for row in table.frequency]
-    order = np.argsort(first, kind="stable")
+    known = np.isfinite(values[0])
+    lowest = values[0][np.arange(len(every)), known.argmax(1)]
+    order = np.argsort(np.where(known.any(1), lowest, -np.inf), kind="stable")
     return PairedModes(tuple(labels[i] for i in order), *values[:, order])
 
 
-def _measured_row(table: PairedModes, mode: Mode, n: int, reference: int, base: Modes) -> int:
-    """Find the row of a measured mode, by label, else the free row nearest in frequency."""
-    free = np.isnan(table.frequency[:, n])
-    alike = [mode.label in (label, label.partition("#")[0]) for label in table.label]
-    labelled = np.array(alike) & free
-    if mode.dof and not mode.label:
-        wanted = {dof for _, dof in base.home} & set(mode.dof)
-        suited = np.array([any(dof in label for dof in wanted) for label in table.label]) & free
-        free = suited if suited.any() else free
-    allowed = labelled if labelled.any() else free
-    away = np.abs(table.frequency[:, reference] - mode.frequency)
-    return int(np.nanargmin(np.where(allowed & np.isfinite(away), away, np.inf)))
+def _measured_row(
+    labels: Sequence[str],
+    mode: Mode,
+    free: Bool[np.ndarray, " row"],
+    away: Float[np.ndarray, " row"],
+) -> int:
+    """Find the row of a measured mode: of its label, else of its motions, nearest in frequency."""
+    named = [mode.label in (label, label.partition("#")[0]) for label in labels]
+    suited = [any(DOF_NAMES[dof] in label for dof in mode.dof or ()) for label in labels]
+    for allowed in (named, suited):
+        if (allowed & free).any():
+            free = allowed & free
+            break
+    return int(np.argmin(np.where(free, away, np.inf)))
 
 
-def _shape_overlap(
-    first: Modes, design: Design, second: Modes, other: Design
-) -> Float[np.ndarray, "first second"]:
+def _shape_overlap(one: Result, other: Result) -> Float[np.ndarray, "one other"]:
     """Overlaps in bodies of the same name, or of the same number if there is none."""
-    one, two = _weighted_shapes(first, design), _weighted_shapes(second, other)
-    common = [name for name in first.body if name in second.body]
-    mine, theirs = ([modes.body.index(name) for name in common] for modes in (first, second))
+    names = one.data.body, other.data.body
+    common = [name for name in names[0] if name in names[1]]
+    mine, theirs = ([own.index(name) for name in common] for own in names)
     if not common:
-        mine = theirs = list(range(min(len(first.body), len(second.body))))
-    return np.abs(np.einsum("mbi,nbi->mn", one[:, mine], two[:, theirs]))
+        mine = theirs = list(range(min(map(len, names))))
+    shapes = _weighted_shapes(one)[:, mine], _weighted_shapes(other)[:, theirs]
+    return np.abs(np.einsum("mbi,nbi->mn", *shapes))
 
 
-def _weighted_shapes(modes: Modes, design: Design) -> Float[np.ndarray, "mode body 6"]:
+def _weighted_shapes(result: Result) -> Float[np.ndarray, "mode body 6"]:
     """Shapes in the motion of bodies, times L^T of each; of unit norm if only bodies move."""
-    bodies, count = expand(design).bodies, len(modes.body)
-    shape = modes.shape[:, : 6 * count].reshape(-1, count, 6).copy()
+    bodies, count = expand(result.design).bodies, len(result.data.body)
+    shape = result.data.shape[:, : 6 * count].reshape(-1, count, 6).copy()
     shape[..., :3] *= np.sqrt(bodies.mass)[:, None]
     shape[..., 3:] = np.einsum("mbi,bij->mbj", shape[..., 3:], np.linalg.cholesky(bodies.inertia))
     return shape
@@ -368,44 +323,32 @@ def _overlays(items: Sequence[Item], analyses: _Analyses) -> Iterator[Overlay]:
         wanted += [Quantity("response", out, into) for out in outputs for into in inputs]
     wanted += [Quantity("noise", out, "") for out in setting["noises"]]
     for what in sorted(dict.fromkeys(wanted), key=lambda one: one.kind == "noise"):
-        curves = {n: item.curves[what] for n, item in enumerate(items) if what in item.curves}
-        given = {"outputs": (what.output,), "frequency": _grid(items, curves, setting["frequency"])}
+        stored = {n: item for n, item in enumerate(items) if what in item.curves}
+        grid = [item.curves[what][0].frequency for item in stored.values()]
+        if all(item.kind == "measurement" for item in stored.values()):  # on curves in between
+            grid.append(np.array(parse_frequencies(setting["frequency"])))
+        points = ",".join(repr(float(x)) for x in np.unique(np.concatenate(grid)))
+        given = {"outputs": (what.output,), "frequency": points}
         try:
             if what.kind == "response":
                 solved = analyses.compute("response", inputs=(what.input,), **given)
             else:
                 solved = analyses.compute("thermal", **given)
         except InputError as error:
-            option = "--noise" if what.kind == "noise" else "--output"
-            faults = [
-                dataclasses.replace(fault, key=option) if fault.key == "--output" else fault
-                for fault in error.faults
-            ]
+            if what.kind == "response":
+                raise
+            option = {"--output": "--noise"}
+            faults = [dataclasses.replace(f, key=option.get(f.key, f.key)) for f in error.faults]
             raise InputError(faults, error.file) from None
-        curves |= {n: next(iter(curves_of(result).values())) for n, result in solved.items()}
-        if curves:
-            unit = next(reversed(curves.values()))[1]
-            own = {n: dataclasses.replace(curve, item=n) for n, (curve, _) in curves.items()}
-            stored = {n: result for n in curves if (result := items[n].result) is not None}
-            yield Overlay(*what, unit, _with_ratios(items, own), stored | solved)
-
-
-def _grid(items: Sequence[Item], curves: dict[int, tuple[Curve, str]], frequency: str) -> str:
-    """List the frequencies of all data, at which designs are computed.
-
-    Measured data are drawn with curves on the grid of the command between them.
-    """
-    points = [curve.frequency for curve, _ in curves.values()]
-    if all(items[n].kind == "measurement" for n in curves):
-        points.append(np.array(parse_frequencies(frequency)))
-    return ",".join(repr(float(x)) for x in np.unique(np.concatenate(points)))
-
-
-def _with_ratios(items: Sequence[Item], curves: dict[int, Curve]) -> tuple[Curve, ...]:
-    """Order curves; the first, of a design or result if there is one, is the reference."""
-    order = sorted(curves, key=lambda n: (items[n].kind == "measurement", n))
-    reference, *others = (curves[n] for n in order)
-    return (reference, *(with_ratio(curve, reference) for curve in others))
+        found = {n: item.curves[what] for n, item in stored.items()}
+        found |= {n: curves_of(result)[what] for n, result in solved.items()}
+        if found:
+            # the first curve is the reference: that of a design or result, if there is one
+            order = sorted(found, key=lambda n: (items[n].kind == "measurement", n))
+            first, *others = (dataclasses.replace(found[n][0], item=n) for n in order)
+            curves = (first, *(with_ratio(curve, first) for curve in others))
+            sources = {n: one for n in order if (one := items[n].result) is not None} | solved
+            yield Overlay(*what, next(reversed(found.values()))[1], curves, sources)
 
 
 def with_ratio(curve: Curve, reference: Curve) -> Curve:

@@ -104,46 +104,37 @@ class InfoAnalysis(Analysis):
         )
 
         source, design, setting = run.source, run.design, run.setting
-        tolerance, frequency = (
-            setting["tolerance"],
-            np.array(parse_frequencies(setting["frequency"])),
-        )
+        frequency = np.array(parse_frequencies(setting["frequency"]))
         into, output = setting["input"], setting["output"] or f"{mirror(design)}.x"
 
         def transfer(model: LinearSystem) -> Transfer:
             known = signals.bodies_with_signals(model)
-            return Transfer(
-                [signals.parse_input(into, known)],
-                [signals.parse_output(output, known)],
-                frequency,
-            )
+            inputs, outputs = signals.parse_input(into, known), signals.parse_output(output, known)
+            return Transfer([inputs], [outputs], frequency)
 
         span = f"{frequency.min():g} to {frequency.max():g} Hz"
         modes, response = "frequencies of the modes", f"{output} / {into}, {span}"
         systems = Systems(design)
-        comparisons = {
+        complete = systems(registry.most_complete(design))
+        transfer(complete)  # raises if a signal does not exist
+        compare = {
             modes: systems.compare(lambda _: Frequencies()),
             response: systems.compare(transfer),
         }
-        complete = systems(registry.most_complete(design))
-        transfer(complete)  # raises if a signal does not exist
         errors = {
-            model.name: {
-                name: choose(design, model.name, (), compare)
-                for name, compare in comparisons.items()
-            }
+            model.name: {name: choose(design, model.name, (), one) for name, one in compare.items()}
             for model in registry.MODELS
             if not model.unsuitable(design)
         }
         choices = {
-            modes: model_choice.for_modes(source, registry.AUTO, tolerance)[0],
+            modes: model_choice.for_modes(source, registry.AUTO, setting["tolerance"])[0],
             response: model_choice.choose(source, registry.AUTO, transfer)[0],
         }
         if registry.most_complete(design).bends_wires:
             noise = f"thermal noise of {output}, {span}"
             choices[noise] = thermal.choose(source, registry.AUTO, frequency, [output])[0]
         warnings.warn_implausible(design, run.log)
-        found = Info(tolerance, errors, choices, first_violin(complete))
+        found = Info(setting["tolerance"], errors, choices, first_violin(complete))
         return Result(self, source, registry.Choice("all", ""), found, command=run.command)
 
     def document(self, result: Result) -> Document:
@@ -171,18 +162,14 @@ class InfoAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return a table of the errors, and the choices."""
         found: Info = result.data
-        quantities = list(next(iter(found.errors.values())))
+        quantities = next(iter(found.errors.values()))
         columns = {"model": ""} | {f"error of\n{name}\n%": ".2g" for name in quantities}
         rows = [
             (level, *(_percent(choice.error) for choice in row.values()))
             for level, row in found.errors.items()
         ]
-        lines = [
-            result.title,
-            "",
-            "Errors of the models against the most complete one that is valid:",
-            tables.render(columns, rows),
-        ]
+        head = "Errors of the models against the most complete one that is valid:"
+        lines = [result.title, "", head, tables.render(columns, rows)]
         if math.isfinite(found.first_violin):
             lines.append(f"lowest first violin mode: {found.first_violin:.4g} Hz")
         lines += ["", f"Models that auto takes, for a tolerance of {found.tolerance:g}:"]

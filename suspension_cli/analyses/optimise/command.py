@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.optimise.optimum import Optimum
 
-STARTS, SEED = 6, 1
-"""Copies of those in `optimise.solve`, whose import would delay the help."""
 COLUMNS = {
     "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
     "limits": "goal limit=name value margin room met active multiplier",
@@ -41,6 +39,7 @@ COLUMNS = {
     "starts": "violation_before=before violation_after=after arrived_at=place",
 }
 """Keys of JSON for each table of the result (`optimum`), with its columns where these differ."""
+BOUNDS = ("lower", "", "upper")
 NEAREST = 3
 """Printed limits of a goal that is met: those with the least margin."""
 
@@ -91,13 +90,13 @@ class OptimiseAnalysis(Analysis):
         option(
             "--starts",
             type=click.IntRange(1, 64),
-            default=STARTS,
+            default=6,
             help="Number of designs from which searches start; the first is the design itself.",
         ),
         option(
             "--seed",
             type=click.IntRange(0),
-            default=SEED,
+            default=1,
             help="Seed of the random starts.",
         ),
         options.ACCURACY,
@@ -120,17 +119,11 @@ class OptimiseAnalysis(Analysis):
         from suspension_cli.models.registry import Choice
 
         setting, file = run.setting, run.inputs["file"]
+        how = {name: setting[name] for name in ("starts", "seed", "tolerance")}
+        how |= {"level": setting["fidelity"]}
         with run.log.progress() as bar:
             try:
-                found = optimise.solve(
-                    run.source.text,
-                    run.inputs["goals"],
-                    level=setting["fidelity"],
-                    starts=setting["starts"],
-                    seed=setting["seed"],
-                    tolerance=setting["tolerance"],
-                    report=bar,
-                )
+                found = optimise.solve(run.source.text, run.inputs["goals"], report=bar, **how)
             except InputError as error:
                 ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
                 raise error.in_file(file if ours else run.source.file) from None
@@ -143,14 +136,13 @@ class OptimiseAnalysis(Analysis):
     def document(self, result: Result) -> Document:
         """Return numbers, limits, quantities and modes; null where there is none."""
         found: Optimum = result.data
-        names, bounds = _names(found), ("lower", None, "upper")
         numbers, limits, quantities, modes, starts = (
             table(getattr(found, name), columns) for name, columns in COLUMNS.items()
         )
         for row in numbers:
-            row["at_bound"] = bounds[row["at_bound"] + 1]
-        for row in limits:
-            row["goal"] = names[row["goal"] - 1]
+            row["at_bound"] = BOUNDS[row["at_bound"] + 1] or None
+        for row, name in zip(limits, _names(found), strict=True):
+            row["goal"] = name
         for row in quantities:
             row["model"] = row["model"] or None
         return {
@@ -169,18 +161,14 @@ class OptimiseAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return parameters, goals with their limits, and the ends of the searches."""
-        from suspension_cli.design.paths import unit_of
-
         found: Optimum = result.data
         numbers = found.numbers
-        places = ("at its lower bound", "", "at its upper bound")
         remarks = (
-            f"{'dependent ' * bool(tied)}{places[int(bound) + 1]}"
+            f"{'dependent ' * bool(tied)}{f'at its {BOUNDS[bound + 1]} bound' * bool(bound)}"
             for tied, bound in zip(numbers.tied, numbers.bound, strict=True)
         )
-        units = map(unit_of, numbers.name)
-        rows = zip(numbers.name, units, numbers.before, numbers.after, remarks, strict=True)
         columns = {"parameter": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
+        rows = zip(numbers.name, numbers.unit, numbers.before, numbers.after, remarks, strict=True)
         lines = [result.choice.line, "", tables.render(columns, rows), ""]
         columns = {"goal": "", "before": ".4g", "after": ".4g", "margin\n%": "+.3g", "": ""}
         lines += [tables.render(columns | {"limit": ""}, [*_goals(found)])]
@@ -194,14 +182,16 @@ class OptimiseAnalysis(Analysis):
         return {"": picture.draw(result.data, result.subtitle)}
 
     def others(self, result: Result, path: Path) -> list[Path]:
-        """Write the optimised design as NAME-optimised.toml."""
+        """Write the optimised design as NAME-optimised.toml, with its origin and the text."""
         from suspension_cli.errors import escape_unprintable
         from suspension_cli.files.atomic import write_bytes
+        from suspension_cli.version import __version__
 
         made = path.with_name(f"{result.source.stem()}-optimised.toml")
-        goals = Path(result.extra.get("goals_file", "goals")).name
-        head = _origin(result.data, Path(result.source.file).name, goals, result.command)
-        comments = "".join(f"# {escape_unprintable(line)}\n" for line in head)
+        file, goals = Path(result.source.file).name, Path(result.extra.get("goals_file", "")).name
+        head = f"{file}, optimised for {goals or 'goals'} by pendsus {__version__}:"
+        lines = [head, f"  {result.command}", *str(result).splitlines()]
+        comments = "".join(f"# {escape_unprintable(line)}".rstrip() + "\n" for line in lines)
         write_bytes(made, f"{comments}\n{result.data.design}".encode())
         return [made]
 
@@ -210,37 +200,16 @@ class OptimiseAnalysis(Analysis):
         return 0 if result.data.met else 1
 
 
-def _origin(found: Optimum, file: str, goals: str, command: str) -> Iterator[str]:
-    """Say where an optimised design comes from, which limits it misses, and what was changed."""
-    from suspension_cli.version import __version__
-
-    limits, numbers = found.limits, found.numbers
-    yield f"{file}, optimised for {goals} by pendsus {__version__}:"
-    yield f"  {command}"
-    met = f"{int(limits.met.sum())} of {len(limits.name)} limits are met, {found.checked}"
-    yield met if limits.met.all() else f"{met}:"
-    for name, value, is_met in zip(limits.name, limits.value, limits.met, strict=True):
-        if not is_met:
-            yield f"  NOT MET: {name}: {value:.6g}"
-    yield from (f"  UNKNOWN: {what}" for what in found.unknown)
-    for name, before, after in zip(numbers.name, numbers.before, numbers.after, strict=True):
-        yield f"  {name} = {float(after)!r}, from {before:.6g}"
-
-
 def _warn(found: Optimum, log: Log) -> None:
-    """Warn of unknown quantities, of couplings that are 0, and of an unstable design."""
+    """Warn of couplings that are 0, and of an unstable design."""
     from suspension_cli.analyses.check import warnings
     from suspension_cli.design import reader
 
     warnings.warn_implausible(reader.parse(found.design), log)
-    for what in found.unknown:
-        log.warn(f"unknown, and so not met: {what}")
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
-            log.warn(
-                f"{name} is 0 by the symmetry of the design, whatever its numbers are; give the"
-                " goal a perturbation"
-            )
+            problem = "is 0 by the symmetry of the design, whatever its numbers are"
+            log.warn(f"{name} {problem}; give the goal a perturbation")
     modes = zip(found.modes.label, found.modes.after, strict=True)
     if unstable := ", ".join(label for label, after in modes if math.isnan(after)):
         remedy = "add a goal of kind band for these modes"
@@ -248,60 +217,53 @@ def _warn(found: Optimum, log: Log) -> None:
 
 
 def _names(found: Optimum) -> list[str]:
-    """Name of each goal, or its kind."""
+    """Name of the goal of each limit, or its kind."""
     from suspension_cli.design import goals
 
-    return [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
+    names = [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
+    return [names[goal - 1] for goal in found.limits.goal]
 
 
 def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
     """Rows for goals of one name: limits not met, active, or with the least margin; objectives."""
     limits, each, names = found.limits, found.quantities, _names(found)
     for name in dict.fromkeys(names):
-        mine = [n for n, goal in enumerate(limits.goal) if names[goal - 1] == name]
+        mine = [n for n, own in enumerate(names) if own == name]
         mine.sort(key=lambda n: (math.isfinite(limits.margin[n]), limits.margin[n]))
-        shown = [n for n in mine if not limits.met[n] or limits.active[n]]
-        shown += [n for n in mine if n not in shown][: max(NEAREST - len(shown), 0)]
-        count = f"{name}, {len(shown)} of {len(mine)} limits" if mine[len(shown) :] else name
-        for n in shown:
+        mine.sort(key=lambda n: bool(limits.met[n] and not limits.active[n]))
+        shown = max(sum(not limits.met[n] or limits.active[n] for n in mine), NEAREST)
+        title = f"{name}, {shown} of {len(mine)} limits" if len(mine) > shown else name
+        for n in mine[:shown]:
             before, after = float(each.before[limits.quantity[n]]), float(limits.value[n])
             margin = round(100 * float(limits.room[n]), 4) + 0.0  # -0.0 becomes 0.0
-            remark = "active" if limits.active[n] else ""
-            remark = remark if limits.met[n] else "NOT MET"
-            title = count if n == shown[0] else ""
-            yield [title, before, after, margin, remark, limits.name[n]]
-    for n, weight in enumerate(each.weight):
+            remark = "" if limits.met[n] else "NOT MET"
+            remark = "active" if limits.met[n] and limits.active[n] else remark
+            yield [title if n == mine[0] else "", before, after, margin, remark, limits.name[n]]
+    rows = zip(each.name, each.unit, each.before, each.after, each.weight, strict=True)
+    for name, unit, before, after, weight in rows:
         if weight:
-            unit = "" if each.unit[n] == "1" else f", {each.unit[n]}"
-            before, after = float(each.before[n]), float(each.after[n])
-            word = "minimised" if weight > 0 else "maximised"
-            yield [word, before, after, None, "", f"{each.name[n]}{unit}"]
+            title = "minimised" if weight > 0 else "maximised"
+            yield [title, before, after, None, "", name if unit == "1" else f"{name}, {unit}"]
 
 
 def _verdict(found: Optimum) -> Iterator[str]:
     """Say how many limits are met, what prevents the others, and where the searches ended."""
-    count, missed = len(found.limits.name), int((~found.limits.met).sum())
+    limits, numbers, starts = found.limits, found.numbers, found.starts
+    count, missed = len(limits.name), int((~limits.met).sum())
     said = [f"{count or 'no'} limit{'' if count == 1 else 's'}"]
     if count:
         said += [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"]
     said += [f"{len(found.unknown)} NOT KNOWN"] if found.unknown else []
     yield ", ".join([*said, found.checked])
-    if missed:
-        limits, numbers = found.limits, found.numbers
-        held = [name for name, by in zip(limits.name, limits.multiplier, strict=True) if by]
-        rows = zip(numbers.name, numbers.bound, numbers.multiplier, strict=True)
-        sides = {-1: "lower", 1: "upper"}
-        held += [f"the {sides[at]} bound of {name}" for name, at, by in rows if at and by > 0]
-        if held:
-            yield f"what is not met is limited by {', '.join(held)}"
-    place, met = found.starts.place, found.starts.after <= 1e-8
-    if len(place) > 1 and not met.any():
-        yield f"none of {len(place)} searches met all limits"
-    elif len(place) > 1:
-        others, failed = int(((place > 1) & met).sum()), int((~met).sum())
-        text = f"{int((place == 1).sum())} of {len(place)} searches ended at this design"
-        text += f", {others} at others that meet all limits" if others else ""
-        yield text + (f", {failed} met not all limits" if failed else "")
+    held = [name for name, by in zip(limits.name, limits.multiplier, strict=True) if by]
+    rows = zip(numbers.name, numbers.bound, numbers.multiplier, strict=True)
+    held += [f"the {BOUNDS[at + 1]} bound of {name}" for name, at, by in rows if at and by > 0]
+    if missed and held:
+        yield f"what is not met is limited by {', '.join(held)}"
+    if len(starts.place) > 1:
+        here, met = int((starts.place == 1).sum()), int((starts.after <= 1e-8).sum())
+        others = "" if met == len(starts.place) else f"; {met} met all limits"
+        yield f"{here} of {len(starts.place)} searches ended at this design{others}"
 
 
 ANALYSIS = OptimiseAnalysis()

@@ -9,16 +9,20 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.check.statics import Stress
-from suspension_cli.analyses.optimise.free_parameters import FreeDesign
-from suspension_cli.analyses.optimise.mode_families import Families, solve_modes
-from suspension_cli.analyses.optimise.quantities import Requirements, interpret
+from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.optimise.requirements import (
+    Families,
+    FreeDesign,
+    Requirements,
+    interpret,
+)
 from suspension_cli.design import checks
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design, Perturbation
@@ -27,12 +31,13 @@ from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, signals
-from suspension_cli.linear.eigenmodes import find_top_masses
-from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.linear.eigenmodes import Modes, find_top_masses
+from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from suspension_cli.models.choice import has_wire_mass
 from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
@@ -42,58 +47,69 @@ from suspension_cli.studies.builds import Builds
 if TYPE_CHECKING:
     from jaxtyping import Float, Int
 
+STRING = registry.STRING.name
+HIGHEST = 1.05
+"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
+wire mass lowers frequencies, except next to a violin mode."""
 TINY = 1e-30
 """Smallest energy fraction or response, in place of 0, which has no logarithm."""
 STEP = 2e-5
 """Step of derivatives, in fractions of the ranges; energy fractions of close modes vary fast."""
 LINEAR_BELOW = 0.1
-"""Frequency, over the lowest limit on it, below which its logarithm continues linearly in omega^2,
-to unstable modes."""
-LINEAR_BELOW_HZ = 1e-3
-"""The same for a mode without limits, Hz."""
+"""Frequency, over the lowest limit on it (0.01 Hz without limits), below which its logarithm
+continues linearly in omega^2, to unstable modes."""
 PATH_STEPS = 24
 """Steps between two designs at which shapes are compared."""
+
+
+def solve_modes(model: LinearSystem) -> Modes:
+    """Solve for the modes of the bodies; with wire mass, those most like the modes without."""
+    static = eigenmodes.solve(model.constant)
+    if not has_wire_mass(model):
+        return static
+    found = wire_modes.solve(model, HIGHEST * float(np.nanmax(static.frequency)))
+    pairs = pair_bodies(static, found, model)
+    return found.select(np.sort(pairs[pairs >= 0]))
+
+
+def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:
+    """Add imperfections to those of a design."""
+    return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
 
 
 @dataclass(frozen=True)
 class Evaluator:
     """Quantities of a design as functions of its free numbers.
 
-    Attributes
-    ----------
-    families : Families
-        Mode families of the starting design.
-    system : LinearSystem
-        Its string model.
-    modes, responses : str
-        Names of the models of the modes and of the responses.
+    `families` and `system` (string model) are those of the starting design, `modes` and `responses`
+    the names of the models of these.
     """
 
     freed: FreeDesign
     requirements: Requirements
     families: Families
     system: LinearSystem
-    modes: str
-    responses: str
+    modes: str = STRING
+    responses: str = STRING
 
     @staticmethod
     def of(freed: FreeDesign) -> Evaluator:
-        """Interpret the goals for the starting design, on the string model.
+        """Interpret the goals for the starting design.
 
         Raises `InputError` if the design lacks something that a goal refers to.
         """
-        design, string = freed.design(freed.begin), registry.STRING
+        design = freed.design(freed.begin)
         for n, goal in enumerate(freed.goals.goal, 1):
             imperfect = with_imperfections(design, goal.perturbation or ())
             faults = checks.check_design(imperfect) if goal.perturbation else []
             if faults:
                 raise InputError([replace(one, key=f"goal.{n}.{one.key}") for one in faults])
-        model = string.system(design)
-        modes = eigenmodes.solve(model.constant)
+        system = registry.STRING.system(design)
+        modes = eigenmodes.solve(system.constant)
         families = Families.of(is_mirror_symmetric(expand_nominal(design)), modes.energy)
-        known = signals.bodies_with_signals(model)
+        known = signals.bodies_with_signals(system)
         wanted = interpret(freed.goals, design, modes, families, known)
-        return Evaluator(freed, wanted, families, model, string.name, string.name)
+        return Evaluator(freed, wanted, families, system)
 
     def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " value"]:
         """Evaluate one design, as `logs`."""
@@ -123,18 +139,14 @@ class Evaluator:
     @cached_property
     def _floors(self) -> Float[np.ndarray, " quantity"]:
         """Squares of quantities below which their logarithms continue linearly."""
-        limits, known = self.requirements.limits, LINEAR_BELOW_HZ / LINEAR_BELOW
-        lowest = [
-            min((one.value for one in limits if one.quantity == n), default=known)
-            if item.unit == "Hz"
-            else TINY
-            for n, item in enumerate(self.requirements.quantities)
-        ]
-        return (LINEAR_BELOW * np.array(lowest)) ** 2
+        items, limits = self.requirements.quantities, self.requirements.limits
+        lowest = np.full(len(items), np.inf)
+        np.minimum.at(lowest, limits.quantity, limits.asked)
+        lowest[np.isinf(lowest)] = 0.01
+        hertz = np.array([item.unit == "Hz" for item in items])
+        return np.where(hertz, LINEAR_BELOW * lowest, TINY) ** 2
 
-    def follow(
-        self, fraction: Float[np.ndarray, " number"], steps: int = PATH_STEPS
-    ) -> Array | None:
+    def follow(self, fraction: Float[np.ndarray, " number"]) -> Array | None:
         """Shapes in a design of all modes of the starting design; None if no goal has a label.
 
         They are followed on the string model along the straight line between the two. NaN if the
@@ -142,9 +154,9 @@ class Evaluator:
         """
         if all(-1 not in item.key for item in self.requirements.quantities):
             return None
-        line = np.linspace(self.freed.begin, fraction, steps + 1)
+        line = np.linspace(self.freed.begin, fraction, PATH_STEPS + 1)
         designs = [self.freed.design_if_valid(one) for one in line]
-        squared, shape = Results(replace(self, modes=registry.STRING.name), designs).modes
+        squared, shape = Results(replace(self, modes=STRING), designs).modes
         good = np.isfinite(squared[:, 0])
         rank, _ = mode_pairing.follow(squared, shape, good, (0,), shape[0])
         return shape[-1][rank[-1]] * (1.0 if good[-1] else np.nan)
@@ -173,14 +185,9 @@ class Evaluator:
 class Results:
     """Modes, responses and loads of designs that differ in their numbers, on demand.
 
-    Without a value (NaN) for a design that is None or has no equilibrium.
-
-    Attributes
-    ----------
-    shapes : array or None
-        Shapes of modes with a label (`Evaluator.follow`).
-    around : bool
-        Whether the designs are neighbours of the last one. Changes by wire mass are neglected then.
+    Without a value (NaN) for a design that is None or has no equilibrium. `shapes` are those of
+    modes with a label (`Evaluator.follow`). If `around`, the designs are neighbours of the last
+    one, and changes by wire mass are neglected.
     """
 
     evaluator: Evaluator
@@ -210,20 +217,6 @@ class Results:
         high, low = np.where(swap, other, one), np.where(swap, one, other)
         return high - low if hertz else high / low
 
-    @cached_property
-    def numbers(self) -> list[Int[np.ndarray, "design _"]]:
-        """Numbers of the modes of each family, and last of those with `shapes`; -1 if unknown."""
-        families, shapes = self.evaluator.families, self.shapes
-        found = [np.full((len(self.designs), size), -1) for size in families.size]
-        if shapes is not None:
-            found.append(np.full((len(self.designs), len(shapes)), -1))
-        for n in np.flatnonzero(np.isfinite(self.modes[0]).all(1)):
-            for numbers, own in zip(found, families.ranked(self.energy[n]), strict=False):
-                numbers[n] = own
-            if shapes is not None and np.isfinite(shapes).all():
-                found[-1][n] = pair_by_overlap((shapes @ self.modes[1][n].T) ** 2)
-        return found
-
     def response(
         self, ratio: Ratio, perturbation: tuple[Perturbation, ...]
     ) -> Float[np.ndarray, " design"]:
@@ -234,8 +227,12 @@ class Results:
         return value
 
     def stress(self, part: str, place: int) -> Float[np.ndarray, " design"]:
-        """Stress over tensile strength of a wire or blade, by its number."""
-        return np.array([one and one[part][place].fraction for one in self._loads], dtype=float)
+        """Stress over tensile strength of one of the ``wires`` or ``blades``."""
+        loads = statics.wire_loads if part == "wires" else statics.blade_loads
+        value = np.full(len(self.designs), np.nan)
+        for n, design, scene, found in self._equilibria:
+            value[n] = next(islice(loads(design, scene, found), place, None)).fraction
+        return value
 
     def depth(self, stage: str) -> Float[np.ndarray, " design"]:
         """Depth, m, of the COM of a stage below the suspension point."""
@@ -244,6 +241,20 @@ class Results:
             shift = found.pose.shift[1 + scene.bodies.name.index(stage)]
             value[n] = -(com_positions(design)[stage][2] + shift[2])
         return value
+
+    @cached_property
+    def numbers(self) -> list[Int[np.ndarray, "design _"]]:
+        """Numbers of the modes of each family, and last of those with `shapes`; -1 if unknown."""
+        families = self.evaluator.families
+        shapes = np.zeros((0, 0)) if self.shapes is None else self.shapes
+        sizes = [*families.size, len(shapes)]
+        found = [np.full((len(self.designs), size), -1) for size in sizes]
+        for n in np.flatnonzero(np.isfinite(self.modes[0]).all(1)):
+            for numbers, own in zip(found, families.ranked(self.energy[n]), strict=False):
+                numbers[n] = own
+            if shapes.size and np.isfinite(shapes).all():
+                found[-1][n] = pair_by_overlap((shapes @ self.modes[1][n].T) ** 2)
+        return found
 
     @cached_property
     def modes(self) -> tuple[Float[np.ndarray, "design mode"], Float[np.ndarray, "design mode _"]]:
@@ -255,13 +266,14 @@ class Results:
         bodies, count = 6 * len(self.evaluator.system.body), self.evaluator.families.size.sum()
         squared = np.full((len(self.designs), count), np.nan)
         shape = np.full((len(self.designs), count, bodies), np.nan)
-        level, own = registry.by_name(self.evaluator.modes), slice(6, 6 + bodies)
+        level = registry.by_name(self.evaluator.modes)
         if level.has_wire_mass and not self.around:
             for n, design in enumerate(self.designs):
                 with contextlib.suppress(InputError):
-                    model = design and level.system(design)
-                    found = model and solve_modes(model)
+                    model = level.system(design) if design else None
+                    found = solve_modes(model) if model else None
                     if model and found and len(found.shape) == count:
+                        own = slice(6, 6 + bodies)
                         root = np.linalg.cholesky(model.mass[own, own])
                         squared[n], shape[n] = found.omega_squared, found.shape[:, :bodies] @ root
             return squared, shape
@@ -303,29 +315,13 @@ class Results:
         return self._builds[key]
 
     @cached_property
-    def _loads(self) -> list[dict[str, list[Stress]] | None]:
-        """Loads of wires and blades of each design."""
-        loads: list[dict[str, list[Stress]] | None] = [None] * len(self.designs)
-        for n, design, scene, found in self._equilibria:
-            loads[n] = {
-                "wires": [*statics.wire_loads(design, scene, found)],
-                "blades": [*statics.blade_loads(design, scene, found)],
-            }
-        return loads
-
-    @cached_property
     def _equilibria(self) -> list[tuple[int, Design, Scene, Equilibrium]]:
-        """Places, scenes and equilibria of the designs that hang on taut wires."""
+        """Numbers, scenes and equilibria of the designs that hang on taut wires."""
         known = []
-        for places, scene, one in variants.alike(self.designs, registry.STRING.name):
+        for places, scene, one in variants.alike(self.designs, STRING):
             found = equilibrium.solve(registry.STRING.completed(scene, one))
             for n in np.flatnonzero(found.converged & (found.tension > 0).all(-1)).tolist():
                 design = self.designs[places[n]]
                 assert design is not None
                 known.append((places[n], design, stack.select_scenes(scene, n), found.select(n)))
         return known
-
-
-def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:
-    """Add imperfections to those of a design."""
-    return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])

@@ -1,4 +1,4 @@
-"""Result of `pendsus optimise` as plain arrays."""
+"""Result of `pendsus optimise` as plain arrays, and its assembly from a design found."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from suspension_cli.files.declared import along, derived, in_unit, scale_of
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
+HERTZ, SI = in_unit("Hz"), in_unit("{unit}")
+EQUAL = 1e-6
+"""Difference of logarithms, and of fractions of ranges, that count as equal."""
+
 
 @dataclass(frozen=True)
 class Numbers:
@@ -25,10 +29,10 @@ class Numbers:
 
     name: tuple[str, ...] = field(metadata=scale_of("number"))
     tied: Bool[np.ndarray, " number"]
-    before: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
-    after: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
-    lower: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
-    upper: Float[np.ndarray, " number"] = field(metadata=in_unit("{unit}"))
+    before: Float[np.ndarray, " number"] = field(metadata=SI)
+    after: Float[np.ndarray, " number"] = field(metadata=SI)
+    lower: Float[np.ndarray, " number"] = field(metadata=SI)
+    upper: Float[np.ndarray, " number"] = field(metadata=SI)
     bound: Int[np.ndarray, " number"]
     multiplier: Float[np.ndarray, " number"]
 
@@ -50,8 +54,8 @@ class Quantities:
 
     name: tuple[str, ...] = field(metadata=scale_of("quantity"))
     unit: tuple[str, ...] = field(metadata=along("quantity"))
-    before: Float[np.ndarray, " quantity"] = field(metadata=in_unit("{unit}"))
-    after: Float[np.ndarray, " quantity"] = field(metadata=in_unit("{unit}"))
+    before: Float[np.ndarray, " quantity"] = field(metadata=SI)
+    after: Float[np.ndarray, " quantity"] = field(metadata=SI)
     mode: Int[np.ndarray, " quantity"]
     weight: Float[np.ndarray, " quantity"]
     model: tuple[str, ...] = field(metadata=along("quantity"))
@@ -62,9 +66,8 @@ class Limits:
     """Limits on the quantities, named like ``yaw 3 <= 5 Hz``.
 
     `goal` is the number of the goal in its file, from 1, and `quantity` that of the quantity, from
-    0. `margin` is ln of value over limit, or of limit over value, negative if not met; minus the
-    absolute value for an equality. `active` limits constrain the optimum; `multiplier` is the
-    decrease of the objective per unit by which the margin may shrink.
+    0. `active` limits constrain the optimum; `multiplier` is the decrease of the objective per unit
+    by which the margin may shrink.
     """
 
     name: tuple[str, ...] = field(metadata=scale_of("limit"))
@@ -72,26 +75,39 @@ class Limits:
     quantity: Int[np.ndarray, " limit"]
     sense: tuple[str, ...] = field(metadata=along("limit"))
     unit: tuple[str, ...] = field(metadata=along("limit"))
-    asked: Float[np.ndarray, " limit"] = field(metadata=in_unit("{unit}"))
-    value: Float[np.ndarray, " limit"] = field(metadata=in_unit("{unit}"))
-    margin: Float[np.ndarray, " limit"]
-    met: Bool[np.ndarray, " limit"]
+    asked: Float[np.ndarray, " limit"] = field(metadata=SI)
+    value: Float[np.ndarray, " limit"] = field(metadata=SI)
     active: Bool[np.ndarray, " limit"]
     multiplier: Float[np.ndarray, " limit"]
 
     @property
+    @derived()
+    def margin(self) -> Float[np.ndarray, " limit"]:
+        """ln of value over limit, or of limit over value: negative if not met, or not equal."""
+        with np.errstate(divide="ignore"):
+            log = np.log(self.value) - np.log(self.asked)
+        return self._signed(log)
+
+    @property
+    @derived()
+    def met(self) -> Bool[np.ndarray, " limit"]:
+        """Whether each limit is met, an equality to 1e-6; not if the value is NaN."""
+        tolerance = [EQUAL if sense == "equals" else 0.0 for sense in self.sense]
+        return self.margin >= -np.array(tolerance)
+
+    @property
     def room(self) -> Float[np.ndarray, " limit"]:
         """Relative distance of each value from its limit, negative if not met."""
-        return relative_room(self.value, self.asked, self.sense)
+        return self.relative_room(self.value)
 
+    def relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
+        """Distances of values from the limits relative to these; of equalities at most 0."""
+        return self._signed(value / self.asked - 1) + 0.0  # -0.0 becomes 0.0
 
-def relative_room(
-    value: Float[np.ndarray, " limit"], asked: Float[np.ndarray, " limit"], sense: tuple[str, ...]
-) -> Float[np.ndarray, " limit"]:
-    """Distances from limits relative to these, negative if not met; of equalities at most 0."""
-    away, senses = value / asked - 1, np.array(sense, dtype=str)
-    away = np.where(senses == "at_most", -away, away)
-    return np.where(senses == "equals", -np.abs(away), away) + 0.0  # -0.0 becomes 0.0
+    def _signed(self, above: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
+        sense = np.array(self.sense, dtype=str)
+        above = np.where(sense == "at_most", -above, above)
+        return np.where(sense == "equals", -np.abs(above), above)
 
 
 @dataclass(frozen=True)
@@ -104,8 +120,8 @@ class ModeTable:
 
     name: tuple[str, ...] = field(metadata=scale_of("mode"))
     label: tuple[str, ...] = field(metadata=along("mode"))
-    before: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
-    after: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    before: Float[np.ndarray, " mode"] = field(metadata=HERTZ)
+    after: Float[np.ndarray, " mode"] = field(metadata=HERTZ)
     fraction_before: Float[np.ndarray, " mode"]
     fraction_after: Float[np.ndarray, " mode"]
     number: Int[np.ndarray, " mode"]
@@ -129,20 +145,10 @@ class Starts:
 class Optimum:
     """A design optimised to meet goals.
 
-    Attributes
-    ----------
-    unknown : tuple of str
-        Requested quantities that are unknown, and the keys that the design lacks.
-    objective : str
-        Description of the function that was minimised.
-    stationarity : float
-        See `Search.multipliers`.
-    fidelity, reason, error : str, str, float
-        Model of the modes, why, and its estimated relative error.
-    design : str
-        The optimised design as TOML.
-    goals : str
-        Text of the file of goals.
+    `unknown` are requested quantities that are unknown, with the keys that the design lacks;
+    `objective` describes what was minimised, `stationarity` is that of `solve.Search.multipliers`.
+    `fidelity`, `reason` and `error` are the model of the modes, why, and its estimated relative
+    error; `design` is the optimised design as TOML, `goals` the text of the file of goals.
     """
 
     numbers: Numbers

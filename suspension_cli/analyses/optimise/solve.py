@@ -1,58 +1,287 @@
-"""Optimisation of the numbers of a design to meet goals.
+"""Constrained search for the free numbers of a design that meets goals.
 
-Searches (`search`) start from the design itself and from the best designs of a Sobol sequence
-between the bounds, on the string model. The best result is the start of a search on the models that
-it needs, until it needs no more complete ones. Quantities of the result are those of its TOML, read
-back.
+Every limit is a smooth residual c(u) >= 0, the logarithm of value over limit or of limit over
+value, of the free numbers as fractions u of their ranges; an equality is two of opposite signs. A
+search (`scipy.optimize.minimize`, SLSQP; Kraft, DFVLR-FB 88-28 (1988)) is one of
+
+    minimise s      subject to  c + a + s >= 0  for some limits,  c + a >= 0  for others
+    minimise f(u)   subject to  c + a >= 0,
+
+where a allows violations that are already known to be unavoidable. Bounds always apply, also those
+of dependent numbers. If limits exclude each other, those that come first in the file of goals are
+met (`Search.compromise`; Charnes & Cooper, Management Models of Linear Programming (1961), on goals
+with priorities).
+
+Searches start from the design itself and from the best designs of a Sobol sequence between the
+bounds, on the string model. The best result is the start of a search on the models that it needs,
+until it needs no more complete ones. Quantities of the result are those of its TOML, read back.
 """
 
 from __future__ import annotations
 
+import contextlib
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.optimise.evaluate import Evaluator, Results
-from suspension_cli.analyses.optimise.free_parameters import FreeDesign
-from suspension_cli.analyses.optimise.mode_families import solve_modes
+from suspension_cli.analyses.optimise.evaluate import Evaluator, Results, solve_modes
 from suspension_cli.analyses.optimise.optimum import (
-    Limits,
+    EQUAL,
     ModeTable,
     Numbers,
     Optimum,
     Quantities,
     Starts,
 )
-from suspension_cli.analyses.optimise.quantities import Requirements
-from suspension_cli.analyses.optimise.search import EQUAL, FEASIBLE, Point, Search
+from suspension_cli.analyses.optimise.requirements import FreeDesign
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.models import choice, registry
 from suspension_cli.models.choice import TOLERANCE, Frequencies, Systems
 from suspension_cli.models.registry import Choice
+from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float
 
-STARTS, SEED = 6, 1
-"""Number of starts, and seed of all but the first."""
 SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
+MAX_ITERATIONS = 100
+"""Most iterations of each search."""
+PRECISION = 1e-10
+"""Change of the minimised function at which a search ends, and allowed deviation of equalities."""
+FEASIBLE = 1e-8
+"""Largest violation of a point that satisfies all limits with the margin of the goals."""
+ACTIVE = 1e-5
+"""Margin below which a limit is active."""
 SAME = 1e-2
 """Largest distance of equal designs, in fractions of the ranges between the bounds."""
-OBJECTIVE = {
-    "near": (
-        "half the squared distance from the starting design, in fractions of the ranges between the"
-        " bounds"
-    ),
-    "margin": "minus the smallest margin",
-}
-"""What is minimised without quantities to minimise or maximise."""
+PENALTY = 10.0
+"""Change for the worse of all values at an invalid design."""
+TERMS = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
+NEAREST = "half the squared distance from the starting design, in fractions of the ranges"
+OBJECTIVE = {"near": f"{NEAREST} between the bounds", "margin": "minus the smallest margin"}
+"""What is minimised, and without quantities to minimise or maximise."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A valid design: its fractions u, residuals c of all rows, and objective f.
+
+    `outside` is the largest excess of a dependent number over a bound.
+    """
+
+    fraction: Float[np.ndarray, " number"]
+    margin: Float[np.ndarray, " row"]
+    objective: float
+    outside: float
+
+    @property
+    def worst(self) -> float:
+        """Largest violation of a limit or a bound."""
+        return float(np.max(-self.margin, initial=0.0))
+
+    @property
+    def rank(self) -> tuple[float, ...]:
+        """Sort key (smallest is best): excess over bounds, violations, objective."""
+        total = float(np.maximum(-self.margin, 0.0).sum())
+        return *(round(x / EQUAL) for x in (self.outside, self.worst, total)), self.objective
+
+
+class Search:
+    """Constrained search for one design.
+
+    Its rows are the limits, with both signs of equalities, then bounds of dependent numbers: a
+    residual is one of the values of `Evaluator.logs`, with a sign, less an offset. `limit` is the
+    number of the limit of each row, from 0; -1 for a bound.
+    """
+
+    def __init__(self, evaluator: Evaluator) -> None:
+        self.evaluator, self.freed, goals = evaluator, evaluator.freed, evaluator.freed.goals
+        self._points: dict[bytes, Point | None] = {}
+        self._slopes: dict[bytes, Array] = {}
+        wanted, bounds = evaluator.requirements, int(self.freed.bounded.sum())
+        signs = {"at_least": (1,), "at_most": (-1,), "equals": (1, -1)}
+        limits = wanted.limits
+        columns = zip(limits.quantity, limits.sense, limits.asked, strict=True)
+        rows = [
+            (n, place, sign, sign * np.log(asked), sense == "equals")
+            for n, (place, sense, asked) in enumerate(columns)
+            for sign in signs[sense]
+        ]
+        rows += [(-1, len(wanted.quantities) + n, 1, 0, False) for n in range(bounds)]
+        limit, place, self._sign, offset, equal = np.array(rows, float).reshape(-1, 5).T
+        self.limit, self._place, self._equal = limit.astype(int), place.astype(int), equal > 0
+        inexact = ~self._equal & (limit >= 0)
+        self._offset = offset + inexact * goals.margin
+        self._weight = np.append(wanted.weight, np.zeros(bounds))
+        self._shares_margin = inexact & (goals.prefer == "margin") & (not self._weight.any())
+
+    def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
+        """Evaluate a point; None without a valid design."""
+        key = fraction.tobytes()
+        if key not in self._points:
+            self._points[key] = None
+            with contextlib.suppress(np.linalg.LinAlgError):
+                self._points[key] = self.judge(fraction, self.evaluator.at(fraction))
+        return self._points[key]
+
+    def judge(self, fraction: Float[np.ndarray, " number"], values: Array) -> Point | None:
+        """Residuals and objective of a design with these values; None if it is invalid."""
+        if not np.isfinite(values).all():
+            return None
+        margin = self._sign * values[self._place] - self._offset
+        away = fraction - self.freed.begin
+        objective = float(self._weight @ values if self._weight.any() else away @ away / 2)
+        if self._shares_margin.any():
+            objective = float(np.max(-margin[self._shares_margin]))
+        outside = float(np.max(-margin[self.limit < 0], initial=0.0))
+        return Point(fraction, margin, objective, outside)
+
+    def _gradients(self, point: Point) -> tuple[Array, Array]:
+        """Differentiate the residuals and the objective of a point."""
+        key = point.fraction.tobytes()
+        if key not in self._slopes:
+            self._slopes[key] = self.evaluator.slopes(point.fraction)
+        slope, away = self._slopes[key], point.fraction - self.freed.begin
+        gradient = self._weight @ slope if self._weight.any() else away
+        return self._sign[:, None] * slope[self._place], gradient
+
+    def run(self, point: Point) -> Point:
+        """Search from a point for one that violates no limit, and for the best of these."""
+        if point.worst > FEASIBLE:
+            point = self._minimise(point, self.limit >= 0)
+        return self._improve(point) if point.worst <= FEASIBLE else point
+
+    def _improve(self, point: Point) -> Point:
+        """Minimise the objective, with no violation larger than at a point."""
+        allowed = np.where(point.margin < -FEASIBLE, -point.margin, 0.0)
+        shared = self._shares_margin
+        if not shared.any():
+            return self._minimise(point, shared, allowed)
+        return point if allowed.any() else self._minimise(point, shared, least=-np.inf)
+
+    def compromise(self, point: Point) -> Point:
+        """Meet as many limits as possible, and approach the others as far as these permit.
+
+        Both in the order of the file of goals: a limit is met if it can be beside those before it,
+        and beside those that the point meets.
+        """
+        left = np.unique(self.limit[point.margin < -FEASIBLE]).tolist()
+        for n in list(left):
+            others = np.isin(self.limit, left) & (self.limit != n)
+            tried = self._minimise(point, self.limit == n, np.where(others, np.inf, 0.0))
+            if (tried.margin[self.limit == n] >= -FEASIBLE).all():
+                point = tried
+                left.remove(n)
+        allowed = np.where(np.isin(self.limit, left), np.inf, 0.0)
+        for n in left:
+            own = self.limit == n
+            allowed[own] = 0.0
+            point = self._minimise(point, own, allowed)
+            allowed[own] = np.maximum(-point.margin, 0.0)[own]
+        return self._improve(point) if left else point
+
+    def _minimise(
+        self,
+        start: Point,
+        shared: Bool[np.ndarray, " row"],
+        allowed: Float[np.ndarray, " row"] | float = 0.0,
+        least: float = 0.0,
+    ) -> Point:
+        """Minimise the largest violation of `shared` rows down to `least`; of none, the objective.
+
+        Other rows may be violated by `allowed`; infinite ones are dropped. Returns the best point
+        visited that violates no row more than that, or than at the start.
+        """
+        from scipy.optimize import minimize
+
+        size, any_shared = len(start.fraction), bool(shared.any())
+        allowed = np.broadcast_to(allowed, shared.shape)
+        kept, permitted = np.isfinite(allowed), np.maximum(allowed, -start.margin)
+        slack = np.where(kept, allowed, 0.0) + np.where(self._equal, PRECISION, 0.0)
+        column = shared[:, None][:, : int(any_shared)] * 1.0
+        visited = [start]
+
+        def cost(point: Point) -> tuple[float, float]:
+            violation = float(np.max(-point.margin[shared], initial=least))
+            excess = max(point.outside - FEASIBLE, 0.0)
+            return excess, violation if any_shared else point.objective
+
+        def is_permitted(point: Point) -> bool:
+            return bool((point.margin + permitted >= -FEASIBLE)[~shared].all())
+
+        def at(x: Array) -> Point:
+            """The point; for an invalid design the last one with a penalty."""
+            point, last = self.point(np.clip(x[:size], 0.0, 1.0)), visited[-1]
+            if point is None:
+                worse = last.margin - PENALTY, last.objective + PENALTY
+                return replace(last, margin=worse[0], objective=worse[1])
+            visited.append(point)
+            if any_shared and least == 0 and is_permitted(point) and cost(point) == (0.0, 0.0):
+                raise StopIteration
+            return point
+
+        rules: Any = {
+            "type": "ineq",
+            "fun": lambda x: (at(x).margin + slack + column @ x[size:])[kept],
+            "jac": lambda x: np.hstack([self._gradients(at(x))[0], column])[kept],
+        }
+        unit = np.append(np.zeros(size), 1.0)
+        with contextlib.suppress(StopIteration):
+            minimize(
+                lambda x: x[size] if any_shared else at(x).objective,
+                np.append(start.fraction, [cost(start)[1]] * any_shared),
+                jac=lambda x: unit if any_shared else self._gradients(at(x))[1],
+                bounds=[(0.0, 1.0)] * size + [(least, None)] * any_shared,
+                constraints=rules if kept.any() else (),
+                method="SLSQP",
+                options={"maxiter": MAX_ITERATIONS, "ftol": PRECISION},
+            )
+        return min(filter(is_permitted, visited), key=cost)
+
+    def multipliers(
+        self, point: Point
+    ) -> tuple[Float[np.ndarray, " limit"], Float[np.ndarray, "side number"], float]:
+        """Find active limits and bounds, with multipliers by non-negative least squares.
+
+        The multipliers meet the conditions of Karush, Kuhn and Tucker as well as possible: of the
+        sum of violations, if limits are violated, else of the objective. They are the decrease of
+        that function per unit by which the margin of a limit may shrink (NaN if it is not active),
+        and per shift of a bound by the distance between both. The last number is the norm of the
+        gradient that they do not balance, over that of the whole one.
+        """
+        from scipy.optimize import nnls
+
+        by, gradient = self._gradients(point)
+        violated, shared, size = point.margin < -FEASIBLE, self._shares_margin, len(gradient)
+        if violated.any():
+            gradient, shared = -by[violated].sum(0), np.zeros_like(shared)
+        reach = np.where(shared, np.min(point.margin, where=shared, initial=np.inf), 0.0)
+        near = (point.margin <= reach + ACTIVE) & ~violated
+        at = np.array([point.fraction, 1 - point.fraction]) <= FEASIBLE
+        matrix = np.vstack([by[near], np.eye(size)[at[0]], -np.eye(size)[at[1]]])
+        if shared.any():  # the multipliers of a smallest margin add up to 1
+            gradient = np.append(np.zeros(size), 1.0)
+            matrix = np.column_stack([matrix, np.append(shared[near], np.zeros(at.sum()))])
+        whole = float(np.linalg.norm(gradient))
+        weight, left = nnls(matrix.T, gradient) if matrix.size else (np.zeros(0), whole)
+        rows = np.zeros(len(by))
+        rows[near] = weight[: near.sum()] * np.where(self._equal, self._sign, 1.0)[near]
+        limit = np.full(len(self.evaluator.requirements.limits.name), np.nan)
+        active = near & (self.limit >= 0)
+        limit[self.limit[active]] = 0.0
+        np.add.at(limit, self.limit[active], rows[active])
+        bound = np.zeros(self.freed.bounded.shape)
+        bound[self.freed.bounded] = rows[self.limit < 0]
+        bound[:, :size][at] = weight[near.sum() :]
+        return limit, bound, float(left) / max(whole, 1e-12)
 
 
 def solve(
@@ -60,62 +289,50 @@ def solve(
     goals: Goals,
     *,
     level: str = registry.AUTO,
-    starts: int = STARTS,
-    seed: int = SEED,
+    starts: int = 1,
+    seed: int = 1,
     tolerance: float = TOLERANCE,
     report: Progress | None = None,
 ) -> Optimum:
-    """Optimise the free numbers of a design to meet goals.
+    """Optimise the free numbers of a design (TOML) to meet goals.
 
-    Parameters
-    ----------
-    text : str
-        The design as TOML.
-    goals : Goals
-    level : str
-        Model of all modes and responses, or ``auto``.
-    starts, seed : int
-        Number of starts, and seed of all but the first, which is the design itself.
-    tolerance : float
-        Relative error that ``auto`` may leave.
-    report : callable, optional
-        Called with (done, all, rate per second) after each start.
+    `level` is the model of all modes and responses, or ``auto``, which may leave the relative error
+    `tolerance`. Of the `starts` the first is the design itself. `report` is called with (done, all,
+    rate per second) after each.
 
-    Raises
-    ------
-    InputError
-        If the design lacks a number or quantity of the goals, or if dependent numbers lie outside
-        their bounds in all designs found.
+    Raises `InputError` if the design lacks a number or quantity of the goals, or if dependent
+    numbers lie outside their bounds in all designs found.
     """
-    models = registry.SCENE_MODELS
-    model_choice.demand_one_of(level, models, "cannot compute derivatives")
+    model_choice.demand_one_of(level, registry.SCENE_MODELS, "cannot compute derivatives")
     freed = FreeDesign.of(text, goals)
     evaluator = Evaluator.of(freed)
     _check_start(evaluator)
-    search, began, ends = Search(evaluator), time.monotonic(), list[tuple[float, Point | None]]()
-    begins = [freed.begin, *_choose_starts(evaluator, starts - 1, seed)]
-    for n, fraction in enumerate(begins, 1):
-        ends.append(search.run(fraction))
+    search, began, ends = Search(evaluator), time.monotonic(), list[Point | None]()
+    begins = [search.point(freed.begin)]
+    begins += _choose_starts(search, starts - 1, seed) if starts > 1 else []
+    for n, begin in enumerate(begins, 1):
+        ends.append(begin and search.run(begin))
         if report is not None:
             report(n, len(begins), n / (time.monotonic() - began))
-    best = min((point for _, point in ends if point is not None), key=lambda point: point.rank)
+    best = min((point for point in ends if point is not None), key=lambda point: point.rank)
     _check_bounds(freed, best)
     while True:  # models become more complete
-        systems = Systems(freed.design(best.fraction))
+        systems, cost = Systems(freed.design(best.fraction)), registry.by_name(evaluator.modes).cost
         compare = systems.compare(lambda _: Frequencies())
+        models = registry.SCENE_MODELS
         chosen = choice.choose(systems.design, level, models, compare, tolerance)
-        if chosen.model.cost < registry.by_name(evaluator.modes).cost:
-            chosen = choice.choose(systems.design, evaluator.modes, (), compare)
-            reason = chosen.reason.replace("as requested", "other designs of the search need it", 1)
-            chosen = replace(chosen, reason=reason)
+        if chosen.model.cost < cost:  # other designs of the search need another one
+            models = tuple(model for model in models if model.cost >= cost)
+            chosen = choice.choose(systems.design, level, models, compare, tolerance)
         most = registry.most_complete(systems.design).name if level == registry.AUTO else level
         needed = replace(evaluator, modes=chosen.level, responses=most)
         if needed == evaluator:
             break
         evaluator, search = needed, Search(needed)
-        best = search.run(best.fraction)[1] or best
+        begin = search.point(best.fraction)
+        best = search.run(begin) if begin else best
     best = search.compromise(best)
-    return _summarise(search, chosen, best, _starts(ends))
+    return _summarise(search, chosen, best, _starts(begins, ends))
 
 
 def _check_start(evaluator: Evaluator) -> None:
@@ -140,84 +357,84 @@ def _check_bounds(freed: FreeDesign, best: Point) -> None:
         raise InputError(faults)
 
 
-def _choose_starts(
-    evaluator: Evaluator, count: int, seed: int
-) -> list[Float[np.ndarray, " number"]]:
-    """Choose the designs of a Sobol sequence that violate limits least."""
+def _choose_starts(search: Search, count: int, seed: int) -> list[Point | None]:
+    """Choose the designs of a Sobol sequence that violate limits least, as a batch shows them.
+
+    There modes with labels are those most like the modes of the starting design.
+    """
     from scipy.stats import qmc
 
-    if count < 1:
-        return []
-    freed, search = evaluator.freed, Search(evaluator)
     how: dict[str, Any] = {"seed": seed}
-    samples = qmc.Sobol(len(freed.begin), **how).random(SAMPLES)
-    logs = evaluator.logs(samples, evaluator.follow(freed.begin, steps=1))
-    found = map(search.know, samples, logs)
-    good = [point for point in found if point is not None]
-    return [point.fraction for point in sorted(good, key=lambda point: point.worst)[:count]]
+    evaluator, begin = search.evaluator, search.freed.begin
+    samples = qmc.Sobol(len(begin), **how).random(SAMPLES)
+    found = map(search.judge, samples, evaluator.logs(samples, evaluator.follow(begin)))
+    good = sorted((point for point in found if point), key=lambda point: point.worst)
+    return [search.point(point.fraction) for point in good[:count]]
 
 
-def _starts(ends: list[tuple[float, Point | None]]) -> Starts:
+def _starts(begins: Sequence[Point | None], ends: Sequence[Point | None]) -> Starts:
     """Number the designs reached, the best first, equal ones alike."""
     place, seen = np.zeros(len(ends), dtype=np.int16), list[Point]()
-    arrived = [(point.rank, n, point) for n, (_, point) in enumerate(ends) if point is not None]
-    for _, n, point in sorted(arrived, key=lambda item: item[:2]):
+    reached = [(point.rank, n, point) for n, point in enumerate(ends) if point is not None]
+    for _, n, point in sorted(reached, key=lambda item: item[:2]):
         near = [np.abs(one.fraction - point.fraction).max() < SAME for one in seen]
         place[n] = [*near, True].index(True) + 1
         seen += [] if any(near) else [point]
-    after, objective = (
-        np.array([np.nan if point is None else getattr(point, name) for _, point in ends])
-        for name in ("worst", "objective")
-    )
-    return Starts(np.array([before for before, _ in ends]), after, objective, place)
+
+    def column(points: Sequence[Point | None], name: str) -> Array:
+        return np.array([np.nan if one is None else getattr(one, name) for one in points])
+
+    before, after = column(begins, "worst"), column(ends, "worst")
+    return Starts(before, after, column(ends, "objective"), place)
 
 
 def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> Optimum:
     """Assemble the result of a search from its best point."""
     evaluator, freed = search.evaluator, search.freed
-    limit, bound, stationarity = search.multipliers(best)
     wanted, items = evaluator.requirements, evaluator.requirements.quantities
-    ends = (freed.begin, best.fraction)
-    designs = [freed.design(one) for one in ends]
-    old, new = (
-        Results(evaluator, [design], evaluator.follow(one))
-        for design, one in zip(designs, ends, strict=True)
-    )
-    before, after = old.values[0], new.values[0]
-    before, after = (np.where(value < 0, np.nan, value) for value in (before, after))
-    levels = {"response": evaluator.responses, "of_mode": evaluator.modes}
-    mode = [
+    gain, bound_gain, stationarity = search.multipliers(best)
+    both = freed.begin, best.fraction
+    (start, design), (first, last) = map(freed.design, both), map(freed.values, both)
+    old = Results(evaluator, [start], evaluator.follow(freed.begin))
+    new = Results(evaluator, [design], evaluator.follow(best.fraction))
+    lower, upper = freed.bounds
+    at_lower, at_upper = freed.margins(best.fraction) <= EQUAL
+    before, after = (np.where(one.values < 0, np.nan, one.values)[0] for one in (old, new))
+    modes = [
         int(new.numbers[item.key[1]][0, item.key[2]]) if item.method == "of_mode" else -1
         for item in items
     ]
-    terms = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
-    lower, upper = freed.bounds
-    at_lower, at_upper = freed.margins(best.fraction) <= EQUAL
+    models = {"response": evaluator.responses, "of_mode": evaluator.modes}
     return Optimum(
         numbers=Numbers(
-            name=tuple(freed.values(best.fraction)),
-            tied=np.arange(len(lower)) >= len(freed.goals.free),
-            before=np.array(list(freed.values(freed.begin).values())),
-            after=np.array(list(freed.values(best.fraction).values())),
+            name=tuple(last),
+            tied=np.arange(len(lower)) >= len(freed.start),
+            before=np.array([*first.values()]),
+            after=np.array([*last.values()]),
             lower=lower,
             upper=upper,
             bound=at_upper * 1 - at_lower,
-            multiplier=np.where(np.isnan(upper - lower), np.nan, bound.sum(0)),
+            multiplier=np.where(np.isnan(upper - lower), np.nan, bound_gain.sum(0)),
         ),
         quantities=Quantities(
             name=tuple(item.text for item in items),
             unit=tuple(item.unit for item in items),
             before=before,
             after=after,
-            mode=np.array(mode),
+            mode=np.array(modes),
             weight=wanted.weight,
-            model=tuple(levels.get(item.method, "") for item in items),
+            model=tuple(models.get(item.method, "") for item in items),
         ),
-        limits=_limits(wanted, after, limit),
-        modes=_mode_table(evaluator, old, new, designs[1]),
+        limits=replace(
+            wanted.limits,
+            value=after[wanted.limits.quantity],
+            active=np.isfinite(gain),
+            multiplier=np.nan_to_num(gain),
+        ),
+        modes=_mode_table(evaluator, old, new, design),
         starts=starts,
         unknown=wanted.unknown,
-        objective=terms if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
+        objective=TERMS if wanted.weight.any() else OBJECTIVE[freed.goals.prefer],
         stationarity=stationarity,
         fidelity=chosen.level,
         reason=chosen.reason,
@@ -226,53 +443,19 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
     )
 
 
-def _limits(
-    wanted: Requirements,
-    quantity: Float[np.ndarray, " quantity"],
-    multiplier: Float[np.ndarray, " limit"],
-) -> Limits:
-    """Compare the limits with the optimised design."""
-    limits, sense = wanted.limits, np.array([limit.sense for limit in wanted.limits], dtype=str)
-    place = np.array([limit.quantity for limit in limits], dtype=int)
-    asked = np.array([limit.value for limit in limits], dtype=float)
-    with np.errstate(divide="ignore"):
-        log = np.log(quantity[place]) - np.log(asked)
-    equal = sense == "equals"
-    margin = np.where(equal, -np.abs(log), np.where(sense == "at_most", -log, log))
-    return Limits(
-        name=tuple(limit.name(wanted.quantities[limit.quantity]) for limit in limits),
-        goal=np.array([limit.goal + 1 for limit in limits], dtype=int),
-        quantity=place,
-        sense=tuple(sense.tolist()),
-        asked=asked,
-        unit=tuple(wanted.quantities[n].unit for n in place),
-        value=quantity[place],
-        margin=margin,
-        met=margin >= np.where(equal, -EQUAL, 0.0),  # NaN is not met
-        active=np.isfinite(multiplier),
-        multiplier=np.nan_to_num(multiplier),
-    )
-
-
 def _mode_table(evaluator: Evaluator, before: Results, after: Results, design: Design) -> ModeTable:
     """List the modes of both designs by family and rank; `design` is the optimised one."""
     families = evaluator.families
-    names = [
-        f"{families.name(k)} {n + 1}" for k, size in enumerate(families.size) for n in range(size)
-    ]
-    old, new = (
-        np.concatenate([own[0] for own in one.numbers[: len(families.size)]])
-        for one in (before, after)
-    )
+    counts = enumerate(families.size)
+    names = tuple(f"{families.name(k)} {n + 1}" for k, size in counts for n in range(size))
     label = solve_modes(registry.by_name(evaluator.modes).system(design)).label
-    frequency = [
-        np.where(one.frequency[0] < 0, np.nan, one.frequency[0]) for one in (before, after)
-    ]
+    old, new = (np.concatenate(one.numbers[:-1], axis=1)[0] for one in (before, after))
+    hertz = [np.where(one.frequency < 0, np.nan, one.frequency)[0] for one in (before, after)]
     return ModeTable(
-        name=tuple(names),
+        name=names,
         label=tuple(label[n] for n in new),
-        before=frequency[0][old],
-        after=frequency[1][new],
+        before=hertz[0][old],
+        after=hertz[1][new],
         fraction_before=before.top_fraction[0, old],
         fraction_after=after.top_fraction[0, new],
         number=new,

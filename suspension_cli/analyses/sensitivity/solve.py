@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.optimise.mode_families import solve_modes
+from suspension_cli.analyses.optimise.evaluate import solve_modes
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit

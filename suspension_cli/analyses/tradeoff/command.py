@@ -14,7 +14,7 @@ from suspension_cli.analyses.options import option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.tradeoff.result import Tradeoff
+    from suspension_cli.analyses.tradeoff.measure import Tradeoff
 
 QUANTITIES = ("modes", "response", "thermal", "coupling")
 
@@ -31,7 +31,7 @@ class TradeoffAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.result.Tradeoff`: `answers`, `entries`.
+        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`.
 
     Raises
     ------
@@ -51,7 +51,7 @@ class TradeoffAnalysis(Analysis):
     """
 
     name = "tradeoff"
-    result_type = "analyses.tradeoff.result.Tradeoff"
+    result_type = "analyses.tradeoff.measure.Tradeoff"
     has_model = False
     arguments = (options.DESIGN,)
     parameters = (
@@ -100,44 +100,30 @@ class TradeoffAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return the advice for each question, and all times and errors."""
-        from suspension_cli.analyses.tradeoff.result import format_time
+        from suspension_cli.analyses.tradeoff.measure import format_time
         from suspension_cli.models.choice import percent
 
         found: Tradeoff = result.data
         names = dict.fromkeys(one.model for answer in found.answers for one in answer.options)
-        advice, rows = [], []
+        rows = []
         for answer in found.answers:
-            advice.append((answer.question, answer.advice))
             cells = dict.fromkeys(names, "-")
             for one in answer.options:
                 error = "reference" if one.model == answer.reference else percent(one.error)
                 cells[one.model] = f"{format_time(one.time)}, {error}"
             rows.append((answer.question, *cells.values()))
-        heads = ("question", f"fastest model {found.within}"), ("processor time and error", *names)
-        parts = [
-            tables.render(dict.fromkeys(head, ""), table)
-            for head, table in zip(heads, (advice, rows), strict=True)
-        ]
-        return "\n\n".join([*parts, "\n".join(_left_out(found))]).rstrip()
+        heads = {"question": "", f"fastest model {found.within}": ""}
+        advice = [(answer.question, answer.advice) for answer in found.answers]
+        times = tables.render(dict.fromkeys(("processor time and error", *names), ""), rows)
+        reasons = (f"{one.model} left out: {one.left_out}" for one in found.entries if one.left_out)
+        parts = tables.render(heads, advice), times, "\n".join(dict.fromkeys(reasons))
+        return "\n\n".join(parts).rstrip()
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw error against time, a chart per question."""
         from suspension_cli.analyses.tradeoff import picture
 
         return {"": picture.draw(result.data, result.title)}
-
-
-def _left_out(found: Tradeoff) -> list[str]:
-    """List the models that are left out, a line per model and reason."""
-    lines: dict[tuple[str, str], list[str]] = {}
-    for entry in found.entries:
-        if entry.left_out:
-            asked = entry.question.partition(",")[0]
-            lines.setdefault((entry.model, entry.left_out), []).append(asked)
-    return [
-        f"{model} left out{'' if len(asked) == len(found.answers) else f' of {asked[0]}'}: {reason}"
-        for (model, reason), asked in lines.items()
-    ]
 
 
 ANALYSIS = TradeoffAnalysis()

@@ -1,4 +1,4 @@
-"""Questions about a design, which each model answers with its own time and error."""
+"""Time and error of each model for questions about a design, and which model to use."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,27 +19,35 @@ from suspension_cli.analyses.growth import find_growth
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.analyses.thermal import solve as thermal
-from suspension_cli.analyses.tradeoff.result import Entry, Tradeoff
 from suspension_cli.analyses.xcouple.command import axes
 from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep, parse_request
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
+from suspension_cli.files.declared import INLINE, along, in_unit
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.choice import away_from_modes, relative_change, spectrum_change
+from suspension_cli.models.choice import (
+    TOLERANCE,
+    away_from_modes,
+    percent,
+    relative_change,
+    spectrum_change,
+)
+from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
-    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.base import Model
 
-    Spectrum = tuple[LinearSystem, np.ndarray]
-    """A linear system, and its response or noise on the grid of a question."""
+    Posed = tuple[Any, Callable[[], object]]
+    """The result of a model, and the function whose time counts."""
+    Spectrum = tuple[LinearSystem, Array]
 
 FREQUENCIES = 200
 """Number of frequencies of a response or noise."""
@@ -52,31 +61,113 @@ BUDGET = 1.0
 """Processor time after which a function is not sampled again, s."""
 RESOLUTION = time.get_clock_info("process_time").resolution
 """Least time, s, as others are divided by it."""
+WORTHWHILE = 1.2
+"""Ratio of times from which a faster model is named as an alternative."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Time and error of one model for one question about a design.
+
+    `time` is the median processor time of one result, design or build, s; `left_out` says why it is
+    NaN. `error` is the largest relative one against the most complete model that has a result (its
+    own is 0; NaN without a result), `where` its mode or frequency.
+    """
+
+    quantity: str
+    question: str
+    model: str
+    time: float = field(metadata=in_unit("s"))
+    error: float
+    where: str
+    left_out: str
+
+    @property
+    def size(self) -> str:
+        """The error in words: ``15 % (test pitch)``."""
+        return percent(self.error) + (f" ({self.where})" if self.where else "")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """All models on one question, from the simplest to the most complete."""
+
+    entries: tuple[Entry, ...]
+
+    @property
+    def question(self) -> str:
+        """What is asked."""
+        return self.entries[0].question
+
+    @property
+    def reference(self) -> str:
+        """Name of the model against which errors are taken; "" if there is none."""
+        return next((e.model for e in reversed(self.entries) if not math.isnan(e.error)), "")
+
+    @property
+    def options(self) -> list[Entry]:
+        """The models that are not left out."""
+        return [entry for entry in self.entries if 0 < entry.time < math.inf]
+
+    @property
+    def best(self) -> Entry | None:
+        """The fastest model within the tolerance, else the most accurate; None if there is none."""
+        good = [entry for entry in self.options if entry.error <= TOLERANCE]
+        if good:
+            return min(good, key=lambda entry: entry.time)
+        return min(self.options, key=lambda entry: entry.error, default=None)
+
+    @property
+    def advice(self) -> str:
+        """Which model to use and why, in one sentence."""
+        best = self.best
+        if best is None:
+            return f"left out: {self.entries[-1].left_out}"
+        if best.error > TOLERANCE:
+            return f"Use {best.model}: it is off by {best.size}, the others by more."
+        faster = [entry for entry in self.options if WORTHWHILE * entry.time < best.time]
+        if faster:
+            other = min(faster, key=lambda entry: entry.error)
+            ratio = f"{float(f'{best.time / other.time:.2g}'):g}"
+            return (
+                f"Use {best.model}: {other.model} is {ratio} times faster, but off by {other.size}."
+            )
+        fastest = best.time <= min(entry.time for entry in self.options)
+        why = "no other model is faster" if fastest else "simpler models save hardly any time"
+        return f"Use {best.model}: {why}."
+
+
+@dataclass(frozen=True)
+class Tradeoff:
+    """Times and errors of all models for all questions about a design."""
+
+    entries: tuple[Entry, ...] = field(metadata=along("entry") | INLINE)
+
+    @cached_property
+    def answers(self) -> list[Answer]:
+        """The entries by question."""
+        return [Answer(tuple(part)) for _, part in groupby(self.entries, lambda e: e.question)]
+
+    @property
+    def within(self) -> str:
+        """Tolerance and reference of the advice: ``within 0.1 % of violin``."""
+        names = dict.fromkeys(answer.reference for answer in self.answers if answer.reference)
+        return f"within {percent(TOLERANCE)} of {' or '.join(names)}"
 
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked about a design.
+    """What is asked about a design: one of `command.QUANTITIES`, and words.
 
-    Attributes
-    ----------
-    quantity, text
-        One of `command.QUANTITIES`, and words.
-    solve
-        Result in one model. Raises `InputError` if that has none.
-    compare
-        Largest relative error of a result against the true one, and where it is.
-    prepare
-        Makes the function whose time counts, if that is not `solve`; raises like that.
-    count
-        Number of designs or builds that are computed together; times are for one.
+    `pose` gives the result of a model, or raises `InputError` if it has none; `compare` gives the
+    largest relative error of a result against the true one, and where it is. Times are for one of
+    the `count` designs or builds that are computed together.
     """
 
     quantity: str
     text: str
-    solve: Callable[[Model], Any]
+    pose: Callable[[Model], Posed]
     compare: Callable[[Any, Any], tuple[float, str]]
-    prepare: Callable[[Model], Callable[[], object]] | None = None
     count: int = 1
 
 
@@ -95,22 +186,28 @@ def ask(source: Source) -> tuple[Question, ...]:
         worst = int(np.argmax(error))
         return float(error[worst]), true.label[here[worst]]
 
+    def sweep(model: Model) -> Posed:
+        return modes(model), _sweep(source, model)
+
     text = f"mode frequencies in a sweep, each of {DESIGNS} designs"
-    sweep = partial(_prepare_sweep, source)
     return (
-        Question("modes", "mode frequencies", modes, compare),
-        Question("modes", text, modes, compare, sweep, DESIGNS),
-        _spectrum(source, "response", "response", 0.1, 10.0),
-        _spectrum(source, "response", "response", 50.0, 1000.0),
-        _spectrum(source, "thermal", "thermal noise", 10.0, 100.0),
+        Question("modes", "mode frequencies", lambda m: (modes(m), partial(modes, m)), compare),
+        Question("modes", text, sweep, compare, DESIGNS),
+        _spectrum(source.design, "response", "response", 0.1, 10.0),
+        _spectrum(source.design, "response", "response", 50.0, 1000.0),
+        _spectrum(source.design, "thermal", "thermal noise", 10.0, 100.0),
         _coupling(source),
     )
 
 
-def _prepare_sweep(source: Source, model: Model) -> Callable[[], object]:
+def _sweep(source: Source, model: Model) -> Callable[[], object]:
     """Prepare a sweep of the mirror's mass, as `pendsus sweep` computes it."""
-    if model.has_wire_mass:
+
+    def refuse() -> None:
         raise InputError.of("", "a sweep follows the modes of wires without mass", "")
+
+    if model.has_wire_mass:
+        return refuse
     name = mirror(source.design)
     body = next(stage.body for stage in source.design.stage if stage.name == name)
     key = "density" if body.mass is None else "mass"
@@ -121,27 +218,27 @@ def _prepare_sweep(source: Source, model: Model) -> Callable[[], object]:
     return partial(job.compute, 0, DESIGNS)
 
 
-def _spectrum(source: Source, quantity: str, words: str, low: float, high: float) -> Question:
+def _spectrum(design: Design, quantity: str, words: str, low: float, high: float) -> Question:
     """Response of the mirror to the support along x, or its thermal noise, over frequencies."""
-    design, frequency = source.design, np.geomspace(low, high, FREQUENCIES)
+    frequency, observed = np.geomspace(low, high, FREQUENCIES), f"{mirror(design)}.x"
 
-    def solve_response(model: Model) -> Spectrum:
+    def solve(model: Model) -> Spectrum:
         system = model.system(design)
+        if quantity == "thermal":
+            motion = thermal.parse_motion(system, observed)
+            warmth = design.constants.temperature
+            return system, thermal.solve(system, frequency, [motion], warmth)[0].amplitude
         known = signals.bodies_with_signals(system)
-        into = signals.parse_input("support.x", known)
-        out = signals.parse_output(f"{mirror(design)}.x", known)
+        into, out = signals.parse_input("support.x", known), signals.parse_output(observed, known)
         return system, response.solve(system, frequency, [into], [out]).value[:, 0, 0]
 
-    def solve_noise(model: Model) -> Spectrum:
-        if not model.bends_wires:
+    def pose(model: Model) -> Posed:
+        if quantity == "thermal" and not model.bends_wires:
             raise InputError.of("", "it does not know where along a wire its loss acts", "")
-        system = model.system(design)
-        motion = thermal.parse_motion(system, f"{mirror(design)}.x")
-        warmth = design.constants.temperature
-        found = thermal.solve(system, frequency, [motion], warmth)[0].amplitude
-        if not found.any():
+        found = solve(model)
+        if quantity == "thermal" and not found[1].any():
             raise InputError.of("", "nothing dissipates", "")
-        return system, found
+        return found, partial(solve, model)
 
     def compare(found: Spectrum, true: Spectrum) -> tuple[float, str]:
         """Compare at sampled frequencies away from the modes of bodies."""
@@ -151,38 +248,37 @@ def _spectrum(source: Source, quantity: str, words: str, low: float, high: float
         return float(change[worst]), f"at {frequency[at[worst]]:.4g} Hz"
 
     text = f"{words} from {low:g} to {high:g} Hz, {FREQUENCIES} frequencies"
-    solve = solve_response if quantity == "response" else solve_noise
-    return Question(quantity, text, solve, compare)
+    return Question(quantity, text, pose, compare)
 
 
 def _coupling(source: Source) -> Question:
     """Cross-coupling of imperfect builds: wire, signals and frequency of `pendsus xcouple`."""
-    analysis = analyses.get("xcouple")
-    setting = settings.merge(analysis, source, {})
+    setting = settings.merge(analyses.get("xcouple"), source, {})
     asked = parse_request(registry.STRING.system(source.design), setting, mirror(source.design))
     asked = replace(asked, frequency=asked.frequency[:1])
     job = Sweep(source.text, axes("k,offset", {}), asked)
 
-    def solve(model: Model) -> np.ndarray:
+    def pose(model: Model) -> Posed:
         if not model.supports_builds:
             raise InputError.of("", "it has no imperfect builds", "")
         if job.question.wire < 0:
             raise InputError.of("", "the mirror hangs on no wire", "")
-        found = replace(job, level=model.name).compute(0, job.count)["ratio"]
+        work = partial(replace(job, level=model.name).compute, 0, job.count)
+        found = work()["ratio"]
         if not np.isfinite(found).any():
             raise InputError.of("", "no imperfect build has a stable equilibrium on taut wires", "")
         if not np.nanmax(np.abs(found)) > ROUNDING:
             raise InputError.of("", "these imperfections couple nothing", "")
-        return found
+        return found, work
 
-    def compare(found: np.ndarray, true: np.ndarray) -> tuple[float, str]:
+    def compare(found: Array, true: Array) -> tuple[float, str]:
         """Compute the largest error over the largest coupling; infinite if no build has both."""
         change = relative_change(found, true)
         return math.inf if math.isnan(change) else change, "of the largest"
 
     at = f"{asked.frequency[0]:.4g} Hz"
     text = f"cross-coupling at {at}, each of {job.count} imperfect builds"
-    return Question("coupling", text, solve, compare, count=job.count)
+    return Question("coupling", text, pose, compare, job.count)
 
 
 def measure(
@@ -210,16 +306,14 @@ def _answer(question: Question, invalid: dict[Model, str]) -> list[Entry]:
     reasons, results, works = dict(invalid), {}, {}
     for model in [model for model, reason in reasons.items() if not reason]:
         try:
-            results[model] = question.solve(model)
-            prepare = question.prepare
-            work = prepare(model) if prepare else partial(question.solve, model)
+            results[model], work = question.pose(model)
             work()  # fills caches
             works[model] = work
         except InputError as error:
             reasons[model] = error.faults[0].problem
-    exact = results[max(results, key=registry.MODELS.index)] if results else None
+    exact = [*results.values()][-1:]
     errors = {
-        model: (0.0, "") if found is exact else question.compare(found, exact)
+        model: (0.0, "") if found is exact[0] else question.compare(found, exact[0])
         for model, found in results.items()
     }
     times = dict(zip(works, median_times([*works.values()]), strict=True))
@@ -241,10 +335,9 @@ def _explain_invalid(model: Model, design: Design) -> str:
     if why := model.unsuitable(design):
         return why
     try:
-        grows = find_growth(design, model, model.system(design))
-        if grows is not None:
+        if grows := find_growth(design, model, model.system(design)):
             remedy = f"{grows.fault.remedy}; responses of an unstable design are not compared"
-            raise InputError([Fault(grows.fault.key, grows.fault.problem, remedy)])
+            raise InputError([replace(grows.fault, remedy=remedy)])
     except InputError as error:
         if model == registry.most_complete(design):
             raise
@@ -266,3 +359,15 @@ def median_times(works: Sequence[Callable[[], object]]) -> list[float]:
                 work()
                 taken.append(max(time.process_time() - begin, RESOLUTION))
     return [statistics.median(taken) for taken in samples]
+
+
+def unit_of_time(seconds: float) -> tuple[str, float]:
+    """Return the unit in which a time is at least 1, and its size in s."""
+    units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
+    return next((unit for unit in units if seconds >= unit[1]), units[-1])
+
+
+def format_time(seconds: float) -> str:
+    """Format a time with two digits: ``2.3 ms``."""
+    unit, size = unit_of_time(seconds)
+    return f"{float(f'{seconds / size:.2g}'):g} {unit}"

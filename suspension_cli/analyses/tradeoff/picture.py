@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.tradeoff.result import Answer, Tradeoff, unit_of_time
+from suspension_cli.analyses.tradeoff.measure import Answer, Tradeoff, unit_of_time
 from suspension_cli.drawing import labels, panels
 from suspension_cli.drawing.panels import Across, Panel
 from suspension_cli.drawing.style import NOTE, PALE, PALETTE

@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.optimise.free_parameters import FreeDesign
+from suspension_cli.analyses.optimise.requirements import FreeDesign
 from suspension_cli.design import goals, reader
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
 from suspension_cli.linear import eigenmodes

@@ -8,7 +8,7 @@ import tomli_w
 
 import suspension_cli as sus
 from suspension_cli.analyses.tradeoff import picture
-from suspension_cli.analyses.tradeoff.result import Answer, Entry, format_time
+from suspension_cli.analyses.tradeoff.measure import Answer, Entry, format_time
 from suspension_cli.drawing.panels import COLUMN
 from tests.support import scenes
 from tests.support.commandline import python
