@@ -14,8 +14,8 @@ from suspension_cli.analyses.modes.picture import Panel
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, style
-from suspension_cli.drawing.canvas import full_canvas
 from suspension_cli.drawing.geometry import Sketch
+from suspension_cli.drawing.parts import full_canvas
 from suspension_cli.drawing.style import NOTE
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.eigenmodes import Modes

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from suspension_cli.conventions import DOFS, WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, panels, parts, style
-from suspension_cli.drawing.canvas import Canvas, full_canvas
 from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Outline, Sketch, View
-from suspension_cli.drawing.parts import Look
+from suspension_cli.drawing.parts import Canvas, Look, full_canvas
 from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
@@ -226,7 +225,7 @@ def _mark_rotation(
         lines.append((moved, [0 * rim, rim], colour, THIN, {"order": 4}))
         lines.append((moved, [0.82 * rim, rim], colour, 3.4 * THIN, {"order": 4}))
     for sketch, ends, ink, width, look in lines:
-        line = geometry.position_of(sketch.scene, sketch.pose, n, np.array(ends))
+        line = sketch.locate(n, np.array(ends))
         canvas.line(view.see(line), ink, width, **look)
 
 
