@@ -245,6 +245,9 @@ def _dimension_texts(shape: SetGeometry) -> tuple[tuple[str, ...], tuple[str, ..
 def _write_leaders(canvas: Canvas, x: float, notes: Sequence[tuple[Array, str]], side: str) -> None:
     """Write texts in a column that ends ("right") or begins at x, with lines to their targets."""
     out = 1 if side == "right" else -1
+    # parts behind each other have the same notes
+    places = {(text, *target.round(1).tolist()): (target, text) for target, text in notes}
+    notes = [*places.values()]
     levels = spread([float(target[1]) for target, _ in notes], LINE)
     for (target, text), y in zip(notes, levels, strict=True):
         line = [[x + 0.02 * out, y], [x + 0.1 * out, y], target]
