@@ -49,6 +49,29 @@ def phase_line(
     return np.insert(x, jumps, np.nan), np.insert(phase, jumps, np.nan)
 
 
+def ordinates(values: Array, scale: str) -> Array:
+    """Values on an axis of `panels.Scale`; NaN where a logarithm does not exist."""
+    if scale == "phase":
+        complexes = np.iscomplexobj(values)
+        return wrap(np.degrees(np.angle(values))) if complexes else values
+    if scale == "linear":
+        return values.astype(float)
+    size = np.abs(values) if np.iscomplexobj(values) else values.astype(float)
+    size = np.where(size > 0, size, np.nan)
+    return 20 * np.log10(size) if scale == "db" else size
+
+
+def limit_sizes(size: Array, scale: str) -> tuple[float, float] | None:
+    """Limits of an axis of magnitudes, "db" or "log", a little beyond them."""
+    size = size[np.isfinite(size) & (size > 0)]
+    if not len(size):
+        return None
+    low, high = 20 * np.log10(size.min()), 20 * np.log10(size.max())
+    room = 0.04 * max(high - low, 6.0)
+    low, high = float(low - room), float(high + room)
+    return (low, high) if scale == "db" else (10 ** (low / 20), 10 ** (high / 20))
+
+
 def limit_spectrum(total: Array) -> tuple[float, float] | None:
     """Limits of an axis of spectral densities: those of the sum, with room for its parts."""
     total = total[np.isfinite(total) & (total > 0)]

@@ -409,7 +409,7 @@ def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:
     if len(x) == 1 and "marker" not in look:
         look |= {"marker": "o", "markersize": 3}
     if line.error is not None:
-        low, high = (_ordinates(np.asarray(end), scale) for end in line.error)
+        low, high = (curves.ordinates(np.asarray(end), scale) for end in line.error)
         if scale == "phase":  # an error of the size is one of the angle
             off = np.degrees(np.abs(np.asarray(line.error[1]) - y) / np.abs(y))
             low, high = low - off, high + off
@@ -417,21 +417,9 @@ def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:
     if scale == "phase" and np.iscomplexobj(y) and not line.is_dotted:
         x, y = curves.phase_line(x, y)
     else:
-        y = _ordinates(y, scale)
+        y = curves.ordinates(y, scale)
     axes.plot(x, y, color=line.colour, label=line.name, **look)
     return x, y
-
-
-def _ordinates(values: Array, scale: Scale) -> Array:
-    """Values on the axis; NaN where a logarithm does not exist."""
-    if scale == "phase":
-        complexes = np.iscomplexobj(values)
-        return curves.wrap(np.degrees(np.angle(values))) if complexes else values
-    if scale == "linear":
-        return values.astype(float)
-    size = np.abs(values) if np.iscomplexobj(values) else values.astype(float)
-    size = np.where(size > 0, size, np.nan)
-    return 20 * np.log10(size) if scale == "db" else size
 
 
 def _name_rows(axes: Axes, panel: Panel) -> None:
@@ -472,7 +460,7 @@ def _limit_upright(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]
     if limits is None and panel.scale in ("db", "log"):
         sizes = [(x, 10 ** (y / 20) if panel.scale == "db" else y) for x, y in drawn]
         kept = [size[curves.find_tops(x, size)[1]] for x, size in sizes]
-        limits = limit_sizes(np.concatenate([np.zeros(0), *kept]), panel.scale)
+        limits = curves.limit_sizes(np.concatenate([np.zeros(0), *kept]), panel.scale)
     if limits is not None:
         axes.set_ylim(*limits)
     low, high = sorted(axes.get_ylim())
@@ -488,17 +476,6 @@ def _limit_upright(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]
         for edge, beyond, mark in ((low, below, "v"), (high, above, "^")):
             look: Any = {"color": line.colour, "ms": 3, "clip_on": False, "label": "_beyond"}
             axes.plot(x[beyond], np.full(int(beyond.sum()), edge), mark, **look)
-
-
-def limit_sizes(size: Array, scale: Scale) -> tuple[float, float] | None:
-    """Limits of an axis of magnitudes, "db" or "log", a little beyond them."""
-    size = size[np.isfinite(size) & (size > 0)]
-    if not len(size):
-        return None
-    low, high = 20 * np.log10(size.min()), 20 * np.log10(size.max())
-    room = 0.04 * max(high - low, 6.0)
-    low, high = float(low - room), float(high + room)
-    return (low, high) if scale == "db" else (10 ** (low / 20), 10 ** (high / 20))
 
 
 def _find_peaks(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.drawing import panels
+from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import PALETTE, LineLook, stage_colours
@@ -123,7 +123,7 @@ def draw_measured(
         own = [n for n, one in enumerate(measured) if one.data.unit == unit]
         lines = [lines[n] for lines in (models, points) for n in own]
         key = [Line([], [], one.data.name, *look) for one, look in both if one.data.unit == unit]
-        limits = panels.limit_sizes(np.concatenate([_nearby(measured[n]) for n in own]), kind)
+        limits = curves.limit_sizes(np.concatenate([_nearby(measured[n]) for n in own]), kind)
         peaks = [peak for n in own for peak in _peaks(measured[n], kind)]
         height = float(np.clip(ALL / len(units), 1.1, TALL))
         label, key = _label_magnitude(unit, kind), key if many else ()
@@ -133,7 +133,7 @@ def draw_measured(
     clear = np.concatenate([np.ones(1), *(np.abs(one.ratio[one.clear]) for one in measured)])
     rule = Rule(0.0 if kind == "db" else 1.0, dashes="-")
     label = "meas./model (dB)" if kind == "db" else "|meas./model|"
-    limits = panels.limit_sizes(clear, kind)
+    limits = curves.limit_sizes(clear, kind)
     shown.append(Panel(label, ratios, 1.3, kind, limits, key=(), rules=[rule]))
     name = "Transfer functions" if many else f"Transfer function {measured[0].data.name}"
     return panels.draw(f"{name}: points measured, lines modelled", title, shown)

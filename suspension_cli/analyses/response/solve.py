@@ -77,7 +77,7 @@ def find_peaks(
             negative_size,
             ((low - middle) / span, 0.0 * span, (high - middle) / span),
             args=(pair, middle, span),
-            tolerances={"xatol": 1e-8, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
+            tolerances={"xatol": 1e-6, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
         )
         better = -found.f_x > best[pair]
         best[pair[better]] = -found.f_x[better]
