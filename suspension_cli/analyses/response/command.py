@@ -272,11 +272,10 @@ def _request(
 
     from suspension_cli.analyses.damp import control
     from suspension_cli.analyses.response import measured
-    from suspension_cli.analyses.response.solve import ClosedTransfer
+    from suspension_cli.analyses.response.solve import make_transfer
     from suspension_cli.design.derive import mirror
     from suspension_cli.grids import parse_frequencies
     from suspension_cli.linear import signals
-    from suspension_cli.models.choice import Transfer
 
     bodies = signals.bodies_with_signals(model)
     for item in items:
@@ -286,15 +285,10 @@ def _request(
         frequency = measured.default_grid(items)
     else:
         frequency = np.array(parse_frequencies(setting["frequency"]))
-    wanted = Transfer(
-        [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
-        [signals.parse_output(text, bodies) for text in outputs or (f"{mirror(design)}.x",)],
-        frequency,
-    )
-    if not setting["closed_loop"]:
-        return wanted
-    control.demand_loops(design)
-    return ClosedTransfer(**vars(wanted), design=design)
+    names = inputs or ["support.x"], outputs or [f"{mirror(design)}.x"]
+    if setting["closed_loop"]:
+        control.demand_loops(design)
+    return make_transfer(design, model, names, frequency, closed=setting["closed_loop"])
 
 
 ANALYSIS = ResponseAnalysis()

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.response.solve import make_transfer
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import PALETTE, LineLook, stage_colours
-from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.response import Response
-from suspension_cli.models.choice import Transfer
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
@@ -86,16 +86,10 @@ def refine(result: Result) -> Response:
 
     def build() -> tuple[Solve, Array]:
         model = result.linear_system or result.choice.model.system(result.design)
-        known = signals.bodies_with_signals(model)
-        inputs = [signals.parse_input(text, known) for text in data.input]
-        outputs = [signals.parse_output(text, known) for text in data.output]
-        if data.closed_loop:
-            from suspension_cli.analyses.response.solve import ClosedTransfer
-
-            closed = ClosedTransfer(inputs, outputs, data.frequency, result.design)
-            return partial(closed.values, model), np.empty(0)
-        modes = eigenmodes.solve(model.constant).frequency
-        return partial(Transfer(inputs, outputs, data.frequency).values, model), modes
+        names, closed = (data.input, data.output), data.closed_loop
+        wanted = make_transfer(result.design, model, names, data.frequency, closed=closed)
+        modes = np.empty(0) if closed else eigenmodes.solve(model.constant).frequency
+        return partial(wanted.values, model), modes
 
     few = data.value[0].size <= MANY
     frequency, value = add_from_model(build, data.frequency, data.value, few=few)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ from scipy.optimize import elementwise
 
 from suspension_cli.analyses.damp import control
 from suspension_cli.drawing.added_points import NARROWEST, add_points
+from suspension_cli.linear import signals
 from suspension_cli.linear.response import Peaks, Response
 from suspension_cli.models.choice import Transfer
 from suspension_cli.scene.arrays import Array, Index
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
 
+Names = tuple[Sequence[str], Sequence[str]]
 LOW = 0.1
 """Fraction of the largest magnitude on the grid from which a peak may be the largest."""
 
@@ -37,6 +39,18 @@ class ClosedTransfer(Transfer):
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
         plant, at = control.build_plant(self.design, model), np.asarray(frequency)
         return control.solve_responses(plant, at, self.inputs, self.outputs).value
+
+
+def make_transfer(
+    design: Design, model: LinearSystem, names: Names, frequency: Array, *, closed: bool
+) -> Transfer:
+    """Responses between inputs and outputs given by name, with all loops closed or not."""
+    bodies, (inputs, outputs) = signals.bodies_with_signals(model), names
+    into = [signals.parse_input(text, bodies) for text in inputs]
+    out = [signals.parse_output(text, bodies) for text in outputs]
+    if closed:
+        return ClosedTransfer(into, out, frequency, design)
+    return Transfer(into, out, frequency)
 
 
 def find_peaks(
