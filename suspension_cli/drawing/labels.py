@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from numpy.typing import ArrayLike
 
+    from suspension_cli.scene.arrays import Array
+
 LIFT = 0.1
 """Height above axes at which the frequencies of peaks stand, in."""
 FARTHEST = 2.5
@@ -81,46 +83,37 @@ def label_ends(
 ) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
-    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits. The
-    axes have their limits and place; `ends` are abscissas, ordinates, label and colour of each
-    line, `most` the characters of a label.
+    A line that ends outside the panel gets an arrow up or down. The axes have their limits and
+    place; `ends` are abscissas, ordinates, label and colour of each line, `most` the characters of
+    a label.
     """
-    drawn: list[Text | Line2D] = []
+    box, inch = axes.get_window_extent(), axes.figure.dpi
+    raw = [_end_height(axes, np.asarray(x, float), np.asarray(y, float)) for x, y, *_ in ends]
+    gap = 1.18 * SMALL * inch / 72 / box.height
+    # outside the panel the order is that of the values
+    places = spread([min(max(at, 1e-6 * at), 1.0) for at in raw], gap, 0.0, 1.0)
+    for at, real, (*_, name, colour) in zip(places, raw, ends, strict=True):
+        outside = "↓ " if real < -5e-3 else "↑ " if real > 1.005 else ""
+        plain = name if name.startswith("$") else single_line(shorten(name, most))
+        look: Any = {"va": "center", "fontsize": SMALL, "color": colour, "annotation_clip": False}
+        look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axes.annotate(outside + plain, (1, at), (8, 0), **look)
+        if not outside and abs(at - real) > 0.3 * gap:
+            across = 1 + 6 * inch / 72 / box.width
+            leader = Line2D([1, across], [real, at], color=colour, lw=0.6, clip_on=False)
+            leader.set_transform(axes.transAxes)
+            axes.add_line(leader)
 
-    def height(abscissas: ArrayLike, ordinates: ArrayLike) -> float:
-        """Height of the last point within the limits, as a fraction of the axes."""
-        x, y = np.asarray(abscissas, dtype=float), np.asarray(ordinates, dtype=float)
-        low, high = sorted(axes.get_xlim())
-        shown = y[np.isfinite(y) & (x >= low) & (x <= high)]
-        box = axes.get_window_extent()
-        with np.errstate(invalid="ignore", divide="ignore"):
-            last = axes.transData.transform((high, shown[-1] if len(shown) else np.nan))[1]
-        return float((last - box.y0) / box.height) if np.isfinite(last) else -1e-2
 
-    def place(_axes: Axes | None = None) -> None:
-        while drawn:
-            drawn.pop().remove()
-        box, inch = axes.get_window_extent(), axes.figure.dpi
-        raw = [height(x, y) for x, y, *_ in ends]
-        gap = 1.18 * SMALL * inch / 72 / box.height
-        # outside the panel the order is that of the values
-        places = spread([min(max(at, 1e-6 * at), 1.0) for at in raw], gap, 0.0, 1.0)
-        for at, real, (*_, name, colour) in zip(places, raw, ends, strict=True):
-            outside = "↓ " if real < -5e-3 else "↑ " if real > 1.005 else ""
-            plain = name if name.startswith("$") else single_line(shorten(name, most))
-            look: Any = {"va": "center", "fontsize": SMALL, "color": colour}
-            look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
-            look["annotation_clip"] = False
-            drawn.append(axes.annotate(outside + plain, (1, at), (8, 0), **look))
-            if not outside and abs(at - real) > 0.3 * gap:
-                across = 1 + 6 * inch / 72 / box.width
-                leader = Line2D([1, across], [real, at], color=colour, lw=0.6, clip_on=False)
-                leader.set_transform(axes.transAxes)
-                drawn.append(axes.add_line(leader))
-
-    place()
-    for event in ("xlim_changed", "ylim_changed"):
-        axes.callbacks.connect(event, place)
+def _end_height(axes: Axes, x: Array, y: Array) -> float:
+    """Height of the last point of a line within the limits, as a fraction of the axes."""
+    low, high = sorted(axes.get_xlim())
+    shown = y[np.isfinite(y) & (x >= low) & (x <= high)]
+    if not len(shown):
+        return -1e-2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        end = axes.transAxes.inverted().transform(axes.transData.transform((high, shown[-1])))[1]
+    return float(end) if np.isfinite(end) else -1e-2
 
 
 def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str = " Hz") -> None:
