@@ -56,9 +56,7 @@ def test_labels_at_line_ends_keep_apart_and_point_beyond_the_limits(top, first):
         x = np.array([0.0, 1.0, 2.0])
         axes.set_xlim(0, 2)
         axes.set_ylim(0, top)
-        levels = dict(
-            zip(["a", "b", "c", "low", "lower"], [5.0, 3.0, 3.01, -50.0, -60.0], strict=True)
-        )
+        levels = {"a": 5.0, "b": 3.0, "c": 3.01, "low": -50.0, "lower": -60.0}
         labels.label_ends(axes, [(x, level * x / 2, name, "k") for name, level in levels.items()])
     assert [text.get_text() for text in axes.texts] == [first, "b", "c", "↓ low", "↓ lower"]
     assert_legible(figure)
