@@ -88,7 +88,7 @@ def check(
     Returns
     -------
     Result
-        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `warnings`, which
+        With the attributes of `analyses.check.loads.Check`: `stable`, `statics`, `warnings`, which
         are Python warnings too.
 
     Raises

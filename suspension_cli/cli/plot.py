@@ -66,9 +66,6 @@ def command(
     from pathlib import Path
 
     from suspension_cli.analyses import labelled
-    from suspension_cli.drawing.quick_import import import_matplotlib
-
-    import_matplotlib()
     from suspension_cli.drawing.panels import limited
     from suspension_cli.drawing.style import encode
     from suspension_cli.errors import InputError

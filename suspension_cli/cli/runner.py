@@ -108,9 +108,6 @@ def write(run: Run, result: Result, voice: terminal.Voice) -> None:
         voice.say(f"wrote {other}")
     pictures = setting.get("plot", False)
     if pictures or (pictures is None and not setting["as_json"]):
-        from suspension_cli.drawing.quick_import import import_matplotlib
-
-        import_matplotlib()
         from suspension_cli.drawing.style import encode
 
         drawn = {str(param.name): setting[param.name] for param in analysis.drawn_with}

@@ -1,4 +1,4 @@
-"""Points added to curves that are drawn, so that narrow peaks and zeros reach their tips."""
+"""Frequencies added to those of a curve, so that narrow peaks and zeros reach their tips."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     Solve = Callable[[Array], Inexact[np.ndarray, "frequency output input"]]
     """From frequencies in Hz to values there."""
+    Curve = tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]
 
 STEP = 0.5
 """Largest change of log H, complex, between neighbours."""
@@ -24,13 +25,10 @@ QUARTERS = np.array([0.25, 0.5, 0.75])
 """Where an interval is divided, on a logarithmic scale."""
 SHORTEST = 8
 """Number of points below which a grid is that of a question, not of a curve."""
-MOST = 18
-"""Largest number of passes."""
-UNSEEN = 2
-"""First passes, in which intervals beside local maxima are always divided."""
-SMOOTH = 3
-"""Passes after which a curve that still changes much in most intervals is one of rounding errors,
-and is not refined any more."""
+LONGEST = 50_000
+"""Number of points at which refinement ends: the curve is one of rounding errors."""
+PASSES, UNSEEN = 18, 2
+"""Most passes, and first ones in which intervals beside local maxima are always divided."""
 
 
 def add_points(
@@ -41,27 +39,13 @@ def add_points(
     *,
     few: bool = True,
     sums: bool = False,
-) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
-    """Add frequencies until a response changes little between neighbours.
+    least: float = 0.0,
+) -> Curve:
+    """Add frequencies (Hz, ascending, above 0) until a response changes little between neighbours.
 
-    Parameters
-    ----------
-    solve
-        Values (f, o, i) at frequencies (f,) in Hz.
-    frequency : (f,) array
-        Hz, ascending, above 0.
-    value : (f, o, i) complex array
-    modes : (m,) array
-        Frequencies of modes, Hz, where resonances may be.
-    few
-        Whether to refine; otherwise only the modes and points beside them are added.
-    sums
-        Whether the last axis lists amplitudes of parts; then their root sum of squares is refined.
-
-    Returns
-    -------
-    frequency, value : (g,), (g, o, i) arrays
-        With those given.
+    `modes` are frequencies (Hz) where resonances may be. If not `few`, only they and points beside
+    them are added. With `sums` the last axis lists amplitudes of parts, whose root sum of squares
+    is refined. No points are added below the fraction `least` of the largest value.
 
     >>> pole = lambda f: (1 / (1 - f**2 + 1e-5j * f))[:, None, None]
     >>> grid = np.array([0.5, 0.9, 1.2, 2.0])
@@ -69,26 +53,22 @@ def add_points(
     >>> round(float(abs(found).max()))
     100000
     """
-    inside = modes[(modes > frequency[0]) & (modes < frequency[-1])]
-    beside = inside[:, None] * (1 + np.array([-3e-3, -3e-4, -1e-5, 0.0, 1e-5, 3e-4, 3e-3]))
+    beside = modes[:, None] * (1 + np.array([-3e-3, -3e-4, -1e-5, 0.0, 1e-5, 3e-4, 3e-3]))
     frequency, value = _insert(solve, frequency, value, beside.ravel())
-    erratic = np.zeros(value[0].shape[:-1] if sums else value[0].size, dtype=bool)
-    for number in range(MOST if few else 0):
+    for number in range(PASSES if few else 0):
         flat = np.sqrt((value**2).sum(-1)) if sums else value.reshape(len(value), -1)
+        size = np.abs(flat)
         with np.errstate(all="ignore"):  # real part: of log |H|, imaginary part: of the angle
             change = np.log(flat[1:].astype(complex) / flat[:-1])
-        large = np.isfinite(change) & (np.abs(change) > STEP)
-        if number >= SMOOTH:
-            erratic |= large.mean(0) > 0.5
-        gap = np.log(frequency[1:] / frequency[:-1])
-        wanted = np.logical_or.reduce(large & ~erratic, axis=1)
+        wanted = np.isfinite(change) & (np.abs(change) > STEP)
         if number < UNSEEN:  # a peak midway between two points changes neither
-            size = np.abs(flat)
-            top = ((size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:])).any(1)
+            top = (size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:]) & (size[1:-1] > 0)
             wanted[:-1] |= top
             wanted[1:] |= top
-        wide = np.flatnonzero(wanted & (gap > NARROWEST))
-        if not len(wide):
+        wanted &= np.maximum(size[1:], size[:-1]) >= least * size.max(0)
+        gap = np.log(frequency[1:] / frequency[:-1])
+        wide = np.flatnonzero(wanted.any(1) & (gap > NARROWEST))
+        if not len(wide) or len(frequency) > LONGEST:
             break
         between = frequency[wide, None] * np.exp(gap[wide, None] * QUARTERS)
         frequency, value = _insert(solve, frequency, value, between.ravel())
@@ -102,7 +82,7 @@ def add_from_model(
     *,
     few: bool = True,
     sums: bool = False,
-) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
+) -> Curve:
     """Add points to the values of a result, solved for by its model.
 
     `build` makes the function that solves for them, and lists modes, from the result's design: a
@@ -122,18 +102,14 @@ def _insert(
     frequency: Float[np.ndarray, " frequency"],
     value: Inexact[np.ndarray, "frequency output input"],
     more: Float[np.ndarray, " more"],
-) -> tuple[Float[np.ndarray, " finer"], Inexact[np.ndarray, "finer output input"]]:
-    """Insert the values at more frequencies inside a grid, except where they are not finite."""
+) -> Curve:
+    """Insert the values at more frequencies inside a grid, beside poles without loss."""
     more = np.setdiff1d(more[(more > frequency[0]) & (more < frequency[-1])], frequency)
-    if not len(more):
-        return frequency, value
-    try:
-        found = solve(more)
-    except InputError:  # one of them is a pole without loss to the last bit
-        more = more * (1 + 3e-13)
+    for factor in (1.0, 1 + 3e-13) if len(more) else ():
         try:
-            found = solve(more)
+            found = solve(more * factor)
         except InputError:
-            return frequency, value
-    place = np.searchsorted(frequency, more)
-    return np.insert(frequency, place, more), np.insert(value, place, found, axis=0)
+            continue
+        place = np.searchsorted(frequency, more)
+        return np.insert(frequency, place, more * factor), np.insert(value, place, found, axis=0)
+    return frequency, value

@@ -13,18 +13,17 @@ if TYPE_CHECKING:
 
     from suspension_cli.scene.arrays import Array
 
-NOISY = 0.25
-"""Fraction of points with a jump of half a turn above which a phase is that of rounding errors."""
 PROMINENT = 2.0
 """Factor by which a peak must exceed the valleys on both sides to be labelled."""
 STRAIGHT = 0.12
 """Largest deviation of the exponent of a power law that is labelled (or 3 % of a large one)."""
 LONG = 0.25
 """Shortest part of a curve along a power law that is labelled, decades."""
-ENDLESS = 3e6
-"""Ratio of the highest point of a peak to the response around it, from which it is infinite."""
-NEAR = 3e-4
-"""Relative distance from an infinite peak beyond which points set the limits of the axis."""
+STEP = 0.02
+"""Grid on which its exponent is evaluated, decades."""
+ENDLESS, NEAR = 3e6, 3e-4
+"""Ratio of the highest point of a peak to the curve at this relative distance, from which the peak
+is infinite; points nearer do not set the limits of the axis."""
 SPECTRUM = 30.0, 3.0, 1e20
 """Factors of room below and above a spectral density, and largest ratio on its axis."""
 
@@ -41,19 +40,36 @@ def phase_line(
 ) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, " point"]]:
     """Abscissas and wrapped phase (degrees) of a response, with NaN where it jumps by a turn.
 
-    All is NaN if rounding errors alone make the phase: it jumps at every fourth point.
-
     >>> phase_line(np.arange(3.0), np.exp(1j * np.radians([100.0, 150.0, 200.0])))[1].tolist()
     [100.0, 150.0, nan, -160.0]
     """
     known = np.isfinite(value) & (value != 0)
-    x, angle = np.asarray(x)[known], np.degrees(np.angle(np.asarray(value)[known]))
-    turn = np.abs((np.diff(angle) + 180.0) % 360.0 - 180.0)
-    if (turn > 120.0).sum() > max(NOISY * len(turn), 12):
-        return x, np.full(len(x), np.nan)
-    phase = wrap(angle, low)
+    x, phase = np.asarray(x)[known], wrap(np.degrees(np.angle(np.asarray(value)[known])), low)
     jumps = 1 + np.flatnonzero(np.abs(np.diff(phase)) > 270.0)
     return np.insert(x, jumps, np.nan), np.insert(phase, jumps, np.nan)
+
+
+def ordinates(values: Array, scale: str) -> Array:
+    """Values on an axis of `panels.Scale`; NaN where a logarithm does not exist."""
+    if scale == "phase":
+        complexes = np.iscomplexobj(values)
+        return wrap(np.degrees(np.angle(values))) if complexes else values
+    if scale == "linear":
+        return values.astype(float)
+    size = np.abs(values) if np.iscomplexobj(values) else values.astype(float)
+    size = np.where(size > 0, size, np.nan)
+    return 20 * np.log10(size) if scale == "db" else size
+
+
+def limit_sizes(size: Array, scale: str) -> tuple[float, float] | None:
+    """Limits of an axis of magnitudes, "db" or "log", a little beyond them."""
+    size = size[np.isfinite(size) & (size > 0)]
+    if not len(size):
+        return None
+    low, high = 20 * np.log10(size.min()), 20 * np.log10(size.max())
+    room = 0.04 * max(high - low, 6.0)
+    low, high = float(low - room), float(high + room)
+    return (low, high) if scale == "db" else (10 ** (low / 20), 10 ** (high / 20))
 
 
 def limit_spectrum(total: Array) -> tuple[float, float] | None:
@@ -65,15 +81,13 @@ def limit_spectrum(total: Array) -> tuple[float, float] | None:
     return max(float(total.min()) / SPECTRUM[0], top / SPECTRUM[2]), top
 
 
-def find_peaks(
-    size: Float[np.ndarray, " frequency"], prominent: float = PROMINENT
-) -> Int[np.ndarray, " peak"]:
-    """Indices of local maxima that exceed both valleys beside them by a factor, highest last."""
+def find_peaks(size: Float[np.ndarray, " frequency"]) -> Int[np.ndarray, " peak"]:
+    """Indices of local maxima that exceed both valleys beside them, the most prominent last."""
     from scipy import signal
 
     level = np.log(np.where(np.isfinite(size) & (size > 0), size, np.nan))
     level = np.nan_to_num(level, nan=np.nanmin(level, initial=0.0))
-    tops, found = signal.find_peaks(level, prominence=np.log(prominent))
+    tops, found = signal.find_peaks(level, prominence=np.log(PROMINENT))
     return tops[np.argsort(found["prominences"], kind="stable")]
 
 
@@ -86,9 +100,8 @@ def find_tops(
     """
     tops, around = [], np.isfinite(size)
     for top in find_peaks(size).tolist():
-        at = frequency[top]
-        beyond = np.abs(frequency / at - 1) > NEAR
-        beside = np.interp(at * (1 + NEAR), frequency, size)
+        beyond = np.abs(frequency / frequency[top] - 1) > NEAR
+        beside = np.interp(frequency[top] * (1 + NEAR), frequency, size)
         endless = bool(beyond.any() and size[top] > ENDLESS * beside)
         around &= beyond | (not endless)
         tops.append((top, " ∞" if endless else ""))
@@ -105,23 +118,20 @@ def find_slopes(
     [(-2, 8)]
     """
     good = np.isfinite(size) & (size > 0) & (frequency > 0)
-    if good.sum() < 8:
-        return []
     x, y = np.log10(frequency[good]), np.log10(size[good])
-    grid = np.arange(x[0], x[-1], 0.02)
+    grid = np.arange(x[0], x[-1], STEP) if len(x) >= 8 else x[:0]
     if len(grid) < 8:
         return []
-    slope = np.gradient(np.interp(grid, x, y), 0.02)
-    whole = np.round(slope)
-    fits = np.abs(slope - whole) < np.maximum(STRAIGHT, 0.03 * np.abs(whole))
-    fits &= (whole != 0) & (np.abs(whole) <= 24)
+    slope = np.gradient(np.interp(grid, x, y), STEP)
+    power = np.round(slope)
+    straight = np.abs(slope - power) < np.maximum(STRAIGHT, 0.03 * np.abs(power))
+    power[~straight | (np.abs(power) > 24)] = 0
     found: dict[int, tuple[float, float]] = {}
-    edges = np.flatnonzero((np.diff(whole) != 0) | (np.diff(fits) != 0)) + 1
-    for part in np.split(np.arange(len(grid)), edges):
-        power, low, high = int(whole[part[0]]), float(grid[part[0]]), float(grid[part[-1]])
-        before = found.get(power, (0.0, 0.0))
-        if fits[part[0]] and high - low > max(LONG, before[1] - before[0]):
-            found[power] = low, high
+    for part in np.split(np.arange(len(grid)), np.flatnonzero(np.diff(power)) + 1):
+        own, low, high = int(power[part[0]]), float(grid[part[0]]), float(grid[part[-1]])
+        before = found.get(own, (0.0, 0.0))
+        if own and high - low > max(LONG, before[1] - before[0]):
+            found[own] = low, high
     return [(power, float(10**low), float(10**high)) for power, (low, high) in found.items()]
 
 

@@ -2,51 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.design.derive import SetGeometry, set_geometry, with_bodies_above
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import annotate, panels, parts, style, tables
-from suspension_cli.drawing.annotate import Plan, write_note
-from suspension_cli.drawing.canvas import Canvas, full_canvas
-from suspension_cli.drawing.geometry import (
-    FACE,
-    SIDE,
-    Sketch,
-    Stroke,
-    sketch_at_rest,
-)
-from suspension_cli.drawing.parts import Look
-from suspension_cli.drawing.style import INK, NOTE, PALE
+from suspension_cli.drawing import panels, parts, style, tables
+from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, Stroke, View, sketch_at_rest
+from suspension_cli.drawing.labels import spread
+from suspension_cli.drawing.parts import Canvas, Look, full_canvas
+from suspension_cli.drawing.style import INK, NOTE, PALE, length, shorten, single_line
+from suspension_cli.drawing.tables import SIZE, separation
 from suspension_cli.equilibrium import nominal
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 
-MARGIN = 0.1
-"""Margin around everything, in."""
-TOP = 0.8
-"""Height of the heading and the names of the views, in."""
-SCALE = 0.56
-"""Width of the axis of heights, in."""
-LEADERS = 0.8
-"""Width of the texts left of the side view, in."""
-LENGTHS = 0.38
-"""Width of the lengths of wires left of the face view, in."""
-RIGHT = 1.15
-"""Width of the dimensions right of the face view, in."""
-FOOT = 0.55
-"""Height of the horizontal axes, in."""
-SUPPORT = 0.025
+MARGIN, TOP, FOOT = 0.1, 0.8, 0.55
+"""Margin around everything, and heights of the heading and of the horizontal axes, in."""
+SCALE, LEADERS, RIGHT = 0.56, 0.8, 1.4
+"""Widths of the axis of heights, and of the dimensions left and right of the views, in."""
+THICK = 0.025
 """Thickness of the support over the size of the suspension."""
 TICK = 0.27
 """Least distance between ticks, in."""
-KEY = 0.12
-"""Height of a line of the key, in."""
+LINE = 0.115
+"""Height of a line of small text, in."""
 LOWEST = 4.0
 """Height of the views that long tables leave to them, in."""
 LARGEST_SHIFT = 0.15
@@ -55,64 +43,91 @@ FACTORS = tuple(m * 10.0**n for n in range(-2, 9) for m in (1, 2, 5))
 """Factors of exaggeration; below 1 where imperfections are larger than a drawing can show."""
 NOTHING = 1e-12
 """Displacement over the suspension's size below which nothing is drawn."""
+MANY = 12
+"""Number of bodies above which dimensions, masses and numbers of wires, which the tables list, are
+left out."""
+ORDER = 7.0
+"""Order of dimensions on the canvas: above everything else."""
+
+Strokes = dict[int, list[Stroke]]
+"""Strokes of a suspension by the axis of the view."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The two views of a drawing, placed on its canvas (in).
+
+    Columns of text end at `left` of the side view, and begin at `right` of the face view and at
+    `names` between the views; the dimension of the total height is at `edge`.
+    """
+
+    sketch: Sketch
+    side: View
+    face: View
+    left: float
+    right: float
+    names: float
+    edge: float
 
 
 def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
     """Draw a suspension to scale, optionally with tables of dimensions and the key below.
 
     Side view (x-z) and face view (y-z) have one scale in metres, with names, masses and the
-    dimensions for which there is room. The tables have the dimensions of every stage and of every
-    wire outside symmetric sets. Imperfections are drawn exaggerated by a factor that the heading
-    gives, in front of the design without them in grey; dimensions are without them. The scene has
-    no imperfections or batch axes.
+    dimensions of symmetric sets of wires. The tables have the dimensions of every stage and of
+    every wire outside symmetric sets. Imperfections are drawn exaggerated by a factor that the
+    heading gives, in front of the design without them in grey; dimensions are without them. The
+    scene has no imperfections or batch axes.
     """
     with style.house_style():
-        sketch = sketch_at_rest(design, scene, SUPPORT)
+        sketch = sketch_at_rest(design, scene, THICK)
         shown, factor = exaggerate(sketch)
-        low, high = _bounds(sketch, shown)
+        strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
+        box = parts.support_box(sketch)
+        points = np.concatenate([*(one.points for one in strokes), box])
+        low, high = points.min(0), points.max(0)
         inner = style.PAGE_WIDTH - 2 * MARGIN
         listed = tables.listed(design, scene) if tabulate else []
         key = tables.key(scene) if tabulate else []
-        below = FOOT + sum(table.height + 0.1 for table in listed) + KEY * len(key) + 0.1
-        names = 0.42 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
-        beside = SCALE + LEADERS + names + LENGTHS + RIGHT
+        below = FOOT + sum(table.height + 0.1 for table in listed) + LINE * len(key) + 0.1
+        names = 0.52 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
+        beside = SCALE + LEADERS + names + RIGHT
         wide, deep, tall = high - low
         room = max(style.PAGE_HEIGHT - TOP - below, LOWEST)
         scale = min((inner - beside) / max(wide + deep, 1e-9), room / max(tall, 1e-9))
         left = MARGIN + SCALE + LEADERS + (inner - beside - scale * (wide + deep)) / 2
-        face = left + scale * wide + names + LENGTHS
+        face = left + scale * wide + names
         foot = below - scale * low[2]
+        end = face + scale * deep
         plan = Plan(
             sketch=sketch,
             side=SIDE.at((left - scale * low[0], foot), scale),
             face=FACE.at((face - scale * low[1], foot), scale),
             left=left - 0.16,
-            right=face + scale * deep + RIGHT - 0.2,
+            right=end + 0.28,
             names=left + scale * wide + 0.32,
+            edge=end + RIGHT - 0.12,
         )
         figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * tall + below)
-        remark = ""
-        if factor:
-            size = f"{factor:,.6g} times larger" if factor != 1 else "to scale"
-            remark = f"; imperfections {size} (grey: without)"
+        size = f"{factor or 0:,.6g} times larger" if factor != 1 else "to scale"
+        remark = f"; imperfections {size} (grey: without)" if factor else ""
         name = design.design.title or design.design.name
         panels.write_heading(figure, "Dimensions, to scale" + remark, name)
         canvas = full_canvas(figure)
-        _views(canvas, plan, shown, is_displaced=factor is not None)
-        _axes(figure, plan, low, high)
         colours = tuple(style.stage_colours(scene.bodies.name).values())
+        _draw_views(canvas, plan, shown, colours, is_displaced=factor is not None)
+        _write_dimensions(canvas, plan)
+        _write_names(canvas, plan, colours)
+        _write_numbers(canvas, plan)
+        _draw_axes(figure, plan, low, high)
         top = below - FOOT
         for n, table in enumerate(listed):
             tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
             top -= table.height + 0.1
         for n, line in enumerate(key):
-            canvas.text(MARGIN, top - n * KEY, line, fontsize=tables.SIZE, color=NOTE, va="top")
+            canvas.text(MARGIN, top - n * LINE, line, fontsize=SIZE, color=NOTE, va="top")
         canvas.flush()
         return figure
-
-
-Strokes = dict[int, list[Stroke]]
-"""Strokes of a suspension by the axis of the view."""
 
 
 def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
@@ -127,9 +142,10 @@ def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
         return still, None
     scenes = sketch.scene, nominal.expand(sketch.design)
     found = [equilibrium.solve(scene) for scene in scenes]
-    poses = [
-        one.pose if found[0].converged and found[1].converged else sketch.pose for one in found
-    ]
+    if all(one.converged for one in found):
+        poses = [one.pose for one in found]
+    else:
+        poses = [sketch.pose] * 2
     turns = dict.fromkeys(sketch.scene.bodies.name, np.zeros(3))
     for item in sketch.design.perturbation:
         if item.body in turns and item.rotation is not None:
@@ -159,17 +175,11 @@ def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
     }, factor
 
 
-def _bounds(sketch: Sketch, shown: Strokes) -> tuple[Array, Array]:
-    """Bounds (3,), (3,) of everything that is drawn, including the support, m."""
-    strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
-    points = np.concatenate([*(one.points for one in strokes), parts.support_box(sketch)])
-    return points.min(0), points.max(0)
-
-
-def _views(canvas: Canvas, plan: Plan, shown: Strokes, *, is_displaced: bool) -> None:
-    """Draw the suspension in both views, and its dimensions, names and numbers."""
-    sketch, scene = plan.sketch, plan.sketch.scene
-    colours = tuple(style.stage_colours(scene.bodies.name).values())
+def _draw_views(
+    canvas: Canvas, plan: Plan, shown: Strokes, colours: tuple[str, ...], *, is_displaced: bool
+) -> None:
+    """Draw the suspension in both views; imperfect wires thick, with their numbers."""
+    sketch = plan.sketch
     look = Look(colours, tuple((colour, 0.13) for colour in colours), INK, 0.9, 2)
     grey = (PALE,) * len(colours)
     still = Look(grey, ((PALE, 0.2),) * len(colours), PALE, 0.9, 1)
@@ -181,21 +191,142 @@ def _views(canvas: Canvas, plan: Plan, shown: Strokes, *, is_displaced: bool) ->
             parts.draw_suspension(canvas, view, sketch, still)
         parts.draw_suspension(canvas, view, sketch, look, strokes)
         wires = [view.see(one.points) for one in strokes if one.kind == "wire"]
-        for name in flawed:  # thick, with the number three quarters down
-            line = wires[scene.wires.label.index(name)]
+        for name in flawed:  # with the number three quarters down
+            line = wires[sketch.scene.wires.label.index(name)]
             canvas.line(line, INK, 2.0, look.order + 0.5)
-            write_note(canvas, 0.25 * line[0] + 0.75 * line[1], name.rpartition(".")[2])
+            _write_note(canvas, 0.25 * line[0] + 0.75 * line[1], name.rpartition(".")[2])
         for one in strokes:
             if one.kind == "body":
                 middle = view.see(one.points[:-1].mean(0))
                 parts.draw_com_mark(canvas, middle, 0.042, colours[one.body])
-    annotate.draw_axes_of_symmetry(canvas, plan)
-    annotate.draw_dimensions(canvas, plan)
-    annotate.write_names(canvas, plan, colours)
-    annotate.write_numbers(canvas, plan)
 
 
-def _axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
+def _write_dimensions(canvas: Canvas, plan: Plan) -> None:
+    """Write the dimensions of symmetric sets beside the views, with leaders to a wire of each."""
+    sketch, side, face = plan.sketch, list[tuple[Array, str]](), list[tuple[Array, str]]()
+    position, names = sketch.scene.bodies.position, (SUPPORT, *sketch.scene.bodies.name)
+    for n, (stage, above) in enumerate(with_bodies_above(sketch.design), 1):
+        if stage.wires is None or len(sketch.design.stage) > MANY:
+            continue
+        shape = set_geometry(stage.wires)
+        along, across = _dimension_texts(shape)
+        upper, lower = position[names.index(above)], position[n]
+        for view, column, own, wire in (
+            (plan.side, side, along, -1),
+            (plan.face, face, across, 0),
+        ):
+            first, last = (np.array(end) for end in shape.ends[wire])
+            top = upper + np.array([*first, -shape.d_upper])
+            bottom = lower + np.array([*last, shape.d])
+            places = view.see([top, (top + bottom) / 2, bottom])
+            column += [pair for pair in zip(places, own, strict=True) if pair[1]]
+    _write_leaders(canvas, plan.left, side, "right")
+    _write_leaders(canvas, plan.right, face, "left")
+    _write_height(canvas, plan)
+
+
+def _dimension_texts(shape: SetGeometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Texts at the upper end, middle and lower end of a wire, in side and in face view."""
+
+    def text(symbol: str, value: float) -> str:
+        return f"{symbol} = {length(value)}" if value else ""
+
+    s = t1 = t2 = ""
+    if shape.count == 4 and not shape.is_ring and (shape.s_upper or shape.s_lower):
+        s = f"$s$ = {separation(shape.s_upper, shape.s_lower)} mm"
+    if shape.count > 1 and not shape.is_ring:
+        same = shape.t1 == shape.t2
+        t1 = text("$t_1$ = $t_2$" if same else "$t_1$", shape.t1)
+        t2 = "" if same else text("$t_2$", shape.t2)
+    across = (t1, text("$l$", shape.length), t2)
+    return (text("$d_u$", shape.d_upper), s, text("$d$", shape.d)), across
+
+
+def _write_leaders(canvas: Canvas, x: float, notes: Sequence[tuple[Array, str]], side: str) -> None:
+    """Write texts in a column that ends ("right") or begins at x, with lines to their targets."""
+    out = 1 if side == "right" else -1
+    # parts behind each other have the same notes
+    places = {(text, *target.round(1).tolist()): (target, text) for target, text in notes}
+    notes = [*places.values()]
+    levels = spread([float(target[1]) for target, _ in notes], LINE)
+    for (target, text), y in zip(notes, levels, strict=True):
+        line = [[x + 0.02 * out, y], [x + 0.1 * out, y], target]
+        canvas.line(line, NOTE, 0.4, ORDER - 0.1)
+        _draw_dot(canvas, target)
+        _write_note(canvas, (x, y), text, ha=side)
+
+
+def _write_height(canvas: Canvas, plan: Plan) -> None:
+    """Draw the height from the suspension point to the lowest body, right of the face view."""
+    sketch, view, x = plan.sketch, plan.face, plan.edge
+    half = np.array([body.half[2] for body in sketch.outlines])
+    lowest = float((sketch.scene.bodies.position[1:, 2] - half).min())
+    bottom, top = view.see([[0.0, 0.0, lowest], [0.0, 0.0, 0.0]])[:, 1]
+    if top - bottom < 4 * LINE:
+        return
+    for y in (top, bottom):
+        canvas.line([[x - 0.12, y], [x + 0.04, y]], NOTE, 0.35, ORDER)
+    arrow = {"arrowstyle": "<|-|>", "color": NOTE, "lw": 0.5, "mutation_scale": 5}
+    arrow |= {"shrinkA": 0, "shrinkB": 0}
+    canvas.axes.annotate("", (x, bottom), (x, top), arrowprops=arrow)
+    _write_note(canvas, (x, (top + bottom) / 2), length(-lowest), rotation=90)
+
+
+def _write_note(canvas: Canvas, where: Sequence[float] | Array, text: str, **how: Any) -> None:
+    """Write text, hiding what is below it; centred on a point unless `how` says otherwise."""
+    look = {"fontsize": SIZE, "color": NOTE, "ha": "center", "va": "center"}
+    blank = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    canvas.text(float(where[0]), float(where[1]), text, bbox=blank, **(look | how))
+
+
+def _draw_dot(canvas: Canvas, where: Array, colour: str = NOTE) -> None:
+    """Draw a small dot."""
+    angle = np.linspace(0, 2 * np.pi, 13)
+    circle = 0.016 * np.column_stack([np.cos(angle), np.sin(angle)])
+    canvas.polygon(where + circle, colour, "none", 0.0, ORDER)
+
+
+def _write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
+    """Write each body's name and mass between the views, with a line to it in the side view."""
+    bodies, outlines = plan.sketch.scene.bodies, plan.sketch.outlines
+    many = len(outlines) > MANY
+    places = zip(bodies.position[1:], outlines, strict=True)
+    edges = [plan.side.see(position + body.half * (1, 0, 0)) for position, body in places]
+    levels = spread([float(edge[1]) for edge in edges], (1.1 if many else 2.1) * LINE)
+    for n, (edge, y, colour) in enumerate(zip(edges, levels, colours, strict=True)):
+        ends = [edge, [plan.names - 0.16, y], [plan.names - 0.04, y]]
+        canvas.line(ends, colour, 0.5, 5)
+        _draw_dot(canvas, edge, colour)
+        look = {"fontsize": 6.5, "color": colour, "fontweight": "bold"}
+        name = single_line(bodies.name[n], 18)
+        canvas.text(plan.names, y, name, va="center" if many else "bottom", **look)
+        if not many:
+            mass = f"{float(bodies.mass[n]):.4g} kg"
+            canvas.text(plan.names, y - 0.01, mass, fontsize=SIZE, color=NOTE, va="top")
+
+
+def _write_numbers(canvas: Canvas, plan: Plan) -> None:
+    """Write the numbers of wires of stages without a symmetric set, at the middle of each.
+
+    Wires that are close together share a label.
+    """
+    sketch = plan.sketch
+    explicit = {stage.name for stage in sketch.design.stage if stage.wires is None}
+    for view in (plan.side, plan.face) if len(sketch.design.stage) <= MANY else ():
+        groups: list[tuple[Array, list[str]]] = []
+        middle = view.see(sketch.wire_ends().mean(1))
+        for where, label in zip(middle, sketch.scene.wires.label, strict=True):
+            stage, _, number = label.rpartition(".")
+            near = [own for place, own in groups if (np.abs(where - place) < LINE).all()]
+            if stage in explicit and near:
+                near[0].append(number)
+            elif stage in explicit:
+                groups.append((where, [number]))
+        for where, numbers in groups:
+            _write_note(canvas, where, shorten(", ".join(dict.fromkeys(numbers)), 12))
+
+
+def _draw_axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
     """Draw scales in m, heights at the left, x and y below, and the names of the views above."""
     across, up = figure.get_size_inches()
     highest = float(max(0.0, *(one.points[:, 2].max() for one in plan.sketch.strokes(1))))
@@ -207,14 +338,8 @@ def _axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
         axes.set(facecolor="none", xlabel=f"{'xy'[axis]} (m)", zorder=-1, **limits)
         axes.spines["bottom"].set_position(("outward", 8))
         axes.set_xticks(_ticks(low[axis], high[axis], view.scale))
-        figure.text(
-            (left + right) / 2 / across,
-            (top + 0.13) / up,
-            view.name.upper(),
-            ha="center",
-            fontsize=8,
-            fontweight="bold",
-        )
+        middle, look = (left + right) / 2 / across, {"fontsize": 8, "fontweight": "bold"}
+        figure.text(middle, (top + 0.13) / up, view.name.upper(), ha="center", **look)
         if view is plan.side:
             axes.spines["left"].set_bounds(low[2], highest)
             axes.spines["left"].set_position(("outward", 72 * LEADERS))

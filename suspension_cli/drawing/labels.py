@@ -46,13 +46,13 @@ def widest(texts: Sequence[str], size: float = SMALL) -> float:
     return max((text_width(line, size) for text in texts for line in text.split("\n")), default=0.0)
 
 
-def wrap(text: str, width: float, size: float = SMALL) -> str:
+def wrap(text: str, width: float, size: float = SMALL) -> list[str]:
     """Break text into lines of a width, in."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".lstrip()
         lines[-1:] = [longer] if text_width(longer, size) <= width else [lines[-1], word]
-    return "\n".join(line for line in lines if line)
+    return [line for line in lines if line]
 
 
 def spread(
@@ -83,45 +83,37 @@ def label_ends(
 ) -> None:
     """Write labels at the ends of lines, right of the axes, moved apart, with leaders.
 
-    A line that ends outside the panel gets an arrow up or down. Labels follow changed limits. The
-    axes have their limits and place; `ends` are abscissas, ordinates, label and colour of each
-    line, `most` the characters of a label.
+    A line that ends outside the panel gets an arrow up or down. The axes have their limits and
+    place; `ends` are abscissas, ordinates, label and colour of each line, `most` the characters of
+    a label.
     """
-    drawn: list[Text | Line2D] = []
+    box, inch = axes.get_window_extent(), axes.figure.dpi
+    raw = [_end_height(axes, np.asarray(x, float), np.asarray(y, float)) for x, y, *_ in ends]
+    gap = 1.18 * SMALL * inch / 72 / box.height
+    # outside the panel the order is that of the values
+    places = spread([min(max(at, 1e-6 * at), 1.0) for at in raw], gap, 0.0, 1.0)
+    for at, real, (*_, name, colour) in zip(places, raw, ends, strict=True):
+        outside = "↓ " if real < -5e-3 else "↑ " if real > 1.005 else ""
+        plain = name if name.startswith("$") else single_line(shorten(name, most))
+        look: Any = {"va": "center", "fontsize": SMALL, "color": colour, "annotation_clip": False}
+        look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axes.annotate(outside + plain, (1, at), (8, 0), **look)
+        if not outside and abs(at - real) > 0.3 * gap:
+            across = 1 + 6 * inch / 72 / box.width
+            leader = Line2D([1, across], [real, at], color=colour, lw=0.6, clip_on=False)
+            leader.set_transform(axes.transAxes)
+            axes.add_line(leader)
 
-    def place(_axes: Axes | None = None) -> None:
-        while drawn:
-            drawn.pop().remove()
-        box, inch = axes.get_window_extent(), axes.figure.dpi
-        low, high = sorted(axes.get_xlim())
-        raw = []
-        for abscissas, ordinates, *_ in ends:
-            x, y = np.asarray(abscissas, dtype=float), np.asarray(ordinates, dtype=float)
-            shown = np.flatnonzero(np.isfinite(y) & (x >= low) & (x <= high))
-            last = float(y[shown[-1]]) if len(shown) else np.nan
-            with np.errstate(invalid="ignore", divide="ignore"):
-                at = (axes.transData.transform((high, last))[1] - box.y0) / box.height
-            raw.append(float(at) if np.isfinite(at) else -1e-2)
-        gap = 1.18 * SMALL * inch / 72 / box.height
-        # outside the panel the order is that of the values
-        places = spread([min(max(at, 1e-6 * at), 1.0) for at in raw], gap, 0.0, 1.0)
-        for at, real, (*_, name, colour) in zip(places, raw, ends, strict=True):
-            outside = "↓ " if real < -5e-3 else "↑ " if real > 1.005 else ""
-            plain = name if name.startswith("$") else single_line(shorten(name, most))
-            look: Any = {"va": "center", "fontsize": SMALL, "color": colour}
-            look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
-            drawn.append(
-                axes.annotate(outside + plain, (1, at), (8, 0), annotation_clip=False, **look)
-            )
-            if not outside and abs(at - real) > 0.3 * gap:
-                across = 1 + 6 * inch / 72 / box.width
-                leader = Line2D([1, across], [real, at], color=colour, lw=0.6, clip_on=False)
-                leader.set_transform(axes.transAxes)
-                drawn.append(axes.add_line(leader))
 
-    place()
-    for event in ("xlim_changed", "ylim_changed"):
-        axes.callbacks.connect(event, place)
+def _end_height(axes: Axes, x: Array, y: Array) -> float:
+    """Height of the last point of a line within the limits, as a fraction of the axes."""
+    low, high = sorted(axes.get_xlim())
+    shown = y[np.isfinite(y) & (x >= low) & (x <= high)]
+    if not len(shown):
+        return -1e-2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        end = axes.transAxes.inverted().transform(axes.transData.transform((high, shown[-1])))[1]
+    return float(end) if np.isfinite(end) else -1e-2
 
 
 def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str = " Hz") -> None:
@@ -134,14 +126,14 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
     low, high = axes.get_xlim()
     for peak in reversed(peaks):
         near = any(abs(np.log(peak[0] / other[0])) < 5e-3 for other in chosen)
-        if low <= peak[0] <= high and not near and len(chosen) < MOST_PEAKS:
+        if low <= peak[0] <= high and not near:
             chosen.append(peak)
     if not chosen:
         return
     box, inch = axes.get_window_extent(), axes.figure.dpi
-    texts = {peak: f"{format_raised(peak[0], 3)}{peak[2]}" for peak in chosen}
-    wide = (widest([*texts.values()]) + 0.1) * inch
-    chosen = chosen[: max(1, int(box.width / wide))]
+    texts = [f"{format_raised(peak[0], 3)}{peak[2]}" for peak in chosen[:MOST_PEAKS]]
+    wide = (widest(texts) + 0.1) * inch
+    chosen = chosen[: min(MOST_PEAKS, max(1, int(box.width / wide)))]
     while True:  # without the least important, until no label is far from its peak
         shown = sorted(chosen)
         raw = [float(axes.transData.transform((at, 1))[0] - box.x0) for at, *_ in shown]
@@ -150,11 +142,11 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
             break
         chosen.pop()
     foot = 1 + LIFT * inch / box.height
-    texts[shown[-1]] = f"{format_raised(shown[-1][0], 3)}{unit}{shown[-1][2]}"
     look = {"transform": axes.transAxes, "color": NOTE}
     for peak, place, x in zip(shown, places, raw, strict=True):
+        text = f"{format_raised(peak[0], 3)}{unit if peak is shown[-1] else ''}{peak[2]}"
         middle = place / box.width
-        axes.text(middle, foot, texts[peak], ha="center", va="bottom", fontsize=SMALL, **look)
+        axes.text(middle, foot, text, ha="center", va="bottom", fontsize=SMALL, **look)
         top = (axes.transData.transform(peak[:2])[1] - box.y0) / box.height
         across, up = [x / box.width] * 2 + [middle], [min(top + 0.01, 1.0), 1.0, foot]
         axes.add_line(Line2D(across, up, linewidth=0.4, zorder=1, clip_on=False, **look))
@@ -176,18 +168,12 @@ def label_slopes(
         places = np.log(low) + np.array([0.5, 0.3, 0.7]) * np.log(high / low)
         free = np.abs(places[:, None] - peaks).min(1, initial=0.3)
         middle = places[free.argmax()]
-        axes.annotate(
-            f"$f^{{{power}}}$",
-            (np.exp(middle), np.interp(middle, np.log(frequency), drawn)),
-            (5 if power < 0 else -5, 4),
-            textcoords="offset points",
-            ha="left" if power < 0 else "right",
-            va="bottom",
-            fontsize=8,
-            color=colour,
-            annotation_clip=True,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.85},
-        )
+        point = (np.exp(middle), np.interp(middle, np.log(frequency), drawn))
+        look: Any = {"va": "bottom", "fontsize": 8, "color": colour, "annotation_clip": True}
+        look["ha"] = "left" if power < 0 else "right"
+        look["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.85}
+        shift = (5 if power < 0 else -5, 4)
+        axes.annotate(f"$f^{{{power}}}$", point, shift, textcoords="offset points", **look)
 
 
 def label_points(
@@ -203,29 +189,25 @@ def label_points(
     The axes have their limits and place. `pad` is the room around each text, points.
     """
     pixel = axes.figure.dpi / 72
-    frame = np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel
+    low, high = np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel
     where = axes.transData.transform(np.reshape(points, (-1, 2)).astype(float)) / pixel
-    taken = [np.stack([dot - 3.0, dot + 3.0]) for dot in where]
-    found: dict[int, Text] = {}
+    dots = np.stack([where - 3.0, where + 3.0], axis=1)
+    offsets = np.array([(side, reach) for reach in REACHES for side in range(len(SIDES))])
+    placed, found = np.zeros((0, 2, 2)), dict[int, Text]()
     for n in np.lexsort((where[:, 1], where[:, 0])).tolist():
         half = np.array([36 * text_width(texts[n], size), 0.58 * size]) + pad
-        places = [side * (half + reach) for reach in REACHES for side in SIDES]
-        boxes = [np.stack([where[n] + place - half, where[n] + place + half]) for place in places]
-        best = int(np.argmin([_obstacles(box, taken, n, frame) for box in boxes]))
-        taken.append(boxes[best])
-        look = {"textcoords": "offset points", "ha": "center", "va": "center", "zorder": 5}
+        shifts = SIDES[offsets[:, 0].astype(int)] * (half + offsets[:, 1:])
+        boxes = (where[n] + shifts)[:, None] + np.stack([-half, half])
+        others = np.concatenate([np.delete(dots, n, axis=0), placed])
+        apart = (boxes[:, None, 0] >= others[:, 1]) | (others[:, 0] >= boxes[:, None, 1])
+        cut = (boxes[:, 0] < low).any(1) | (boxes[:, 1] > high).any(1)
+        best = int(np.argmin((~apart.any(-1)).sum(1) + 100 * cut))
+        placed = np.append(placed, boxes[best][None], axis=0)
+        look: Any = {"textcoords": "offset points", "ha": "center", "va": "center", "zorder": 5}
         look |= {"fontsize": size, "color": colours[n]}
         if best >= len(SIDES):
             look["arrowprops"] = {"arrowstyle": "-", "color": NOTE, "lw": 0.4, "shrinkB": 0.0}
-        text = axes.annotate(str(texts[n]), tuple(points[n]), places[best], **look)
+        text = axes.annotate(str(texts[n]), tuple(points[n]), tuple(shifts[best]), **look)
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
         found[n] = text
     return [found[n] for n in range(len(texts))]
-
-
-def _obstacles(box: Array, taken: Sequence[Array], own: int, frame: Array) -> int:
-    """Number of boxes that a box (2, 2) of two corners lies on; beyond the frame counts as many."""
-    others = np.array([other for n, other in enumerate(taken) if n != own]).reshape(-1, 2, 2)
-    apart = (box[0] >= others[:, 1]) | (others[:, 0] >= box[1])
-    inside = (box[0] >= frame[0]).all() and (box[1] <= frame[1]).all()
-    return int((~apart.any(-1)).sum()) + (0 if inside else 100)

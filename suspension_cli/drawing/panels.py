@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -39,20 +39,14 @@ if TYPE_CHECKING:
 
 COLUMN = 4.55
 """Width of a figure whose text is legible in a column of 8.5 cm, in."""
-HEAD = 0.5
-"""Room for the heading at the top of a figure, in."""
-FOOT = 0.16
-"""Room for the remark on the model at the bottom of a figure, in."""
-LEFT = 0.75
-"""Margin left of panels with numbers, in."""
-ROW = 0.15
-"""Height of a line of text or names above panels, and of notes, in."""
-ITEM = 0.17
-"""Height of a row of a panel with named rows, in."""
-PEAKS = 0.25
-"""Room above axes for the frequencies of peaks, in."""
-GAP = 0.16
-"""Distance between panels, in."""
+HEAD, FOOT = 0.5, 0.16
+"""Room for the heading at the top, and for the remark on the model at the bottom, in."""
+LEFT, GAP = 0.75, 0.16
+"""Margin left of panels with numbers, and distance between panels, in."""
+ROW, ITEM = 0.15, 0.17
+"""Height of a line of text above panels and of notes, and of a row of a panel of rows, in."""
+PEAKS, RULES = 0.25, 0.14
+"""Room above axes for the frequencies of peaks, or for the texts of rules, in."""
 SAMPLE, APART = 0.22, 0.15
 """Length of the sample of a line beside its name, and distance to the next name, in."""
 MANY = 12
@@ -65,8 +59,8 @@ PALE_SUM = 2.2
 """Sum of red, green and blue above which a colour is too pale for text."""
 ERROR = "#9aa1a8"
 """Colour of error bars."""
-_WIDTH = ContextVar("_WIDTH", default=COLUMN)
 Limits = tuple[float, float] | None
+_WIDTH = ContextVar("_WIDTH", default=COLUMN)
 _LIMITS: ContextVar[tuple[Limits, Limits]] = ContextVar("_LIMITS", default=(None, None))
 Scale = Literal["linear", "log", "db", "phase", "signed"]
 
@@ -84,6 +78,11 @@ class Line:
     colour: str = INK
     look: LineLook = field(default_factory=LineLook)
     error: tuple[ArrayLike, ArrayLike] | None = None
+
+    @property
+    def is_dotted(self) -> bool:
+        """Whether it is drawn as points."""
+        return self.look.get("linestyle") == "none"
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,8 @@ FREQUENCY = Across()
 class Rule:
     """Line across a panel, with a text at its end; an arrow at the edge if it is far outside.
 
-    With another end `to`, it is a band without text.
+    With another end `to`, it is a band without text. `is_named`: the text is shown also where the
+    line is, not only where it is outside.
     """
 
     at: float
@@ -115,7 +115,6 @@ class Rule:
     colour: str = INK
     dashes: LineStyleType = (0, (4, 2))
     is_named: bool = True
-    """Whether the text is shown also where the line is."""
     to: float | None = None
 
 
@@ -125,36 +124,23 @@ class Panel:
 
     Attributes
     ----------
-    label
-        Quantity and unit of the vertical axis.
-    scale
-        Of the vertical axis: "db" is 20 log10 of the size, "phase" the angle in degrees.
-    limits
-        Of the vertical axis; by default those of the lines, without infinite peaks.
-    title, remarks
-        Texts above.
-    key
-        Samples above; by default those of the lines with names.
+    label, scale, limits
+        Of the vertical axis: "db" is 20 log10 of the size, "phase" the angle in degrees; limits are
+        by default those of the lines, without infinite peaks.
+    title, remarks, key
+        Texts above, and samples of lines, by default of those with names.
     ends
         Whether the names of the lines are at their ends instead.
     peaks
         Frequency, ordinate and remark of peaks to label, or "find" for those of the lines.
     across
         Own horizontal axis; None for that of the next panel below which has one.
-    rows
-        Names of rows, from the top down, instead of a vertical axis.
-    beside
-        Texts of rows, right of the axes.
-    paint
-        Draws what is no line, on axes that have their limits.
-    empty
-        Words in the middle of a panel without lines.
-    left, right
-        Margins, in; by default what labels need.
-    above
-        Room directly above the axes, in.
-    width
-        Relative to the panels beside it.
+    rows, beside
+        Names of rows, from the top down, instead of a vertical axis; their texts on the right.
+    paint, empty
+        Draws what is no line, on axes that have their limits; words in a panel without lines.
+    left, right, above, width
+        Margins, in, by default what labels need; width relative to the panels beside it.
     """
 
     label: str = ""
@@ -192,6 +178,40 @@ class Panel:
         right = 0.15 + widest(self.beside) if self.beside else labels.room_for(names)
         return left if self.left is None else self.left, right if self.right is None else self.right
 
+    @property
+    def room(self) -> float:
+        """Height of texts of peaks or rules directly above the axes, in."""
+        texts = any(one.text and (one.vertical or not one.is_named) for one in self.rules)
+        return self.above + (PEAKS if self.peaks else RULES * texts)
+
+    def words(self, width: float) -> list[list[tuple[float, str, str, Line | None]]]:
+        """Rows of title, remarks, and names of lines; names end at the axes, `width` in long.
+
+        Each text has its distance from the left, in, its colour, and the line of its sample.
+        """
+        texts = [(self.title, INK)] * bool(self.title) + [(text, NOTE) for text in self.remarks]
+        rows: list[list[tuple[float, str, str, Line | None]]] = [
+            [(0.0, part, colour, None)]
+            for text, colour in texts
+            for part in labels.wrap(text, width - 0.05)
+        ]
+        left = np.inf
+        for line in self.samples:
+            name = single_line(line.name, 60)
+            wide = SAMPLE + 0.05 + text_width(name)
+            if left + wide > width - self.margins[1]:
+                rows.append([])
+                left = 0.0
+            pale = sum(to_rgb(line.colour)) > PALE_SUM
+            rows[-1].append((left, name, INK if pale else line.colour, line))
+            left += wide + APART
+        return rows
+
+
+def named(line: Line) -> bool:
+    """Whether the name of a line is shown."""
+    return not line.name.startswith("_")
+
 
 def stems(start: ArrayLike, end: ArrayLike, colour: str, width: float = 0.8) -> list[Line]:
     """Make lines of a width in points along rows, from the start to the end of each."""
@@ -203,25 +223,6 @@ def stems(start: ArrayLike, end: ArrayLike, colour: str, width: float = 0.8) -> 
 def dashes_of(colours: Sequence[str]) -> list[LineStyleType]:
     """Choose dashes by which lines of one colour differ."""
     return [DASHES[colours[:n].count(own) % len(DASHES)] for n, own in enumerate(colours)]
-
-
-def named(line: Line) -> bool:
-    """Whether the name of a line is shown."""
-    return not line.name.startswith("_")
-
-
-_Words = tuple[float, str, str, Line | None]
-"""Words above a panel: distance from the left, in, text, colour, and the line of a sample."""
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Place of a panel: axes (left, top, width, height), and rows of words at their corner, in."""
-
-    panel: Panel
-    box: tuple[float, float, float, float]
-    corner: tuple[float, float]
-    words: list[list[_Words]]
 
 
 @contextlib.contextmanager
@@ -254,16 +255,9 @@ def draw(
 ) -> Figure:
     """Draw panels below each other; those of a tuple stand side by side.
 
-    Parameters
-    ----------
-    heading, subtitle
-        Quantity in bold; below it design and model.
-    across
-        Horizontal axis of the last panel, if it has none of its own.
-    notes
-        Lines of text below.
-    width
-        In; by default that of a column, or of `page_width`.
+    The heading is in bold, the subtitle (design and model) below it, notes at the bottom. `across`
+    is the horizontal axis of the last panel, if it has none of its own. The width, in, is by
+    default that of a column, or of `page_width`.
     """
     width = width or _WIDTH.get()
     rows = [row if isinstance(row, tuple) else (row,) for row in panels]
@@ -273,92 +267,107 @@ def draw(
         for n in range(len(rows))
     ]
     with house_style():
-        places, top = [], HEAD
+        tops, end = [], HEAD
         for n, row in enumerate(rows):
-            own = _place_row(row, top, width)
-            places.append(own)
-            top = max(one.box[1] + one.box[3] for one in own)
+            tops.append(end + max(_height_above(row, width)))
+            end = tops[-1] + max(one.height for one in row)
             if owner[n] == n:
-                top += max(_below(one.across or across) for one in row)
-        lines = [part for note in notes for part in labels.wrap(note, width - 0.2).split("\n")]
-        figure = new_figure(width, top + ROW * len(lines) + 0.05 * bool(lines) + FOOT)
+                end += max(_height_below(one.across or across) for one in row)
+        lines = [part for note in notes for part in labels.wrap(note, width - 0.2)]
+        figure = new_figure(width, end + ROW * len(lines) + 0.05 * bool(lines) + FOOT)
         for n, line in enumerate(lines):
-            write_text(figure, 0.1, top + 0.02 + ROW * n, line, SMALL, NOTE)
+            write_text(figure, 0.1, end + 0.02 + ROW * n, line, SMALL, NOTE)
         write_heading(figure, heading, subtitle)
         first: dict[int, Axes] = {}
-        for n, row in enumerate(places):
-            for k, place in enumerate(row):
-                group = [one for m, one in enumerate(rows) if owner[m] == owner[n]]
+        for n, row in enumerate(rows):
+            group = [one for m, one in enumerate(rows) if owner[m] == owner[n]]
+            for k, (panel, start, wide) in enumerate(_columns(row, width)):
+                left, right = panel.margins
                 leader = first.get(owner[n]) if len(row) == 1 else None
-                axes = add_axes(figure, *place.box, sharex=leader)
+                box = start + left, tops[n], wide - left - right, panel.height
+                axes = add_axes(figure, *box, sharex=leader)
                 first.setdefault(owner[n], axes)
                 axes.tick_params(which="both", labelbottom=owner[n] == n)
                 axis = rows[owner[n]][min(k, len(rows[owner[n]]) - 1)].across or across
                 alike = axis.label == (rows[owner[0]][0].across or across).label
-                panel, axis = _apply_limits(place.panel, axis, first=n == k == 0, alike=alike)
+                shown, axis = _apply_limits(panel, axis, first=n == k == 0, alike=alike)
                 beside = [one[k] for one in group if k < len(one)]
-                _draw_panel(axes, panel, axis, beside, is_lowest=owner[n] == n)
-                _write_above(figure, place)
+                _draw_panel(axes, shown, axis, beside, is_lowest=owner[n] == n)
+                _write_above(figure, panel, tops[n], *_place_words(row, k, width))
         figure.align_ylabels([axes for axes in figure.axes if axes.get_ylabel()])
         return figure
 
 
-def _place_row(row: Sequence[Panel], above: float, width: float) -> list[_Place]:
-    """Place panels side by side, below their texts."""
-    edges = np.cumsum([0.0, *(one.width for one in row)]) * width / sum(one.width for one in row)
-    above_axes, found = 0.0, []
-    for n, (one, start, end) in enumerate(
-        zip(row, edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    ):
-        left, right = one.margins
-        begin = start + (0.1 if one.rows or one.left else left)
-        alone = not any(other.title or other.remarks or other.samples for other in row[n + 1 :])
-        words = _words_above(one, (width if alone else end) - begin, right)
-        room = GAP + ROW * len(words) + _beside(one)
-        above_axes = max(above_axes, room)
-        found.append((one, start + left, end - start - left - right, begin, room, words))
-    top = above + above_axes
-    return [
-        _Place(one, (left, top, wide, one.height), (begin, top - room + GAP - 0.03), words)
-        for one, left, wide, begin, room, words in found
-    ]
+def _columns(row: Sequence[Panel], width: float) -> list[tuple[Panel, float, float]]:
+    """Panels side by side, with the left end and width of each, in."""
+    wide = np.array([one.width for one in row]) * width / sum(one.width for one in row)
+    return [*zip(row, (wide.cumsum() - wide).tolist(), wide.tolist(), strict=True)]
 
 
-def _words_above(panel: Panel, width: float, right: float) -> list[list[_Words]]:
-    """Rows of a title, remarks, and names of lines with samples; these end at the axes."""
-    texts = [(panel.title, INK)] * bool(panel.title) + [(text, NOTE) for text in panel.remarks]
-    rows: list[list[_Words]] = [
-        [(0.0, part, colour, None)]
-        for text, colour in texts
-        for part in labels.wrap(text, width - 0.05).split("\n")
-    ]
-    left = np.inf
-    for line in panel.samples:
-        name = single_line(line.name, 60)
-        wide = SAMPLE + 0.05 + text_width(name)
-        if left + wide > width - right:
-            rows.append([])
-            left = 0.0
-        pale = sum(to_rgb(line.colour)) > PALE_SUM
-        rows[-1].append((left, name, INK if pale else line.colour, line))
-        left += wide + APART
-    return rows
+def _place_words(row: Sequence[Panel], k: int, width: float) -> tuple[float, float]:
+    """Left end and width, in, of the words above a panel; beyond it, if no others are there."""
+    one, start, wide = _columns(row, width)[k]
+    begin = start + (0.1 if one.rows or one.left else one.margins[0])
+    alone = not any(other.title or other.remarks or other.samples for other in row[k + 1 :])
+    return begin, (width if alone else start + wide) - begin
 
 
-def _beside(panel: Panel) -> float:
-    """Height of the frequencies of peaks, or of the texts of rules, directly above axes, in."""
-    texts = any(one.text and (one.vertical or not one.is_named) for one in panel.rules)
-    return panel.above + (PEAKS if panel.peaks else 0.14 * texts)
+def _height_above(row: Sequence[Panel], width: float) -> list[float]:
+    """Height of the gap and the texts above each panel of a row, in."""
+    counts = [len(one.words(_place_words(row, k, width)[1])) for k, one in enumerate(row)]
+    return [GAP + ROW * count + one.room for one, count in zip(row, counts, strict=True)]
 
 
-def _below(axis: Across) -> float:
+def _height_below(axis: Across) -> float:
     """Height of the labels below axes, in."""
     return 0.27 + 0.15 * (axis.label.count("\n") + 1) if axis.label else 0.24
+
+
+def _write_above(figure: Figure, panel: Panel, top: float, left: float, width: float) -> None:
+    """Write title, remarks and samples of lines above axes, from `left` on, in."""
+    across, up = figure.get_size_inches()
+    rows = panel.words(width)
+    for n, row in enumerate(rows):
+        y = 1 - (top - panel.room - 0.03 - ROW * (len(rows) - n - 0.5)) / up
+        for shift, text, colour, line in row:
+            x = left + shift
+            if line is not None:
+                ends = np.array([x, x + SAMPLE / 2, x + SAMPLE]) / across
+                look: LineLook = {"linewidth": 1.2, **line.look}
+                sample = Line2D(ends, [y] * 3, color=line.colour, markevery=[1], **look)
+                sample.set_solid_capstyle("butt")
+                figure.add_artist(sample)
+                x += SAMPLE + 0.05
+            words = {"color": colour, "fontsize": SMALL, "va": "center_baseline"}
+            figure.text(x / across, y, text, **words)
+
+
+def write_heading(figure: Figure, quantity: str, design: str) -> None:
+    """Write the quantity at the top of a figure; below it, smaller, the design and model."""
+    across = figure.get_figwidth()
+    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
+    write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
+
+
+def _apply_limits(panel: Panel, axis: Across, *, first: bool, alike: bool) -> tuple[Panel, Across]:
+    """Apply the limits of `limited` to the axes that they are about."""
+    x, y = _LIMITS.get()
+    if not alike:
+        x = None
+    if not first:
+        y = None
+    for option, given, scale in (("--x", x, axis.scale), ("--y", y, panel.scale)):
+        if given and given[0] <= 0 and scale == "log":
+            problem = "is not on this logarithmic axis"
+            fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
+            raise InputError([fault])
+    return replace(panel, limits=y or panel.limits), replace(axis, limits=x or axis.limits)
 
 
 def _draw_panel(
     axes: Axes, panel: Panel, axis: Across, group: Sequence[Panel], *, is_lowest: bool
 ) -> None:
+    """Draw a panel; `group` are all with this horizontal axis, the lowest of which labels it."""
     scales.rule(axes)
     if axis.scale == "log":
         scales.label_plainly(axes.xaxis)
@@ -380,18 +389,17 @@ def _draw_panel(
     if panel.scale == "linear" and "(" in panel.label:
         scales.raise_power(axes.yaxis)
     if panel.ends:
-        ends = [
-            (*pair, one.name, one.colour)
-            for pair, one in zip(drawn, panel.lines, strict=True)
-            if named(one)
-        ]
+        pairs = zip(drawn, panel.lines, strict=True)
+        ends = [(*points, one.name, one.colour) for points, one in pairs if named(one)]
         labels.label_ends(axes, ends, most=30)
     if panel.empty and not any(np.isfinite(y).any() for _, y in drawn):
         axes.set_yticks([])
-        look = {"ha": "center", "va": "center", "bbox": {"color": "white"}, "color": NOTE}
+        look: Any = {"ha": "center", "va": "center", "bbox": {"color": "white"}, "color": NOTE}
         axes.text(0.5, 0.5, panel.empty, transform=axes.transAxes, **look)
+    elif panel.peaks == "find":
+        _find_peaks(axes, panel, drawn)
     elif panel.peaks:
-        _label_peaks(axes, panel, drawn)
+        labels.label_peaks(axes, sorted(panel.peaks, key=lambda peak: peak[1]))
 
 
 def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:
@@ -401,47 +409,17 @@ def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:
     if len(x) == 1 and "marker" not in look:
         look |= {"marker": "o", "markersize": 3}
     if line.error is not None:
-        low, high = (_ordinates(np.asarray(end), scale) for end in line.error)
+        low, high = (curves.ordinates(np.asarray(end), scale) for end in line.error)
         if scale == "phase":  # an error of the size is one of the angle
             off = np.degrees(np.abs(np.asarray(line.error[1]) - y) / np.abs(y))
             low, high = low - off, high + off
         axes.vlines(x, low, high, color=ERROR, linewidth=0.6, zorder=1.5)
-    if scale == "phase" and np.iscomplexobj(y) and not is_dotted(line):
+    if scale == "phase" and np.iscomplexobj(y) and not line.is_dotted:
         x, y = curves.phase_line(x, y)
     else:
-        y = _ordinates(y, scale)
+        y = curves.ordinates(y, scale)
     axes.plot(x, y, color=line.colour, label=line.name, **look)
     return x, y
-
-
-def is_dotted(line: Line) -> bool:
-    """Whether a line is drawn as points."""
-    return line.look.get("linestyle") == "none"
-
-
-def _ordinates(values: Array, scale: Scale) -> Array:
-    """Values on the axis; NaN where a logarithm does not exist."""
-    if scale == "phase":
-        complexes = np.iscomplexobj(values)
-        return curves.wrap(np.degrees(np.angle(values))) if complexes else values
-    if scale == "linear":
-        return values.astype(float)
-    size = np.abs(values) if np.iscomplexobj(values) else values.astype(float)
-    size = np.where(size > 0, size, np.nan)
-    return 20 * np.log10(size) if scale == "db" else size
-
-
-def _apply_limits(panel: Panel, axis: Across, *, first: bool, alike: bool) -> tuple[Panel, Across]:
-    """Apply the limits of `limited` to the axes that they are about."""
-    x, y = _LIMITS.get()
-    for option, given, scale in (("--x", x, axis.scale), ("--y", y, panel.scale)):
-        if given and given[0] <= 0 and scale == "log" and (alike if given is x else first):
-            problem = "is not on this logarithmic axis"
-            fault = Fault(option, problem, "give limits above 0", format_value(given[0]))
-            raise InputError([fault])
-    if x and alike:
-        axis = replace(axis, limits=x)
-    return replace(panel, limits=y) if y and first else panel, axis
 
 
 def _name_rows(axes: Axes, panel: Panel) -> None:
@@ -451,10 +429,10 @@ def _name_rows(axes: Axes, panel: Panel) -> None:
         axes.set_ylim(len(panel.rows) - 0.5, -0.5)
         axes.tick_params(axis="y", length=0)
         axes.grid(visible=False, axis="y")
+    look: Any = {"fontsize": SMALL, "va": "center", "annotation_clip": False}
+    look |= {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
     for row, text in enumerate(panel.beside):
-        look = {"fontsize": SMALL, "va": "center", "annotation_clip": False}
-        place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-        axes.annotate(text, (1, row), (4, 0), **place, **look)
+        axes.annotate(text, (1, row), (4, 0), **look)
 
 
 def _scale_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:
@@ -474,51 +452,34 @@ def _scale_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:
 
 
 def _limit_upright(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]]) -> None:
-    """Limit the vertical axis; beside infinite peaks to the values around them."""
-    db = panel.scale == "db"
-    if panel.limits is not None:
-        axes.set_ylim(*panel.limits)
-    elif panel.scale in ("db", "log"):
-        kept = [np.zeros(0)]
-        for x, y in drawn:
-            size = 10 ** (y / 20) if db else y
-            kept.append(size[curves.find_tops(x, size)[1]])
-        limits = limit_sizes(np.concatenate(kept), panel.scale)
-        if limits:
-            axes.set_ylim(*limits)
-    high = max(axes.get_ylim())
-    for line, (x, y) in zip(panel.lines, drawn, strict=True):
-        if is_dotted(line):
-            _mark_outside(axes, x, y, line.colour)
-        elif panel.limits is None and not panel.peaks:  # infinite peaks
-            tops = 1 + np.flatnonzero((y[1:-1] > high) & (y[1:-1] >= np.maximum(y[:-2], y[2:])))
-            _mark_outside(axes, x[tops], y[tops], line.colour)
+    """Limit the vertical axis, beside infinite peaks to the values around them; mark what is out.
 
-
-def limit_sizes(size: Array, scale: Scale) -> tuple[float, float] | None:
-    """Limits of an axis of magnitudes, "db" or "log", a little beyond them."""
-    size = size[np.isfinite(size) & (size > 0)]
-    if not len(size):
-        return None
-    low, high = 20 * np.log10(size.min()), 20 * np.log10(size.max())
-    room = 0.04 * max(high - low, 6.0)
-    low, high = float(low - room), float(high + room)
-    return (low, high) if scale == "db" else (10 ** (low / 20), 10 ** (high / 20))
-
-
-def _mark_outside(axes: Axes, x: Array, y: Array, colour: str) -> None:
-    """Mark points beyond the vertical axis by arrows at its edges."""
+    Arrows at the edges mark points and infinite peaks beyond.
+    """
+    limits = panel.limits
+    if limits is None and panel.scale in ("db", "log"):
+        sizes = [(x, 10 ** (y / 20) if panel.scale == "db" else y) for x, y in drawn]
+        kept = [size[curves.find_tops(x, size)[1]] for x, size in sizes]
+        limits = curves.limit_sizes(np.concatenate([np.zeros(0), *kept]), panel.scale)
+    if limits is not None:
+        axes.set_ylim(*limits)
     low, high = sorted(axes.get_ylim())
-    for edge, beyond, mark in ((low, y < low, "v"), (high, y > high, "^")):
-        own = np.full(int(beyond.sum()), edge)
-        axes.plot(x[beyond], own, mark, color=colour, ms=3, clip_on=False, label="_beyond")
+    for line, (x, y) in zip(panel.lines, drawn, strict=True):
+        below, above = np.zeros(len(y), dtype=bool), y > high
+        if line.is_dotted:
+            below = y < low
+        elif panel.limits is None and not panel.peaks:
+            above[1:-1] &= y[1:-1] >= np.maximum(y[:-2], y[2:])
+            above[[0, -1] if len(y) else []] = False
+        else:
+            continue
+        for edge, beyond, mark in ((low, below, "v"), (high, above, "^")):
+            look: Any = {"color": line.colour, "ms": 3, "clip_on": False, "label": "_beyond"}
+            axes.plot(x[beyond], np.full(int(beyond.sum()), edge), mark, **look)
 
 
-def _label_peaks(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]]) -> None:
-    """Write frequencies of peaks above, and power laws beside the lines."""
-    if panel.peaks != "find":
-        labels.label_peaks(axes, sorted(panel.peaks, key=lambda peak: peak[1]))
-        return
+def _find_peaks(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]]) -> None:
+    """Find the peaks of lines; write their frequencies above, and power laws beside the lines."""
     peaks, high = [], axes.get_ylim()[1]
     if len(drawn) > MANY or axes.get_xscale() != "log":
         return
@@ -537,7 +498,6 @@ def _draw_rule(axes: Axes, one: Rule) -> None:
         draw_band(one.at, one.to, color=one.colour, alpha=0.45, linewidth=0, zorder=0.5)
         return
     axis = axes.xaxis if one.vertical else axes.yaxis
-    limit = axes.set_xlim if one.vertical else axes.set_ylim
     transform = axis.get_transform()
     low, high = transform.transform(np.sort(axis.get_view_interval()))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -546,50 +506,24 @@ def _draw_rule(axes: Axes, one: Rule) -> None:
     fixed = _LIMITS.get()[0 if one.vertical else 1]
     if not (fixed or low <= at <= high) and low - REACH * span <= at <= high + REACH * span:
         low, high = min(low, at - room), max(high, at + room)
+        limit = axes.set_xlim if one.vertical else axes.set_ylim
         limit(*transform.inverted().transform(np.array([low, high])))
-    look = {"color": one.colour, "fontsize": SMALL, "textcoords": "offset points"}
-    if low <= at <= high:
-        draw_line = axes.axvline if one.vertical else axes.axhline
-        draw_line(one.at, color=one.colour, linewidth=0.9, linestyle=one.dashes, zorder=1.7)
-        if not (one.text and one.is_named):
-            return
-        if not one.vertical:
-            place = {"xycoords": ("axes fraction", "data"), "va": "top"}
-            axes.annotate(one.text, (0.01, one.at), (0, -2), **place, **look)
-            return
-        inch, figure = axes.figure.dpi, figure_of(axes)
-        middle = axes.transData.transform((one.at, 1))[0] / inch
+    look: Any = {"color": one.colour, "fontsize": SMALL, "textcoords": "offset points"}
+    if not low <= at <= high:
+        below = at < low
+        arrow = ("← " if below else "→ ") if one.vertical else ("↓ " if below else "↑ ")
+        left = one.vertical and below
+        look |= {"xycoords": "axes fraction", "ha": "left" if left else "right"}
+        axes.annotate(arrow + one.text if one.text else "", (0 if left else 1, 1), (0, 2), **look)
+        return
+    draw_line = axes.axvline if one.vertical else axes.axhline
+    draw_line(one.at, color=one.colour, linewidth=0.9, linestyle=one.dashes, zorder=1.7)
+    if one.is_named and one.text and one.vertical:  # within the figure
+        middle = axes.transData.transform((one.at, 1))[0] / axes.figure.dpi
         half = text_width(one.text) / 2 + 0.03
-        inside = min(max(middle, half), figure.get_figwidth() - half)
-        place = {"xycoords": ("data", "axes fraction"), "ha": "center", "annotation_clip": False}
-        axes.annotate(one.text, (one.at, 1), (72 * (inside - middle), 2), **place, **look)
-    elif one.text:
-        arrow = ("← " if at < low else "→ ") if one.vertical else ("↓ " if at < low else "↑ ")
-        left = one.vertical and at < low
-        place = {"xycoords": "axes fraction", "ha": "left" if left else "right"}
-        axes.annotate(arrow + one.text, (0 if left else 1, 1), (0, 2), **place, **look)
-
-
-def _write_above(figure: Figure, place: _Place) -> None:
-    """Write title, remarks and samples of lines above axes."""
-    across, up = figure.get_size_inches()
-    for n, row in enumerate(place.words):
-        y = 1 - (place.corner[1] + ROW * (n + 0.5)) / up
-        for shift, text, colour, line in row:
-            x = place.corner[0] + shift
-            if line is not None:
-                ends = np.array([x, x + SAMPLE / 2, x + SAMPLE]) / across
-                look: LineLook = {"linewidth": 1.2, **line.look}
-                sample = Line2D(ends, [y] * 3, color=line.colour, markevery=[1], **look)
-                sample.set_solid_capstyle("butt")
-                figure.add_artist(sample)
-                x += SAMPLE + 0.05
-            look_of_text = {"color": colour, "fontsize": SMALL, "va": "center_baseline"}
-            figure.text(x / across, y, text, **look_of_text)
-
-
-def write_heading(figure: Figure, quantity: str, design: str) -> None:
-    """Write the quantity at the top of a figure; below it, smaller, the design and model."""
-    across = figure.get_figwidth()
-    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
-    write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
+        shift = min(max(middle, half), figure_of(axes).get_figwidth() - half) - middle
+        look |= {"xycoords": ("data", "axes fraction"), "ha": "center", "annotation_clip": False}
+        axes.annotate(one.text, (one.at, 1), (72 * shift, 2), **look)
+    elif one.is_named and one.text:
+        look |= {"xycoords": ("axes fraction", "data"), "va": "top"}
+        axes.annotate(one.text, (0.01, one.at), (0, -2), **look)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-from suspension_cli.drawing.canvas import Canvas
+from suspension_cli.drawing import style
 from suspension_cli.drawing.geometry import Sketch, Stroke, View, free_springs
 from suspension_cli.drawing.style import NOTE, PALE
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.typing import ColorType
+    from matplotlib.typing import ColorType, LineStyleType
+    from numpy.typing import ArrayLike
 
 WIDTHS = {
     "bore": (0.8, 0.0),
@@ -26,34 +31,93 @@ WIDTHS = {
     "light": (0.5, -0.1),
 }
 """Width of lines relative to that of a wire, and their order above that of the bodies."""
-ZIGZAG = (
-    0.6 * np.array([0, 0, 1, -1, 1, -1, 0, 0]),
-    np.array([-1.6, -1, -0.75, -0.25, 0.25, 0.75, 1, 1.6]),
+ZIGZAG = np.array(
+    [[0, 0, 0.6, -0.6, 0.6, -0.6, 0, 0], [-1.6, -1, -0.75, -0.25, 0.25, 0.75, 1, 1.6]]
 )
 """Sign of a spring: right and up, in units of its size."""
-DASHPOT = (
-    0.7 * np.array([0, 0, -1, -1, -1, 1, 1, 1, 0.0, np.nan, 0, 0, -0.7, 0.7]),
-    np.array([-1.6, -0.8, -0.8, 0.8, -0.8, -0.8, 0.8, -0.8, -0.8, np.nan, 1.6, 0.2, 0.2, 0.2]),
+DASHPOT = np.array(
+    [
+        [0, 0, -0.7, -0.7, -0.7, 0.7, 0.7, 0.7, 0, np.nan, 0, 0, -0.5, 0.5],
+        [-1.6, -0.8, -0.8, 0.8, -0.8, -0.8, 0.8, -0.8, -0.8, np.nan, 1.6, 0.2, 0.2, 0.2],
+    ]
 )
 """Sign of a damper: a piston in a cylinder."""
 SIGN = 0.022
 """Size of the signs of springs over that of the suspension."""
 
 
+class Canvas:
+    """Shapes collected for one pair of axes, drawn as a few collections, not thousands of artists.
+
+    ``canvas = full_canvas(figure); canvas.line([[0, 0], [1, 1]], "black", 0.5, 1); canvas.flush()``
+    """
+
+    def __init__(self, axes: Axes) -> None:
+        self.axes = axes
+        self._polygons: dict[float, list[tuple[Any, ...]]] = defaultdict(list)
+        self._lines: dict[tuple[float, LineStyleType], list[tuple[Any, ...]]] = defaultdict(list)
+
+    def polygon(
+        self, points: ArrayLike, face: ColorType, edge: ColorType, width: float, order: float
+    ) -> None:
+        """Add a filled polygon (p, 2), its edge of a width in points; a larger order is above."""
+        self._polygons[order].append((np.asarray(points), face, edge, width))
+
+    def line(
+        self,
+        points: ArrayLike | Sequence[ArrayLike],
+        colour: ColorType,
+        width: float,
+        order: float,
+        dashes: LineStyleType = "solid",
+    ) -> None:
+        """Add a line (p, 2) of a width in points."""
+        self._lines[order, dashes].append((np.asarray(points), colour, width))
+
+    def hatch(
+        self, corner: ArrayLike, opposite: ArrayLike, colour: ColorType, order: float
+    ) -> None:
+        """Hatch a rectangle between two opposite corners."""
+        (left, foot), (right, top) = np.asarray(corner), np.asarray(opposite)
+        look: Any = {"hatch": 5 * "/", "edgecolor": colour, "facecolor": "none", "linewidth": 0.0}
+        box = Rectangle((left, foot), right - left, top - foot, zorder=order, clip_on=False, **look)
+        self.axes.add_artist(box)
+
+    def text(self, x: float, y: float, text: str, **look: Any) -> None:
+        """Draw text at a point of the axes, not clipped by them."""
+        self.axes.text(x, y, text, zorder=9, **look)
+
+    def flush(self) -> None:
+        """Draw all shapes collected so far."""
+        for order, polygons in self._polygons.items():
+            points, faces, edges, widths = zip(*polygons, strict=True)
+            look: Any = {"facecolors": faces, "edgecolors": edges, "linewidths": widths}
+            shapes = PolyCollection(points, zorder=order, clip_on=False, **look)
+            self.axes.add_collection(shapes, autolim=False)
+        for (order, dashes), lines in self._lines.items():
+            points, colours, widths = zip(*lines, strict=True)
+            look = {"colors": colours, "linewidths": widths, "linestyles": dashes}
+            look["capstyle"] = "round" if dashes == "solid" else "butt"
+            shapes = LineCollection(points, zorder=order, clip_on=False, **look)
+            self.axes.add_collection(shapes, autolim=False)
+        self._polygons.clear()
+        self._lines.clear()
+
+
+def full_canvas(figure: Figure) -> Canvas:
+    """Make a canvas as large as a figure, in inches from its lower left corner."""
+    width, height = figure.get_size_inches()
+    axes = style.add_axes(figure, 0, 0, width, height)
+    axes.set(xlim=(0, width), ylim=(0, height))
+    axes.set_axis_off()
+    return Canvas(axes)
+
+
 @dataclass(frozen=True)
 class Look:
-    """Colours and line widths of a suspension.
+    """Colours of bodies (outline and interior) and lines, width of a wire, drawing order.
 
-    Attributes
-    ----------
-    edge, fill
-        Outline and interior of each body.
-    line
-        Wires, blades, springs.
-    width
-        Of a wire, points; blades (on a canvas in inches) and outlines scale with it.
-    order
-        Drawing order; larger is above.
+    The width is in points; blades (on a canvas in inches) and outlines scale with it.
     """
 
     edge: tuple[ColorType, ...]
@@ -81,7 +145,7 @@ def draw_suspension(
             colour = look.edge[one.body] if one.kind in ("bore", "bracket") else look.line
             canvas.line(line, colour, width * look.width, look.order + above)
         if one.kind == "blade":
-            _draw_leaf(canvas, line, look)
+            _draw_blade(canvas, line, look)
         elif one.kind == "leg":  # a thick bar between thin flexures
             ends = line[0] + np.array([[0.12], [0.94]]) * (line[1] - line[0])
             canvas.line(ends, look.line, 4.5 * look.width, look.order + 0.25)
@@ -91,7 +155,7 @@ def draw_suspension(
             _draw_foot(canvas, line[-1], unit, look)
 
 
-def _draw_leaf(canvas: Canvas, line: Array, look: Look) -> None:
+def _draw_blade(canvas: Canvas, line: Array, look: Look) -> None:
     """Draw a blade, tapered from root to tip, along a line (p, 2)."""
     along = np.gradient(line, axis=0)
     norm = np.linalg.norm(along, axis=1, keepdims=True)
@@ -119,8 +183,7 @@ def _draw_spring(
     elif np.linalg.norm(held[0] - upper) > 3 * unit:
         ends = np.stack([held[0], upper])
         canvas.line(ends, look.line, 0.8 * look.width, look.order + 0.25, (0, (1, 2)))
-    across, up = DASHPOT if one.kind == "damper" else ZIGZAG
-    sign = middle + unit * np.stack([across, up], axis=1)
+    sign = middle + unit * (DASHPOT if one.kind == "damper" else ZIGZAG).T
     if np.linalg.norm(upper - lower) > unit:
         sign = np.vstack([lower, sign, upper] if lower[1] < upper[1] else [upper, sign, lower])
     canvas.line(sign, look.line, 1.3 * look.width, look.order + 0.4)
@@ -135,18 +198,17 @@ def _draw_foot(canvas: Canvas, point: Array, unit: float, look: Look) -> None:
 
 def _support_points(sketch: Sketch) -> Array:
     """Points (k, 3) of the support where wires, roots of blades and springs are attached, m."""
-    scene, wires = sketch.scene, sketch.scene.wires
-    direct = (wires.upper == 0) & (wires.blade < 0)
-    free = free_springs(scene)
-    held = free[(scene.springs.upper[free] == 0) & ~scene.springs.grounded[free]]
-    found = np.concatenate(
-        [
-            wires.upper_point[direct],
-            sketch.leaves[scene.blades.body == 0, 0],
-            scene.springs.upper_point[held] * (1, 1, 0),
-            scene.struts.upper_point[scene.struts.upper == 0],
-        ]
-    )
+
+    def attached() -> Iterator[Array]:
+        scene, free = sketch.scene, free_springs(sketch.scene)
+        yield scene.wires.upper_point[(scene.wires.upper == 0) & (scene.wires.blade < 0)]
+        blades = [one.points[:1] for one in sketch.strokes(0) if one.kind == "blade"]
+        yield from (blades[n] for n in np.flatnonzero(scene.blades.body == 0))
+        held = free[(scene.springs.upper[free] == 0) & ~scene.springs.grounded[free]]
+        yield scene.springs.upper_point[held] * (1, 1, 0)
+        yield scene.struts.upper_point[scene.struts.upper == 0]
+
+    found = np.concatenate([*attached()])
     return found if len(found) else np.zeros((1, 3))
 
 
@@ -170,11 +232,10 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
     """Draw the support: a hatched bar with posts to remote attachments, or plate from above."""
     low, high = support_box(sketch)
     if view.normal == 2:
-        corner, opposite = view.see([[high[0], low[1], low[2]], [low[0], high[1], low[2]]])
-        (left, foot), (right, top) = corner, opposite
-        frame = [[left, foot], [right, foot], [right, top], [left, top], [left, foot]]
+        (x0, y0, z), (x1, y1, _) = low, high
+        frame = view.see([[x0, y0, z], [x0, y1, z], [x1, y1, z], [x1, y0, z], [x0, y0, z]])
         canvas.line(frame, NOTE, 0.6, 0.5)
-        canvas.hatch(corner, opposite, PALE, 0.5)
+        canvas.hatch(frame[3], frame[1], PALE, 0.5)
         return
     points = np.unique(_support_points(sketch), axis=0)
     points = points[np.abs(points[:, 2] - low[2]) > 1e-9]

@@ -1,15 +1,22 @@
-"""Scales of axes: plain numbers on logarithmic ones, powers of ten in labels, phases."""
+"""Scales of axes and colours: plain numbers on logarithmic axes, phases, heat maps."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
-from suspension_cli.drawing.style import PALE, RAISED, format_raised
+from suspension_cli.drawing.style import PALE, RAISED, SMALL, figure_of, format_raised
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 PLAIN = 0.9e-3, 1.1e4
 """Range in which a logarithmic axis has plain numbers, however long it is."""
@@ -79,20 +86,55 @@ def rule(axes: Axes) -> None:
     """Draw a faint grid, and tick labels that are legible in a column of 8.5 cm."""
     axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
     axes.set_axisbelow(True)
-    axes.tick_params(labelsize=7.5)
+    axes.tick_params(labelsize=SMALL)
 
 
 def raise_power(axis: Axis) -> None:
     """Put the power of ten of small or large values into the unit of their axis: (10⁻³ m/m)."""
     top = float(np.abs(axis.get_view_interval()).max())
-    if 0.01 <= top < 1e4 or not top:
-        return
-    power = int(np.floor(np.log10(top)))
-    axis.set_label_text(axis.get_label_text().replace("(", f"(10{str(power).translate(RAISED)} "))
-    axis.set_major_formatter(lambda value, _: f"{value / 10.0**power:.6g}".replace("-", "−"))
+    if top and not 0.01 <= top < 1e4:
+        power = int(np.floor(np.log10(top)))
+        raised = f"(10{str(power).translate(RAISED)} "
+        axis.set_label_text(axis.get_label_text().replace("(", raised))
+        axis.set_major_formatter(lambda value, _: f"{value / 10.0**power:.6g}".replace("-", "−"))
 
 
 def label_phases(axes: Axes) -> None:
     """Label a vertical axis of a turn of phase at multiples of 90 degrees."""
     axes.set_ylim(LOWEST_PHASE, LOWEST_PHASE + 360.0)
     axes.set_yticks([-180, -90, 0, 90], ["−180", "−90", "0", "90"])
+
+
+@dataclass(frozen=True)
+class Tints:
+    """Scale of colours: map, range, quantity with unit, labelled values (by default decades)."""
+
+    map: str
+    norm: Normalize
+    label: str
+    ticks: Sequence[float] = ()
+
+
+def draw_table(axes: Axes, value: Float[np.ndarray, "row column"], tints: Tints) -> None:
+    """Draw a coloured cell per value; NaN is empty. The axes have rows from the top down."""
+    rows, columns = value.shape
+    edges = (-0.5, columns - 0.5, rows - 0.5, -0.5)
+    axes.imshow(value, norm=tints.norm, cmap=tints.map, aspect="auto", extent=edges)
+    axes.tick_params(length=0)
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+
+
+def draw_bar(axes: Axes, tints: Tints) -> None:
+    """Draw a horizontal colour bar that fills axes."""
+    mappable = ScalarMappable(tints.norm, tints.map)
+    bar = figure_of(axes).colorbar(mappable, cax=axes, orientation="horizontal")
+    ticks = [*tints.ticks]
+    if not ticks and isinstance(tints.norm, LogNorm):
+        low, high = float(tints.norm.vmin or 0.0), float(tints.norm.vmax or 1.0)
+        powers = np.arange(round(np.log10(low)), round(np.log10(high)) + 1)
+        ticks = (10.0 ** powers[:: -max(1, -(-len(powers) // 5))]).tolist()
+    bar.set_ticks(ticks, labels=[format_raised(tick) for tick in ticks])
+    bar.minorticks_off()
+    bar.ax.tick_params(length=2, pad=1.5)
+    bar.outline.set_visible(False)

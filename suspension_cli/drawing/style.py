@@ -29,36 +29,21 @@ if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
 
 DPI = 180
-"""Resolution of pictures, dots per inch."""
 PAGE_WIDTH, PAGE_HEIGHT = 17.8 / 2.54, 25 / 2.54
 """Largest size of a picture that is shown on a page of its own, in."""
 MAX_PIXELS = 30_000
 """Longest side of a picture, pixels; larger figures get a lower resolution."""
-
-PNG_LEVEL = 3
-"""Level of compression of PNG: higher ones save a tenth of the size and double the time."""
-
 SMALL = 7.5
 """Font size of labels, points."""
-
-INK = "#222222"
-"""Colour of text and outlines."""
-PALE = "#c4c8cc"
-"""Colour of parts at rest, and of rules."""
-NOTE = "#5f6770"
-"""Colour of dimensions and remarks."""
-
-RED = "#cc0000"
-"""Colour of limits, and of what is unstable or not met."""
-
+INK, PALE, NOTE, RED = "#222222", "#c4c8cc", "#5f6770", "#cc0000"
+"""Colours: text and outlines; parts at rest and rules; dimensions and remarks; limits, and what is
+unstable or not met."""
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9", "#882255", "#999933")
 """Colours that can be told apart with every common colour blindness (Okabe and Ito 2008; Tol 2021
 beyond the fifth)."""
-
 DOF_COLOUR: dict[str, str] = dict(
     zip(DOFS, ("#0072b2", "#009e73", "#e69f00", "#56b4e9", "#d55e00", "#aa4499"), strict=True)
 )
-"""Colour of each degree of freedom."""
 
 RC: dict[str, Any] = {
     "font.family": ["DejaVu Sans"],
@@ -77,12 +62,9 @@ RC: dict[str, Any] = {
     "axes.labelsize": 8.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 3.0,
-    "ytick.major.size": 3.0,
+    **{f"{axis}tick.labelsize": SMALL for axis in "xy"},
+    **{f"{axis}tick.major.width": 0.6 for axis in "xy"},
+    **{f"{axis}tick.major.size": 3.0 for axis in "xy"},
     "lines.linewidth": 1.0,
     "lines.solid_capstyle": "round",
     "patch.linewidth": 0.8,
@@ -93,9 +75,29 @@ RC: dict[str, Any] = {
     "savefig.bbox": None,
     "path.simplify": True,
 }
-
-
+METADATA = {
+    "png": {"Software": "pendsus"},
+    "pdf": {"Creator": "pendsus", "Producer": "pendsus", "CreationDate": None},
+    "svg": {"Creator": "pendsus", "Date": None},
+}
+"""Origin recorded in pictures; no date, so that equal pictures are equal files."""
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _RENDERER = RendererAgg(1, 1, 72)
+
+
+class LineLook(TypedDict, total=False):
+    """Properties of a line, by Matplotlib's names."""
+
+    linestyle: LineStyleType
+    linewidth: float
+    marker: str
+    markersize: float
+    markeredgewidth: float
+    markeredgecolor: str
+    markerfacecolor: str
+    fillstyle: Literal["full", "none"]
+    solid_capstyle: Literal["butt", "round"]
+    zorder: float
 
 
 def house_style() -> AbstractContextManager[None]:
@@ -107,6 +109,13 @@ def new_figure(width: float, height: float) -> Figure:
     """Make an empty figure of a width and height in inches."""
     figure = Figure(figsize=(width, height), dpi=DPI)
     FigureCanvasAgg(figure)
+    return figure
+
+
+def figure_of(axes: Axes) -> Figure:
+    """Look up the figure in which axes are."""
+    figure = axes.get_figure()
+    assert isinstance(figure, Figure)
     return figure
 
 
@@ -136,16 +145,8 @@ def write_text(
 ) -> None:
     """Write text with an upper corner (left or right) in inches from the left and top."""
     across, up = figure.get_size_inches()
-    figure.text(
-        left / across,
-        1 - top / up,
-        text,
-        va="top",
-        ha=side,
-        fontsize=size,
-        color=colour,
-        fontweight="bold" if bold else "normal",
-    )
+    look = {"fontsize": size, "color": colour, "fontweight": "bold" if bold else "normal"}
+    figure.text(left / across, 1 - top / up, text, va="top", ha=side, **look)
 
 
 @cache
@@ -156,7 +157,7 @@ def text_width(text: str, size: float = SMALL) -> float:
 
 
 def name_neglected(figure: Figure, choice: Choice) -> None:
-    """Write what the model neglects at the bottom of a figure, where if it fits."""
+    """Write what the model neglects at the bottom of a figure, shortened to fit."""
     text = single_line(choice.neglected.partition(" (tolerance")[0])
     across, up = map(float, figure.get_size_inches())
     if text_width(text) > across - 0.1:
@@ -166,21 +167,8 @@ def name_neglected(figure: Figure, choice: Choice) -> None:
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure, whole or not at all, in place of any file of this name.
-
-    The ending is .png, .pdf or .svg.
-
-    Raises `OSError` if it cannot be written; nothing is left behind then.
-    """
+    """Write a figure as .png, .pdf or .svg, whole or not at all; raises `OSError`."""
     replace_file(Path(path), encode(figure, Path(path).suffix.removeprefix(".")))
-
-
-METADATA = {
-    "png": {"Software": "pendsus"},
-    "pdf": {"Creator": "pendsus", "Producer": "pendsus", "CreationDate": None},
-    "svg": {"Creator": "pendsus", "Date": None},
-}
-"""Origin recorded in pictures; no date, so that equal pictures are equal files."""
 
 
 def encode(figure: Figure, form: str = "png") -> bytes:
@@ -188,33 +176,12 @@ def encode(figure: Figure, form: str = "png") -> bytes:
     stream = io.BytesIO()
     settings: Any = {"svg.hashsalt": "pendsus", "pdf.fonttype": 42}
     dpi = min(DPI, MAX_PIXELS / max(figure.get_size_inches()))
-    how: dict[str, Any] = {"pil_kwargs": {"compress_level": PNG_LEVEL}} if form == "png" else {}
+    # more compression saves a tenth of the size and doubles the time
+    how: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
     with house_style(), matplotlib.rc_context(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         figure.savefig(stream, format=form, dpi=dpi, metadata=METADATA[form], **how)
     return stream.getvalue()
-
-
-class LineLook(TypedDict, total=False):
-    """Properties of a line, by Matplotlib's names."""
-
-    linestyle: LineStyleType
-    linewidth: float
-    marker: str
-    markersize: float
-    markeredgewidth: float
-    markeredgecolor: str
-    markerfacecolor: str
-    fillstyle: Literal["full", "none"]
-    solid_capstyle: Literal["butt", "round"]
-    zorder: float
-
-
-def figure_of(axes: Axes) -> Figure:
-    """Look up the figure in which axes are."""
-    figure = axes.get_figure()
-    assert isinstance(figure, Figure)
-    return figure
 
 
 def single_line(text: str, most: int = 200) -> str:
@@ -224,10 +191,8 @@ def single_line(text: str, most: int = 200) -> str:
 
 def shorten(text: str, most: int) -> str:
     """Shorten text to at most `most` characters by leaving out its middle."""
-    if len(text) <= most:
-        return text
     tail = (most - 1) // 2
-    return f"{text[: most - 1 - tail]}…{text[len(text) - tail :]}"
+    return text if len(text) <= most else f"{text[: most - 1 - tail]}…{text[len(text) - tail :]}"
 
 
 def format_significant(value: float, digits: int = 4) -> str:
@@ -237,10 +202,6 @@ def format_significant(value: float, digits: int = 4) -> str:
     if abs(value) >= 10**digits:
         return f"{float(f'{value:.{digits}g}'):.0f}"
     return f"{value:#.{digits}g}".rstrip(".")
-
-
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-"""Digits of an exponent."""
 
 
 def format_raised(value: float, digits: int = 2) -> str:
@@ -280,6 +241,6 @@ def stage_colours(stages: Iterable[str]) -> dict[str, str]:
     >>> stage_colours(["upper", "test"])
     {'upper': '#0072b2', 'test': '#d55e00'}
     """
-    parts = [to_rgb(colour) for colour in PALETTE]
-    colours = [*PALETTE, *(to_hex((0.5 * r, 0.5 * g, 0.5 * b)) for r, g, b in parts)]
+    dark = [to_hex((0.5 * r, 0.5 * g, 0.5 * b)) for r, g, b in map(to_rgb, PALETTE)]
+    colours = [*PALETTE, *dark]
     return {name: colours[n % len(colours)] for n, name in enumerate(dict.fromkeys(stages))}

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from suspension_cli.conventions import SUPPORT
-from suspension_cli.design.derive import SetGeometry, set_geometry
+from suspension_cli.design.derive import set_geometry, with_bodies_above
 from suspension_cli.design.imperfections import perturbed, perturbed_part
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.drawing.canvas import Canvas
 from suspension_cli.drawing.geometry import free_springs
 from suspension_cli.drawing.labels import widest
+from suspension_cli.drawing.parts import Canvas
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -26,12 +25,10 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.scene.scene import Scene
 
-ROW = 0.15
-"""Height of a row, in."""
-SIZE = 5.6
-"""Font size, points."""
-MOST_WIRES = 40
-"""Most rows of single wires that are shown; the design file has all."""
+ROW, SIZE = 0.15, 5.6
+"""Height of a row, in; font size, points."""
+MOST = 40
+"""Most rows of a table; the design file has all."""
 NONE = "–"
 """Entry where a dimension does not exist."""
 
@@ -52,10 +49,7 @@ BLADES = (
 )
 FILTERS = "Thick arcs: blades of filters, schematic, which carry the keystones."
 SPRINGS = "Zigzags: springs, each at its point; dotted, to the body (or support) that holds it."
-
 LEGS = "Thick bars between thin flexures: legs of an inverted pendulum."
-
-
 LINKS = (
     "Plain curves: links of curved wires, without their weight. Pistons: dampers. Hatched feet: the"
     " ground beside the support."
@@ -80,82 +74,83 @@ def key(scene: Scene) -> list[str]:
     """Lines that explain the symbols in a drawing."""
     springs = scene.springs
     kinds = {springs.label[n].rsplit(".", 1)[1] for n in free_springs(scene)}
-    others = bool(kinds & {"link", "damper"} or springs.grounded.any())
-    shown = (
-        (BLADES, bool(scene.blades.label)),
-        (FILTERS, "blades" in kinds),
-        (SPRINGS, bool(kinds - {"link", "damper", "blades"})),
-        (LEGS, bool(scene.struts.label)),
-        (LINKS, others),
-    )
-    return [*KEY, *(line for line, is_drawn in shown if is_drawn)]
+    shown = {
+        BLADES: bool(scene.blades.label),
+        FILTERS: "blades" in kinds,
+        SPRINGS: bool(kinds - {"link", "damper", "blades"}),
+        LEGS: bool(scene.struts.label),
+        LINKS: bool(kinds & {"link", "damper"} or springs.grounded.any()),
+    }
+    return [*KEY, *(line for line, is_drawn in shown.items() if is_drawn)]
 
 
 def listed(design: Design, scene: Scene) -> list[Table]:
     """Tables below a drawing: stages, wires outside symmetric sets, control, imperfections."""
-    found = (stages(design, scene), wires(design, scene), loops(design), flaws(design))
-    return [table for table in found if table is not None]
+    found = (_stages(design, scene), _wires(design, scene), _loops(design), _flaws(design))
+    return [
+        replace(
+            table,
+            title=f"{table.title}; the first {MOST} of {len(table.rows)}",
+            rows=table.rows[:MOST],
+        )
+        if len(table.rows) > MOST and n
+        else table
+        for n, table in enumerate(found)
+        if table.rows
+    ]
 
 
-def stages(design: Design, scene: Scene) -> Table:
+def _stages(design: Design, scene: Scene) -> Table:
     """Table of stages: mass, the body above, and the dimensions of the symmetric set of wires."""
     tree = any(stage.hangs_from is not None for stage in design.stage)
     symbols = ("$l$", "$s$", "$t_1$", "$t_2$", "$d$", "$d_u$", "depth")
     heads = ["stage", *["hangs from"] * tree, "mass (kg)", "wires"]
     heads += [*(f"{symbol} (mm)" for symbol in symbols), "blades (N/m)"]
-    rows = []
-    for n, stage in enumerate(design.stage):
-        above = stage.hangs_from or (design.stage[n - 1].name if n else SUPPORT)
-        rows.append(
-            (
-                single_line(stage.name, 20),
-                *((single_line(above, 16),) if tree else ()),
-                f"{float(scene.bodies.mass[n]):.4g}",
-                *_set(stage),
-                millimetres(-float(scene.bodies.position[n + 1, 2])),
-                _blades(scene, stage),
-            )
+    rows = [
+        (
+            single_line(stage.name, 20),
+            *[single_line(above, 16)] * tree,
+            f"{float(scene.bodies.mass[n]):.4g}",
+            *_set(stage),
+            millimetres(-float(scene.bodies.position[n + 1, 2])),
+            _blades(scene, stage),
         )
+        for n, (stage, above) in enumerate(with_bodies_above(design))
+    ]
     return Table("Stages", tuple(heads), rows)
 
 
 def _set(stage: Stage) -> tuple[str, ...]:
-    """Number of wires, l, s, t1, t2, d, d_upper; lengths in mm."""
+    """Number of wires, l, s, t1, t2, d, d_upper; lengths in mm, of a ring its radii for t1, t2."""
     if stage.wires is None:
         return (str(len(stage.wire)), *(NONE,) * 6)
     shape = set_geometry(stage.wires)
-    across = (millimetres(shape.t1), millimetres(shape.t2)) if shape.count > 1 else (NONE, NONE)
-    along = separation(shape) if shape.count == 4 else NONE
+    along, across = NONE, (NONE, NONE)
     if shape.is_ring:
-        radii = (millimetres(shape.ring_upper), millimetres(shape.ring_lower))
-        along, across = NONE, (f"r {radii[0]}", f"r {radii[1]}")
-    return (
-        str(shape.count),
-        millimetres(shape.length),
-        along,
-        *across,
-        millimetres(shape.d),
-        millimetres(shape.d_upper),
-    )
+        across = f"r {millimetres(shape.ring_upper)}", f"r {millimetres(shape.ring_lower)}"
+    elif shape.count > 1:
+        across = millimetres(shape.t1), millimetres(shape.t2)
+        along = separation(shape.s_upper, shape.s_lower) if shape.count == 4 else NONE
+    ends = millimetres(shape.d), millimetres(shape.d_upper)
+    return (str(shape.count), millimetres(shape.length), along, *across, *ends)
 
 
-def separation(shape: SetGeometry) -> str:
-    """Half separation in x, mm; upper / lower where they differ."""
-    upper, lower = millimetres(shape.s_upper), millimetres(shape.s_lower)
-    return upper if upper == lower else f"{upper} / {lower}"
+def separation(upper: float, lower: float) -> str:
+    """Separation (m) at the upper and lower ends, mm; both where they differ."""
+    return " / ".join(dict.fromkeys((millimetres(upper), millimetres(lower))))
 
 
 def _blades(scene: Scene, stage: Stage) -> str:
     """Number and vertical stiffness (N/m) of the blades that carry a stage."""
     mine = [n for n, label in enumerate(scene.blades.label) if label.startswith(f"{stage.name}.")]
-    if not mine:
-        return NONE
     stiffness = {f"{float(scene.blades.stiffness[n, 2]):.4g}" for n in mine}
-    return f"{len(mine)} × {stiffness.pop()}" if len(stiffness) == 1 else f"{len(mine)}, various"
+    if len(stiffness) > 1:
+        return f"{len(mine)}, various"
+    return f"{len(mine)} × {stiffness.pop()}" if mine else NONE
 
 
-def wires(design: Design, scene: Scene) -> Table | None:
-    """Table of the wires of stages without a symmetric set; None if there are none."""
+def _wires(design: Design, scene: Scene) -> Table:
+    """Table of the wires of stages without a symmetric set."""
     explicit = {stage.name for stage in design.stage if stage.wires is None}
     wires, rows = scene.wires, []
     for n, label in enumerate(wires.label):
@@ -170,23 +165,22 @@ def wires(design: Design, scene: Scene) -> Table | None:
         " ends from the stage's own COM"
     )
     ends = (f"{end} {axis} (mm)" for end in ("upper", "lower") for axis in "xyz")
-    heads = ("wire", *ends, "length (mm)", "tension (N)")
-    return _first_rows(title, heads, rows)
+    return Table(title, ("wire", *ends, "length (mm)", "tension (N)"), rows)
 
 
-def loops(design: Design) -> Table | None:
-    """Table of the control loops of a design; None if there are none."""
+def _loops(design: Design) -> Table:
+    """Table of the control loops of a design."""
     rows = []
     for loop in design.control.loop if design.control else ():
         unit = "N m s/rad" if "torque" in loop.actuator else "N s/m"
         law = "filter" if loop.damper is None else f"damper, {loop.damper:.4g} {unit}"
         ends = (single_line(text, 30) for text in (loop.sensor, loop.actuator))
         rows.append((single_line(loop.name, 20), *ends, law.replace("-", "−")))
-    return _first_rows("Local control (not drawn)", ("loop", "sensor", "actuator", "law"), rows)
+    return Table("Local control (not drawn)", ("loop", "sensor", "actuator", "law"), rows)
 
 
-def flaws(design: Design) -> Table | None:
-    """Table of the imperfections of a design; None if there are none."""
+def _flaws(design: Design) -> Table:
+    """Table of the imperfections of a design."""
     rows = []
     for item in design.perturbation:
         part, name = perturbed_part(item)
@@ -202,14 +196,7 @@ def flaws(design: Design) -> Table | None:
         if item.wire is not None and item.hold == "natural-length":
             rows.append((item.wire, "unstretched length", "as designed, not trimmed"))
     title = "Imperfections (offsets and rotations along and about x, y, z)"
-    return _first_rows(title, ("part", "imperfection", "value"), rows)
-
-
-def _first_rows(title: str, heads: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table | None:
-    """Table of the first rows, with their number in the title; None if there are none."""
-    if len(rows) > MOST_WIRES:
-        title += f"; the first {MOST_WIRES} of {len(rows)}"
-    return Table(title, heads, rows[:MOST_WIRES]) if rows else None
+    return Table(title, ("part", "imperfection", "value"), rows)
 
 
 def write(

@@ -11,7 +11,7 @@ from PIL import Image
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import draw, geometry, labels, style
+from suspension_cli.drawing import draw, labels, style
 from suspension_cli.equilibrium.nominal import expand
 from tests.support.legible import assert_legible
 from tests.support.legible import said as texts
@@ -141,14 +141,14 @@ def test_save_leaves_nothing_behind_when_it_fails(tmp_path, monkeypatch):
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.png"]
 
 
-def test_the_label_of_a_wire_cuts_no_body():
-    design, stage, label = sus.example("ligo-quad-2005").design, 1, "308.5 mm"
-    scene = expand(design)
-    figure = draw.draw(design, scene)
-    view = next(axes for axes in figure.axes if axes.get_ylabel())
-    (text,) = [one for one in figure.findobj(Text) if one.get_text() == label]
-    extents = text.get_window_extent(figure.canvas.get_renderer())
-    _, (low, high) = view.transData.inverted().transform(extents).T
-    half = [one.half[2] for one in geometry.outlines(design, scene)]
-    centre = scene.bodies.position[1:, 2]
-    assert centre[stage] + half[stage] < low < high < centre[stage - 1] - half[stage - 1]
+def test_the_dimensions_of_every_set_of_wires_stand_beside_the_views():
+    design = sus.example("ligo-quad-2005").design
+    figure = draw.draw(design, expand(design))
+    side, face = (axes for axes in figure.axes if axes.get_xlabel())
+    boxes = {
+        one.get_text(): one.get_window_extent(figure.canvas.get_renderer())
+        for one in figure.findobj(Text)
+    }
+    for stage in design.stage:
+        assert boxes[f"$l$ = {style.length(stage.wires.l)}"].x0 > face.bbox.x1
+        assert boxes[f"$d$ = {style.length(stage.wires.d)}"].x1 < side.bbox.x0

@@ -10,11 +10,9 @@ from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
 from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.check.solve import Check
-    from suspension_cli.analyses.check.statics import LinkLoad
+    from suspension_cli.analyses.check.loads import Check, LinkLoad
 
-MANY_WIRES = 40
-"""Number of wires above which equal wires of a stage share a row."""
+
 MANY_BODIES = 12
 """Number of bodies above which only three lowest points are printed."""
 
@@ -31,7 +29,7 @@ class CheckAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `warnings`, which
+        With the attributes of `analyses.check.loads.Check`: `stable`, `statics`, `warnings`, which
         are Python warnings too.
 
     Raises
@@ -64,9 +62,9 @@ class CheckAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Check a design, and warn of what is implausible."""
-        from suspension_cli.analyses.check.solve import solve
+        from suspension_cli.analyses.check.warnings import check
 
-        found = solve(run.source)
+        found = check(run.source)
         for item in found.warnings:
             run.log.warn(f"{run.name}: {item.line('')}")
         extra = {"strict": run.setting["strict"]}
@@ -78,7 +76,7 @@ class CheckAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return loads, warnings and stability."""
-        from suspension_cli.analyses.check.columns import list_documents
+        from suspension_cli.analyses.check.loads import list_documents
 
         found: Check = result.data
         loads, own = found.statics, found.weights
@@ -88,19 +86,13 @@ class CheckAnalysis(Analysis):
             "stability_model": found.stability_model,
             "residual": loads.residual,
             "height_m": loads.height,
-            "lowest": list_documents(loads.lowest),
-            "wires": list_documents(loads.wires),
-            "blades": list_documents(loads.blades),
-            "bodies": list_documents(loads.bodies),
         }
-        rare = {
-            "links": list_documents(loads.links),
-            "inverted_pendulums": list_documents(loads.legs),
-            "filters": list_documents(loads.filters),
-            "cavities": list_documents(loads.cavities),
-            "profiles": list_documents(loads.profiles),
-        }
-        document |= {name: rows for name, rows in rare.items() if rows}
+        for name in ("lowest", "wires", "blades", "bodies"):
+            document[name] = list_documents(getattr(loads, name))
+        for name in ("links", "legs", "filters", "cavities", "profiles"):
+            if parts := getattr(loads, name):
+                key = "inverted_pendulums" if name == "legs" else name
+                document[key] = list_documents(parts)
         document["warnings"] = [
             {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
             for item in found.warnings
@@ -111,16 +103,15 @@ class CheckAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return tables of loads, the lowest points, the pose and the stability."""
-        from suspension_cli.analyses.check.columns import render
+        from suspension_cli.analyses.check.loads import render
 
         found: Check = result.data
         loads, count = found.statics, len(found.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
         file, choice = escape_unprintable(result.source.file) or result.name, found.choice
         lines = [f"{file}: {verdict}; simplest valid model: {choice.level} ({choice.reason})"]
-        for parts in (loads.wires, loads.blades, loads.legs, loads.filters, loads.cavities):
-            if parts:
-                lines.append(render(parts, _merge_equal))
+        tabulated = (loads.wires, loads.blades, loads.legs, loads.filters, loads.cavities)
+        lines += [render(parts) for parts in tabulated if parts]
         lines += _link_tables(loads.links)
         if found.weights is not None and found.weights.line:
             lines.append(f"  {found.weights.line}")
@@ -140,13 +131,11 @@ class CheckAnalysis(Analysis):
             for link in loads.links
             if link.table is not None
         ]
-        lowest = loads.lowest
-        if len(lowest) > MANY_BODIES:
-            lowest = sorted(lowest, key=lambda low: low.z)[:3]
-        lines.append(
-            f"  height {loads.height:.4g} m; lowest points:"
-            f" {', '.join(f'{low.name} {low.z:.4g} m ({low.point})' for low in lowest)}"
-        )
+        shown = loads.lowest
+        if len(shown) > MANY_BODIES:
+            shown = sorted(shown, key=lambda low: low.z)[:3]
+        lowest = ", ".join(f"{low.name} {low.z:.4g} m ({low.point})" for low in shown)
+        lines.append(f"  height {loads.height:.4g} m; lowest points: {lowest}")
         if found.stable is not None:
             word = "stable" if found.stable else "UNSTABLE"
             lines.append(f"  {word} in the {found.stability_model} model")
@@ -180,20 +169,6 @@ def _link_tables(links: Sequence[LinkLoad]) -> list[str]:
 def _milli(vector: tuple[float, ...]) -> str:
     """Write components in thousandths, without minus signs of zeros."""
     return ", ".join(f"{round(1e3 * value, 4) + 0.0:.4f}" for value in vector)
-
-
-def _merge_equal(rows: list[list[float | str | None]]) -> list[list[float | str | None]]:
-    """Merge rows of a stage's wires, if there are many, that are equal as printed: test.1 to 4."""
-    result, last = [], None
-    for label, *values in rows:
-        stage, _, number = str(label).rpartition(".")
-        key = (stage, *(None if value is None else f"{value:.3f}" for value in values))
-        if len(rows) > MANY_WIRES and key == last and number.isdecimal():
-            result[-1][0] = f"{str(result[-1][0]).split(' ')[0]} to {number}"
-        else:
-            result.append([label, *values])
-        last = key
-    return result
 
 
 ANALYSIS = CheckAnalysis()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from suspension_cli.conventions import DOFS, SUPPORT
@@ -22,12 +22,12 @@ class Lossless:
 
     Attributes
     ----------
-    part : str
+    part
         ``test.wires``, ``upper.blades``, ``marionette.springs``, ``support``; a single wire
         (``bench.3``) or blade if others of its stage have loss.
-    material : tuple of str
+    material
         Its materials without bulk loss; empty if the design names none.
-    bending : tuple of str
+    bending
         Its losses that act only in bending; empty if nothing dissipates.
     """
 
@@ -42,29 +42,31 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     Models in which wires bend use all losses of materials, others only constant loss angles given
     in the design.
     """
-    found: list[Lossless | None] = []
+    return [one for one in _every_part(design, level) if one is not None]
+
+
+def _every_part(design: Design, level: str) -> Iterator[Lossless | None]:
+    """All parts of a design, None for each with loss."""
     frame = design.support
     if frame and not frame.loss_angle and not any(getattr(frame.damping, dof) for dof in DOFS):
-        found.append(Lossless(SUPPORT))
+        yield Lossless(SUPPORT)
     for stage in design.stage:
-        found += _merge_equal(stage, "blades", [*_blades(design, stage, level)])
-        found += _merge_equal(stage, "wires", [*_wires(design, stage, level)])
-        springs = [
-            _part(design, level, f"{stage.name}.springs", spring.material, own=spring.loss_angle)
+        yield from _merge_equal(stage, "blades", _blades(design, stage, level))
+        yield from _merge_equal(stage, "wires", _wires(design, stage, level))
+        if any(
+            _part(design, level, "", spring.material, own=spring.loss_angle)
             for spring in stage.spring
             if _nonzero(spring.stiffness) and not _nonzero(spring.damping)
-        ]
-        if any(springs):
-            found.append(Lossless(f"{stage.name}.springs"))
+        ):
+            yield Lossless(f"{stage.name}.springs")
         for name in ("inverted_pendulum", "filter"):
             part = getattr(stage, name)
             if part is not None and not part.loss_angle and part.q is None:
-                found.append(Lossless(f"{stage.name}.{name}"))
+                yield Lossless(f"{stage.name}.{name}")
     for link in design.link:
         if link.table is None and not _nonzero(link.damping):
             material = link.strands.material if link.strands and link.loss_angle is None else None
-            found.append(_part(design, level, f"{link.name}.link", material, own=link.loss_angle))
-    return [one for one in found if one is not None]
+            yield _part(design, level, f"{link.name}.link", material, own=link.loss_angle)
 
 
 def _wires(design: Design, stage: Stage, level: str) -> Iterator[Lossless | None]:
@@ -83,8 +85,11 @@ def _blades(design: Design, stage: Stage, level: str) -> Iterator[Lossless | Non
         yield found if found is None or thick else replace(found, bending=())
 
 
-def _merge_equal(stage: Stage, word: str, parts: list[Lossless | None]) -> list[Lossless | None]:
+def _merge_equal(
+    stage: Stage, word: str, parts: Iterable[Lossless | None]
+) -> list[Lossless | None]:
     """Merge the parts of one kind of a stage into one if all lack the same."""
+    parts = [*parts]
     whole = [one and replace(one, part=f"{stage.name}.{word}") for one in parts]
     return whole[:1] if len(set(whole)) == 1 else parts
 
@@ -97,10 +102,7 @@ def _part(
     own: float | None = None,
     wire: AnyWire | None = None,
 ) -> Lossless | None:
-    """Return a part if it has no bulk loss.
-
-    It is made of the materials `names`, or has the loss angle `own`.
-    """
+    """Return a part of materials `names`, or of a loss angle `own`, if it has no bulk loss."""
     given = tuple(sorted({name for name in names if name is not None}))
     if own:
         return None
@@ -113,11 +115,9 @@ def _part(
     )
     if not lacking and (given or wire is not None):
         return None
+    every = [loss for name in given for loss in losses[name]]
     bending = dict.fromkeys(
-        loss.name
-        for name in given
-        for loss in losses[name]
-        if not loss.uniform and loss.acts_unstrained
+        loss.name for loss in every if not loss.uniform and loss.acts_unstrained
     )
     if len(lacking) < len(given):
         bending = bending or {"other sections'": None}

@@ -1,295 +1,81 @@
-"""Statics of a design: tensions, stretch, sag, stress, weight of wires, height, displacements."""
+"""Statics of a design in the equilibrium of the string model, as `check` lists it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.check import towers
-from suspension_cli.analyses.check.columns import Column
-from suspension_cli.analyses.check.light import CavityLoad, cavity_loads
-from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
+from suspension_cli.analyses.check.loads import (
+    BladeLoad,
+    BodyPose,
+    CavityLoad,
+    FilterLoad,
+    LegLoad,
+    LinkLoad,
+    Lowest,
+    ReducedProfile,
+    Statics,
+    Stress,
+    Vector,
+    WireLoad,
+    WireWeights,
+)
 from suspension_cli.design import materials
-from suspension_cli.design.derive import gravity_strength, wire_line_densities
+from suspension_cli.design.cavities import LIGHT
+from suspension_cli.design.derive import Keystone, gravity_strength, wire_line_densities
+from suspension_cli.design.filters import filter_statics
+from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.sections import given_sections, thinnest
 from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
+from suspension_cli.elements import string
 from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.equilibrium.residual_scale import carried_weights
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.models.cavity import angular_stiffness, optical_spring
 from suspension_cli.models.string import STRING
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Scene
 
-SAG = 0.05
-"""Largest sag of a link over its length that is a small deflection."""
-NOTED = 4e-3
-"""Weight over tension above which `check` notes that a design leaves it out; frequencies of
-pendulums change by up to a quarter of it."""
-
-
-@dataclass(frozen=True)
-class Stress:
-    """Stress of a wire or blade.
-
-    Attributes
-    ----------
-    stress : float or None
-        Largest, at the thinnest section of a wire or the base of a blade, Pa; None if the geometry
-        is unknown.
-    strength : float or None
-        Tensile strength of `material`, Pa; None if unknown.
-    fraction : float or None
-        Largest ratio of stress to strength of all sections.
-    material : str
-        Material of that section; "" if none is named.
-    """
-
-    label: str
-    stress: Annotated[float | None, Column("stress_pa", "stress\nMPa", ".0f", 1e-6)]
-    strength: Annotated[float | None, Column("strength_pa")]
-    fraction: Annotated[float | None, Column("strength_fraction", "of strength\n%", ".3g", 100)]
-    material: str
-
-    @property
-    def stage(self) -> str:
-        """Name of its stage."""
-        return self.label.rsplit(".", 1)[0]
-
-    @property
-    def number(self) -> str:
-        """Its number or name in the stage."""
-        return self.label.rsplit(".", 1)[1]
-
-
-@dataclass(frozen=True)
-class WireLoad(Stress):
-    """Load of one wire: tension (N), elongation (m), and that over its loaded length."""
-
-    label: Annotated[str, Column("wire", "wire")]
-    tension: Annotated[float, Column("tension_n", "tension\nN", ".2f")]
-    stretch: Annotated[float, Column("stretch_m", "stretch\nmm", ".3f", 1e3)]
-    strain: Annotated[float, Column("stretch_fraction")]
-
-
-@dataclass(frozen=True)
-class BladeLoad(Stress):
-    """Load of one blade: vertical force at its tip (N), and deflection of the tip (m)."""
-
-    label: Annotated[str, Column("blade", "blade")]
-    load: Annotated[float, Column("load_n", "load\nN", ".2f")]
-    sag: Annotated[float, Column("sag_m", "sag\nmm", ".3f", 1e3)]
-
-
-@dataclass(frozen=True)
-class BodyPose:
-    """Displacement (m) and rotation vector (rad) of one body from its nominal pose."""
-
-    name: Annotated[str, Column("stage")]
-    shift: Annotated[tuple[float, float, float], Column("shift_m")]
-    rotation: Annotated[tuple[float, float, float], Column("rotation_rad")]
-
-
-@dataclass(frozen=True)
-class Lowest:
-    """Lowest point of a stage: z (m) from the suspension point, and the part there."""
-
-    name: Annotated[str, Column("stage")]
-    z: Annotated[float, Column("z_m")]
-    point: Annotated[str, Column("point")]
-
-
-@dataclass(frozen=True)
-class LinkLoad:
-    """A link or damper between two bodies.
-
-    Attributes
-    ----------
-    stiffness, damping : (float, float, float)
-        Along x, y, z at its point, N/m and N s/m.
-    length : float or None
-        Of one wire of a link given by its geometry, m.
-    weight : float or None
-        Of all its wires, N, which the models leave out.
-    sag : float or None
-        Largest descent of a wire under its weight, as a small deflection, m.
-    table : (float, float) or None
-        Lowest and highest frequency of its table of stiffness, Hz.
-    """
-
-    label: Annotated[str, Column("label")]
-    between: Annotated[tuple[str, ...], Column("between")]
-    stiffness: Annotated[tuple[float, float, float], Column("stiffness")]
-    damping: Annotated[tuple[float, float, float], Column("damping")]
-    length: Annotated[float | None, Column("length")] = None
-    weight: Annotated[float | None, Column("weight")] = None
-    sag: Annotated[float | None, Column("sag")] = None
-    table: Annotated[tuple[float, float] | None, Column("table")] = None
-
-    @property
-    def hangs_freely(self) -> bool:
-        """Whether it sags too far for a small deflection."""
-        return self.sag is not None and self.length is not None and self.sag > SAG * self.length
-
-
-@dataclass(frozen=True)
-class ReducedProfile:
-    """Numbers of places of a measured profile of a fibre, and of its uniform sections."""
-
-    wire: Annotated[str, Column("wire")]
-    places: Annotated[int, Column("places")]
-    sections: Annotated[int, Column("sections")]
-
-
-@dataclass(frozen=True)
-class WireWeights:
-    """Weight of the wires of a design.
-
-    Attributes
-    ----------
-    included : bool
-        Whether the design includes it.
-    total : float
-        N.
-    ratio, wire : float, str
-        Largest weight over tension, and its wire.
-    sag : float
-        Largest distance of a wire from the straight line between its ends, m: w l / (8 T) for the
-        part w of its weight across it (Irvine, Cable Structures, MIT Press (1981), section 1.2).
-    error : float
-        Error of the stiffness of straight wires: across, (W/T)^2 / 12, or along them, the largest
-        decrease of a wire's stiffness k by its sag, w^2 k l / (12 T^3), over k (Ernst, Der
-        Bauingenieur 40, 52 (1965)).
-    """
-
-    included: bool
-    wire: str
-    total: Annotated[float, Column("total_n")]
-    ratio: Annotated[float, Column("largest_over_tension")]
-    sag: Annotated[float, Column("sag_m")]
-    error: Annotated[float, Column("error")]
-
-    @property
-    def line(self) -> str:
-        """Describe the weight in a line; "" if it is left out and small."""
-        if not self.included:
-            if self.ratio < NOTED:
-                return ""
-            return (
-                f"wires weigh up to {100 * self.ratio:.2g} % of their tension ({self.wire});"
-                " constants.wire_weight = true includes this"
-            )
-        sag = f"largest sag {1e3 * self.sag:.3g} mm"
-        return (
-            f"wires weigh {self.total:.4g} N, up to {100 * self.ratio:.2g} % of their tension"
-            f" ({self.wire}); {sag}; the error by straight wires is {100 * self.error:.1g} %"
-        )
-
-
-@dataclass(frozen=True)
-class Statics:
-    """Statics of a design; `top` is z of the highest end of a wire, m."""
-
-    wires: tuple[WireLoad, ...]
-    blades: tuple[BladeLoad, ...]
-    bodies: tuple[BodyPose, ...]
-    lowest: tuple[Lowest, ...]
-    top: float
-    residual: float
-    links: tuple[LinkLoad, ...] = ()
-    legs: tuple[LegLoad, ...] = ()
-    filters: tuple[FilterLoad, ...] = ()
-    cavities: tuple[CavityLoad, ...] = ()
-    profiles: tuple[ReducedProfile, ...] = ()
-    weights: WireWeights | None = None
-
-    @property
-    def height(self) -> float:
-        """Height from the lowest to the highest point, m."""
-        return self.top - min(stage.z for stage in self.lowest)
+__all__ = ["Statics", "Stress", "blade_loads", "list_wire_tables", "solve", "wire_loads"]
 
 
 def solve(design: Design) -> Statics:
-    """Solve for the loads of a design in the equilibrium of the string model.
-
-    Raises
-    ------
-    InputError
-        If it cannot balance, or a wire is slack.
-    """
+    """Solve for the loads of a design; raises `InputError` if it cannot balance."""
     scene = expand(design)
     strings = STRING.completed(scene, design)
     balanced = balance(strings)
     balanced.demand(strings)
     pose, ends = balanced.pose, _end_heights(scene, balanced)
     wires = tuple(wire_loads(design, scene, balanced))
+    turns = [rotation_vector(rotation - np.eye(3)) for rotation in pose.rotation]
+    names = enumerate(scene.bodies.name, 1)
+    stages = enumerate(design.stage, 1)
     return Statics(
         wires=wires,
         blades=tuple(blade_loads(design, scene, balanced)),
-        bodies=tuple(
-            BodyPose(
-                name=name,
-                shift=_vector(pose.shift[n]),
-                rotation=_vector(rotation_vector(pose.rotation[n] - np.eye(3))),
-            )
-            for n, name in enumerate(scene.bodies.name, 1)
-        ),
-        lowest=tuple(
-            _find_lowest(stage.body, n, scene, balanced, ends[n])
-            for n, stage in enumerate(design.stage, 1)
-        ),
+        bodies=tuple(BodyPose(n, _vector(pose.shift[i]), _vector(turns[i])) for i, n in names),
+        lowest=tuple(_find_lowest(one.body, n, scene, balanced, ends[n]) for n, one in stages),
         top=max((end for heights in ends for end in heights), default=0.0),
         residual=float(balanced.residual),
         links=tuple(_links(design)),
-        legs=towers.leg_loads(design, scene, balanced),
-        filters=towers.filter_loads(design, scene, balanced),
-        cavities=tuple(cavity_loads(design)),
+        legs=tuple(_legs(design, scene, balanced)),
+        filters=tuple(_filters(design, scene, balanced)),
+        cavities=tuple(_cavities(design)),
         profiles=tuple(_profiles(design)),
         weights=_weigh_wires(design, scene, wires),
     )
 
 
-def _profiles(design: Design) -> Iterator[ReducedProfile]:
-    """Measured profiles of fibres, from top to bottom."""
-    for stage in design.stage:
-        for number, table in enumerate(stage.wire_tables, 1):
-            if isinstance(table.profile, Profile):
-                name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
-                places, sections = table.profile.position, given_sections(table) or ()
-                yield ReducedProfile(wire=name, places=len(places), sections=len(sections))
-
-
-def _links(design: Design) -> Iterator[LinkLoad]:
-    """Links and dampers between bodies, in the order of the file."""
-    places = Places.of(design)
-    for link in design.link:
-        first, second = (places.position[places.number[name]] for name in link.between)
-        stiffness = links.link_stiffness(design, link, first, second)
-        found = LinkLoad(
-            link.name,
-            tuple(link.between),
-            _vector(np.diag(stiffness)),
-            _vector(np.diag(links.matrix(link.damping))),
-            table=link.table and (link.table.frequency[0], link.table.frequency[-1]),
-        )
-        if link.strands is not None:
-            curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
-            found = replace(
-                found,
-                length=curve.length,
-                weight=link.strands.count * curve.length * wire.weight,
-                sag=strands.sag(curve, wire)[0],
-            )
-        yield found
-    for damper in design.damper:
-        damping = _vector(np.diag(links.damper_matrix(damper)))
-        yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
+def _vector(values: np.ndarray) -> Vector:
+    return (float(values[0]), float(values[1]), float(values[2]))
 
 
 def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
@@ -317,21 +103,6 @@ def wire_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[
         )
 
 
-def _largest_stress(
-    design: Design, stresses: Sequence[tuple[float, str | None]], material: str | None
-) -> dict[str, Any]:
-    """Largest stress (Pa) of sections with their materials, and that nearest to breaking."""
-    known = [
-        (stress / strength, strength, name)
-        for stress, name in stresses
-        if name is not None
-        and (strength := materials.resolve(design, name).tensile_strength) is not None
-    ]
-    largest, name = max(stresses, key=lambda pair: pair[0], default=(None, material))
-    fraction, strength, name = max(known, default=(None, None, name or ""))
-    return {"stress": largest, "strength": strength, "fraction": fraction, "material": name}
-
-
 def blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[BladeLoad]:
     """Loads of blades of length L, base width b and thickness h.
 
@@ -343,33 +114,45 @@ def blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator
         tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
     stiffness = scene.blades.stiffness[:, 2]
     loads = scene.blades.load[:, 2] - stiffness * balanced.pose.deflection[:, 2]
-    for table, label, load, k in zip(
-        tables, scene.blades.label, loads.tolist(), stiffness.tolist(), strict=True
-    ):
-        shape, stresses = table.geometry, []
+    for n, table in enumerate(tables):
+        shape, load, stresses = table.geometry, float(loads[n]), []
         if shape is not None:
             stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
             stresses = [(stress, shape.material)]
         stressed = _largest_stress(design, stresses, table.made_of)
-        yield BladeLoad(label=label, load=load, sag=load / k, **stressed)
+        sag = load / float(stiffness[n])
+        yield BladeLoad(label=scene.blades.label[n], load=load, sag=sag, **stressed)
+
+
+def _largest_stress(
+    design: Design, stresses: Sequence[tuple[float, str | None]], material: str | None
+) -> dict[str, Any]:
+    """Largest stress (Pa) of sections with their materials, and that nearest to breaking."""
+    known = []
+    for stress, name in stresses:
+        strength = materials.resolve(design, name).tensile_strength if name else None
+        if strength is not None:
+            known.append((stress / strength, strength, name))
+    largest, name = max(stresses, key=lambda pair: pair[0], default=(None, material))
+    fraction, strength, name = max(known, default=(None, None, name or ""))
+    return {"stress": largest, "strength": strength, "fraction": fraction, "material": name}
 
 
 def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
     """List the heights z (m) of the ends of wires on each body, the support first."""
     heights: list[list[float]] = [[] for _ in range(len(scene.bodies.name) + 1)]
-    z, rotation = scene.bodies.position[:, 2] + balanced.pose.shift[:, 2], balanced.pose.rotation
-    for body, points in (
-        (scene.wires.upper, scene.wires.upper_point),
-        (scene.wires.lower, scene.wires.lower_point),
-    ):
-        for n, point in zip(body.tolist(), points, strict=True):
-            heights[n].append(float(z[n] + rotation[n, 2] @ point))
+    z, wires = scene.bodies.position[:, 2] + balanced.pose.shift[:, 2], scene.wires
+    body = np.concatenate([wires.upper, wires.lower])
+    point = np.concatenate([wires.upper_point, wires.lower_point])
+    for n, height in zip(body, z[body] + balanced.pose.arms(body, point)[:, 2], strict=True):
+        heights[n].append(float(height))
     return heights
 
 
 def _find_lowest(
     body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]
 ) -> Lowest:
+    """Find the lowest point of a body: of its shape, wires or COM."""
     z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
     points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
     if body.shape is not None:
@@ -385,10 +168,6 @@ def _half_height(body: Body, up: np.ndarray) -> float:
     assert body.radius is not None and body.length is not None
     along = abs(float(up["xyz".index(body.axis or "x")]))
     return body.length / 2 * along + body.radius * float(np.sqrt(max(1 - along**2, 0.0)))
-
-
-def _vector(values: np.ndarray) -> tuple[float, float, float]:
-    return (float(values[0]), float(values[1]), float(values[2]))
 
 
 def _weigh_wires(design: Design, scene: Scene, loads: Sequence[WireLoad]) -> WireWeights | None:
@@ -413,3 +192,115 @@ def _weigh_wires(design: Design, scene: Scene, loads: Sequence[WireLoad]) -> Wir
     error = max(ratio**2 / 12, softening)
     included = design.constants.wire_weight
     return WireWeights(included, worst, total=total, ratio=ratio, sag=sag, error=error)
+
+
+def _profiles(design: Design) -> Iterator[ReducedProfile]:
+    """Measured profiles of fibres, from top to bottom."""
+    for stage in design.stage:
+        for number, table in enumerate(stage.wire_tables, 1):
+            if isinstance(table.profile, Profile):
+                name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
+                places, sections = table.profile.position, given_sections(table) or ()
+                yield ReducedProfile(wire=name, places=len(places), sections=len(sections))
+
+
+def _links(design: Design) -> Iterator[LinkLoad]:
+    """Links and dampers between bodies, in the order of the file."""
+    places = Places.of(design)
+    for link in design.link:
+        first, second = (places.position[places.number[name]] for name in link.between)
+        found = LinkLoad(
+            link.name,
+            tuple(link.between),
+            _vector(np.diag(links.link_stiffness(design, link, first, second))),
+            _vector(np.diag(links.matrix(link.damping))),
+            table=link.table and (link.table.frequency[0], link.table.frequency[-1]),
+        )
+        if link.strands is not None:
+            curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
+            weight, sag = link.strands.count * curve.length * wire.weight, strands.sag(curve, wire)
+            found = replace(found, length=curve.length, weight=weight, sag=sag[0])
+        yield found
+    for damper in design.damper:
+        damping = _vector(np.diag(links.damper_matrix(damper)))
+        yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
+
+
+def _legs(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[LegLoad]:
+    """Compute the loads of inverted pendulums."""
+    if not scene.struts.label:
+        return
+    thrust = -string.state(scene, balanced.pose, struts=True).tension
+    nominal, gravity = scene.drawn or scene, float(scene.gravity)
+    as_designed, hung = carried_weights(nominal), carried_weights(scene)
+    for number, stage in enumerate(design.stage, 1):
+        legs = stage.inverted_pendulum
+        if legs is None:
+            continue
+        own = scene.struts.lower == number
+        _, coupling, top = leg_inertia(legs)
+        weight = gravity * (coupling + top) * own.sum()
+        nominal_thrust = float(-nominal.struts.tension[own].sum())
+        drawn = leg_statics(legs, nominal_thrust, float(as_designed[number - 1]), gravity)
+        load = float(thrust[own].sum()) - weight
+        stiffness = drawn.stiffness - (load - drawn.load) / legs.length
+        mass = drawn.mass + float(hung[number - 1] - as_designed[number - 1]) / gravity
+        yield LegLoad(
+            stage=stage.name,
+            thrust=thrust[own].tolist(),
+            load=load,
+            critical=drawn.critical,
+            margin=drawn.critical / load - 1,
+            flexure=drawn.flexure,
+            stiffness=stiffness,
+            elastic=drawn.elastic,
+            frequency=math.sqrt(stiffness / mass) / (2 * math.pi) if stiffness > 0 else None,
+            tilt=legs.length * drawn.elastic / stiffness if stiffness > 0 else None,
+            saturation=-own.sum() * coupling / mass,
+            dilution=stiffness / drawn.elastic,
+        )
+
+
+def _filters(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[FilterLoad]:
+    """Compute the working points of filters."""
+    stages, pose, springs = {one.name: one for one in design.stage}, balanced.pose, scene.springs
+    for number, stage in enumerate(design.stage, 1):
+        table = stages[stage.blades_of].filter if isinstance(stage, Keystone) else None
+        if table is None or not isinstance(stage, Keystone):
+            continue
+        spring = int(np.flatnonzero(springs.lower == number)[-1])
+        upper, above = int(springs.upper[spring]), springs.upper_point[spring]
+        load = float(springs.preload[spring, 2])
+        stiffness = float(springs.stiffness[spring, 2, 2])
+        point = pose.shift[upper] + pose.arms(np.array([upper]), above[None])[0]
+        sag = float(pose.rotation[upper][:, 2] @ (point - pose.shift[number] - above))
+        carried = load + stiffness * sag
+        hung = float(carried_weights(scene)[number - 1])
+        numbers = filter_statics(table, carried, hung, float(scene.gravity))
+        force = load * (table.modulus_slope + 2 * table.thermal_expansion)
+        yield FilterLoad(
+            stage=stage.blades_of,
+            carried=carried,
+            load=load,
+            stiffness=stiffness,
+            frequency=math.sqrt(stiffness / numbers.mass) / (2 * math.pi),
+            sag=sag,
+            saturation=numbers.coupling / numbers.mass,
+            thermal_force=force,
+            thermal_shift=force / stiffness,
+        )
+
+
+def _cavities(design: Design) -> Iterator[CavityLoad]:
+    """Compute the forces and stiffnesses of the light in all cavities."""
+    for cavity in design.cavity:
+        soft, hard = np.linalg.eigvalsh(angular_stiffness(cavity)[2:, 2:]).tolist()
+        yield CavityLoad(
+            name=cavity.name,
+            force=2 * cavity.power / LIGHT,
+            stability=cavity.g[0] * cavity.g[1],
+            soft=soft,
+            hard=hard,
+            spring=optical_spring(cavity)[0],
+            pole=cavity.half_width if math.isfinite(cavity.half_width) else None,
+        )

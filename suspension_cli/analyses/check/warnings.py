@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+import tomllib
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -15,17 +16,11 @@ import numpy as np
 
 from suspension_cli.analyses import growth
 from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.check.statics import (
-    BladeLoad,
-    LinkLoad,
-    Statics,
-    Stress,
-    WireLoad,
-    list_wire_tables,
-)
-from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
+from suspension_cli.analyses.check.loads import Check, FilterLoad, LegLoad, LinkLoad, Statics
+from suspension_cli.analyses.check.statics import list_wire_tables
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
 from suspension_cli.design import plausibility
+from suspension_cli.design.paths import value_at
 from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.equilibrium.nominal import expand
@@ -37,6 +32,7 @@ from suspension_cli.models import registry
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
+    from suspension_cli.design.reader import Source
     from suspension_cli.scene.arrays import Array
 
 STRAIN = 0.03
@@ -46,8 +42,7 @@ SAG = 5.0
 LINK_WEIGHT = 1e-3
 """Weight of a link over the tensions of all wires that matters."""
 TIPPING_LOAD = 1e-3
-"""Margin of an inverted pendulum to its tipping load, over the load, below which there is a
-warning."""
+"""Relative margin of an inverted pendulum to its tipping load below which there is a warning."""
 WORKING_RANGE = 5e-3
 """Largest plausible displacement of a keystone from its working point, m: blades are soft within
 millimetres."""
@@ -57,80 +52,95 @@ SLACK = 0.01
 """Fraction of the mean tension of its stage below which a wire is about to go slack."""
 
 
+def check(source: Source) -> Check:
+    """Check a design.
+
+    Raises
+    ------
+    InputError
+        If it does not balance, with the implausible numbers that may be the reason.
+    """
+    design = source.design
+    found = plausibility.find_implausible(design)
+    try:
+        choice, loads = registry.choose(design), statics.solve(design)
+    except InputError as error:
+        raise InputError([*error.faults, *found], source.file) from None
+    found += find_implausible_loads(design, loads)
+    model, modes, unstable = find_stability(design)
+    found += [*unstable, *find_slackest(loads)]
+    found += find_unknown_names(design, modes, tomllib.loads(source.text))
+    return Check(choice, loads, None if model is None else not unstable, model, found)
+
+
 def find_implausible_loads(design: Design, loads: Statics) -> list[ImplausibleNumber]:
     """Find implausible loads: the worst wire and blade of each stage, links, legs and filters."""
-    found: list[ImplausibleNumber] = []
-    for stage in design.stage:
-        path = f"stage.{stage.name}"
-        wires = [wire for wire in loads.wires if wire.stage == stage.name]
-        blades = [blade for blade in loads.blades if blade.stage == stage.name]
-        found += _check_stress(wires, f"{path}.wire{'s' * bool(stage.wires)}", "wire")
-        found += _check_stress(blades, f"{path}.blade{'s' * bool(stage.blades)}", "blade")
-        found += _check_strain(stage, wires, path)
-        found += _check_sag(stage, blades, path)
-        if stage.inverted_pendulum is not None:
-            legs = next(legs for legs in loads.legs if legs.stage == stage.name)
-            found += _check_legs(legs, stage.inverted_pendulum.length)
-    for link in loads.links:
-        found += _check_link(link, loads)
-    return found + [warning for own in loads.filters for warning in _check_filter(own)]
+    rules = [rule(stage, loads) for stage in design.stage for rule in (_stress, _strain, _sag)]
+    rules += [_link(link, loads) for link in loads.links]
+    rules += [_legs(design, legs) for legs in loads.legs]
+    rules += [_filter(own) for own in loads.filters]
+    return [warning for rule in rules for warning in rule]
 
 
-def _check_stress(parts: Sequence[Stress], key: str, word: str) -> Iterator[ImplausibleNumber]:
-    """Report the part with the largest stress over strength, if above 1."""
-    worst = max(parts, key=lambda part: part.fraction or 0.0, default=None)
-    if worst is not None and worst.strength is not None and (worst.fraction or 0.0) > 1:
-        ratio = worst.fraction or 0.0
-        problem = (
-            f"{word} {worst.label} is under {_format_stress(ratio * worst.strength)}, {ratio:.3g}"
-            f" times the strength of {worst.material} ({_format_stress(worst.strength)})"
-        )
-        remedy = f"check its dimensions (m) and the masses (kg) it bears, or thicken the {word}"
-        yield ImplausibleNumber(key, problem, remedy, serious=True)
+def _stress(stage: Stage, loads: Statics) -> Iterator[ImplausibleNumber]:
+    """Report the wire and the blade with the largest stress over strength, if above 1."""
+    for word, every, given in (
+        ("wire", loads.wires, stage.wires),
+        ("blade", loads.blades, stage.blades),
+    ):
+        parts = [part for part in every if part.stage == stage.name]
+        worst = max(parts, key=lambda part: part.fraction or 0.0, default=None)
+        if worst is not None and worst.strength and worst.fraction and worst.fraction > 1:
+            problem = (
+                f"{word} {worst.label} is under {_pressure(worst.fraction * worst.strength)},"
+                f" {worst.fraction:.3g} times the strength of {worst.material}"
+                f" ({_pressure(worst.strength)})"
+            )
+            remedy = f"check its dimensions (m) and the masses (kg) it bears, or thicken the {word}"
+            key = f"stage.{stage.name}.{word}{'s' * bool(given)}"
+            yield ImplausibleNumber(key, problem, remedy, serious=True)
 
 
-def _format_stress(stress: float) -> str:
+def _pressure(stress: float) -> str:
     return f"{stress / 1e9:.3g} GPa" if stress >= 1e9 else f"{stress / 1e6:.3g} MPa"
 
 
-def _check_strain(
-    stage: Stage, wires: Sequence[WireLoad], path: str
-) -> Iterator[ImplausibleNumber]:
+def _strain(stage: Stage, loads: Statics) -> Iterator[ImplausibleNumber]:
     """Report the wire with the largest strain, if above `STRAIN`."""
-    both = [*zip(wires, list_wire_tables(stage), strict=True)]
-    wire, table = max(both, key=lambda pair: pair[0].strain, default=(None, None))
-    if wire is None or table is None or wire.strain <= STRAIN:
-        return
-    key = f"{path}.wires" if stage.wires is not None else f"{path}.wire.{wire.number}"
-    problem = f"wire {wire.label} is stretched by {100 * wire.strain:.3g} % of its length"
-    if table.k is None:
+    wires = [wire for wire in loads.wires if wire.stage == stage.name]
+    both = zip(wires, list_wire_tables(stage), strict=True)
+    for wire, table in sorted(both, key=lambda pair: -pair[0].strain)[:1]:
+        if wire.strain <= STRAIN:
+            return
+        key = f"stage.{stage.name}.wire{'s' if stage.wires is not None else f'.{wire.number}'}"
+        problem = f"wire {wire.label} is stretched by {100 * wire.strain:.3g} % of its length"
         remedy = "check its cross-section (m), Young's modulus (Pa) and the masses (kg) it bears"
-        yield ImplausibleNumber(key, problem, remedy, serious=True)
-    else:
-        remedy = "did you mean N/mm?" if wire.strain <= 1e3 * STRAIN else "give it in N/m"
-        serious = wire.stress is not None
-        yield ImplausibleNumber(f"{key}.k", problem, remedy, format_value(table.k), serious)
+        if table.k is None:
+            yield ImplausibleNumber(key, problem, remedy, serious=True)
+        else:
+            serious = wire.stress is not None
+            given = f"{key}.k", problem, "did you mean N/mm?", format_value(table.k)
+            yield ImplausibleNumber(*given, serious=serious)
 
 
-def _check_sag(stage: Stage, blades: Sequence[BladeLoad], path: str) -> Iterator[ImplausibleNumber]:
+def _sag(stage: Stage, loads: Statics) -> Iterator[ImplausibleNumber]:
     """Report the blade with the largest sag, if above `SAG` or its length."""
-    worst = max(blades, key=lambda blade: blade.sag, default=None)
-    if worst is None:
-        return
-    table = stage.blades or next(one for one in stage.blade if one.name == worst.number)
-    key = f"{path}.blades" if stage.blades is not None else f"{path}.blade.{worst.number}"
-    problem = f"blade {worst.label} sags by {worst.sag:.3g} m under {worst.load:.3g} N"
-    remedy, shown = "check its dimensions (m) and Young's modulus (Pa)", None
-    if table.geometry is None:
-        given = "stiffness" if table.stiffness is not None else "uncoupled_frequency"
-        unit, meant, factor = ("N/m", "N/mm", 1e3) if table.stiffness else ("Hz", "kHz", 1e6)
-        remedy = f"did you mean {meant}?" if worst.sag <= factor * SAG else f"give it in {unit}"
-        key, shown = f"{key}.{given}", format_value(getattr(table, given))
-    if worst.sag > SAG or (table.geometry is not None and worst.sag > table.geometry.length):
-        yield ImplausibleNumber(key, problem, remedy, shown, serious=worst.sag > SAG)
+    blades = [blade for blade in loads.blades if blade.stage == stage.name]
+    for worst in sorted(blades, key=lambda blade: -blade.sag)[:1]:
+        table = stage.blades or next(one for one in stage.blade if one.name == worst.number)
+        key = f"stage.{stage.name}.blade{'s' if stage.blades is not None else f'.{worst.number}'}"
+        problem = f"blade {worst.label} sags by {worst.sag:.3g} m under {worst.load:.3g} N"
+        if table.geometry is not None:
+            remedy, shown = "check its dimensions (m) and Young's modulus (Pa)", None
+        else:
+            given = "stiffness" if table.stiffness is not None else "uncoupled_frequency"
+            remedy = f"did you mean {'N/mm' if table.stiffness is not None else 'kHz'}?"
+            key, shown = f"{key}.{given}", format_value(getattr(table, given))
+        if worst.sag > SAG or (table.geometry is not None and worst.sag > table.geometry.length):
+            yield ImplausibleNumber(key, problem, remedy, shown, serious=worst.sag > SAG)
 
 
-def _check_link(link: LinkLoad, loads: Statics) -> Iterator[ImplausibleNumber]:
+def _link(link: LinkLoad, loads: Statics) -> Iterator[ImplausibleNumber]:
     """Report a link whose weight, which the models leave out, changes its shape or loads wires."""
     key, wires = f"link.{link.label}.strands", sum(wire.tension for wire in loads.wires)
     if link.hangs_freely and link.sag is not None and link.length is not None:
@@ -142,25 +152,25 @@ def _check_link(link: LinkLoad, loads: Statics) -> Iterator[ImplausibleNumber]:
         yield ImplausibleNumber(key, problem, remedy)
     if link.weight is not None and link.weight > LINK_WEIGHT * wires > 0:
         problem = f"weighs {link.weight:.3g} N, which the models leave out"
-        remedy = "add half of its mass to each of its bodies"
-        yield ImplausibleNumber(key, problem, remedy)
+        yield ImplausibleNumber(key, problem, "add half of its mass to each of its bodies")
 
 
-def _check_legs(legs: LegLoad, length: float) -> Iterator[ImplausibleNumber]:
+def _legs(design: Design, legs: LegLoad) -> Iterator[ImplausibleNumber]:
     """Report an inverted pendulum that tips over, or nearly."""
-    if legs.margin < TIPPING_LOAD:
+    table = {stage.name: stage for stage in design.stage}[legs.stage].inverted_pendulum
+    if legs.margin < TIPPING_LOAD and table is not None:
         state = "tips over" if legs.margin <= 0 else "is near tipping"
         side = "above" if legs.margin <= 0 else f"{100 * legs.margin:.2g} % below"
         problem = (
             f"{state}: its load of {legs.load:.6g} N is {side} the critical load of"
             f" {legs.critical:.6g} N"
         )
-        least = legs.flexure + (legs.load - legs.critical) * length / len(legs.thrust)
+        least = legs.flexure + (legs.load - legs.critical) * table.length / len(legs.thrust)
         remedy = f"reduce the load, or give flexures well above {least:.6g} N m/rad"
         yield ImplausibleNumber(f"stage.{legs.stage}.inverted_pendulum", problem, remedy)
 
 
-def _check_filter(own: FilterLoad) -> Iterator[ImplausibleNumber]:
+def _filter(own: FilterLoad) -> Iterator[ImplausibleNumber]:
     """Report a keystone off its working point."""
     if abs(own.sag) > WORKING_RANGE:
         problem = (
@@ -210,14 +220,12 @@ def find_slackest(loads: Statics) -> list[ImplausibleNumber]:
         own = [other.tension for other in loads.wires if other.stage == wire.stage]
         fractions[wire.label] = wire.tension * len(own) / sum(own)
     label, least = min(fractions.items(), key=lambda item: item[1], default=("", 1.0))
-    if least >= SLACK:
-        return []
     problem = (
         f"wire {label} is about to go slack: it carries {100 * least:.2g} % of the mean tension of"
         " its stage"
     )
     remedy = "move its ends, or give it its share of the load"
-    return [ImplausibleNumber("", problem, remedy)]
+    return [ImplausibleNumber("", problem, remedy)] if least < SLACK else []
 
 
 def find_stability(
@@ -245,25 +253,15 @@ def find_stability(
 
 
 def find_unknown_names(
-    design: Design, found: Modes | None, paths: Callable[[str], bool]
+    design: Design, found: Modes | None, raw: dict[str, object]
 ) -> list[ImplausibleNumber]:
-    """Find unknown names in a design.
-
-    Labels of modes are checked if modes are `found`. `paths` tells whether a dotted path leads to a
-    table of the design.
-    """
+    """Find unknown names in a design, whose tables are `raw`; labels if modes are `found`."""
     from suspension_cli.analyses import registry as analyses
 
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
     on_ground = any(GROUND in item.between for _, item in design.between_bodies)
     known = (SUPPORT, *stages, *frame, *((GROUND,) if on_ground else ()))
-    parsers: list[Callable[[], object]] = []
-    for analysis in map(analyses.get, ANALYSES):
-        parsers += analysis.parse_names(design, stages, known)
-        if found is not None:
-            parsers += analysis.parse_results(design, found, stages, known)
-    unknown = [warning for parse in parsers for warning in _collect_faults(parse)]
     wires = [
         f"{stage.name}.{n}"
         for stage in design.stage
@@ -275,13 +273,24 @@ def find_unknown_names(
 
     def parse_path(path: str, remedy: str = "write PATH=GRID") -> None:
         table = path.partition("=")[0].strip().rpartition(".")[0]
-        _demand(paths(table), "does not lead to a table of the design", remedy)
+        if value_at(raw, table) is None:
+            raise InputError([Fault("", "does not lead to a table of the design", remedy)])
 
+    def parse_among(names: list[str], kind: str, text: str) -> None:
+        if text not in names:
+            raise InputError([Fault("", f"names no {kind}", suggest(text, names))])
+
+    unknown: list[ImplausibleNumber] = []
+    for analysis in map(analyses.get, ANALYSES):
+        parsers = [*analysis.parse_names(design, stages, known)]
+        if found is not None:
+            parsers += analysis.parse_results(design, found, stages, known)
+        unknown += [warning for parse in parsers for warning in _collect_faults(parse)]
     parse_text: dict[str, Callable[[str], object]] = {
         **dict.fromkeys(("input", "output", "over", "under", "impulse"), parse_signal),
         "observe": lambda text: parse_signal(f"{text.partition('@')[0]}.x"),
-        "wire": lambda text: _demand(text in wires, "names no wire", suggest(text, wires)),
-        "body": lambda text: _demand(text in stages, "names no stage", suggest(text, [*stages])),
+        "wire": partial(parse_among, wires, "wire"),
+        "body": partial(parse_among, [*stages], "stage"),
         "vary": parse_path,
         "result": lambda text: found and named_results.parse([text], found, known),
     }
@@ -290,9 +299,8 @@ def find_unknown_names(
             parse = partial(parse_path, key, "write the path as in the file: stage.test.wires.d")
             unknown += [replace(item, key=where) for item in _collect_faults(parse)]
         elif key in parse_text and isinstance(value, str):
-            given = {"key": where, "value": format_value(value)}
             faults = _collect_faults(partial(parse_text[key], value))
-            unknown += [replace(item, **given) for item in faults]
+            unknown += [replace(item, key=where, value=format_value(value)) for item in faults]
     return unknown
 
 
@@ -302,11 +310,6 @@ def _analysis_keys(design: Design) -> Iterator[tuple[str, str, object]]:
         for key, value in table.items():
             for text in value if isinstance(value, list) and "." not in key else [value]:
                 yield f"analysis.{command}.{key}", key, text
-
-
-def _demand(good: bool, problem: str, remedy: str) -> None:
-    if not good:
-        raise InputError([Fault("", problem, remedy)])
 
 
 def _collect_faults(parse: Callable[[], object]) -> list[ImplausibleNumber]:

@@ -49,12 +49,9 @@ class DrawAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Draw the design."""
-        from suspension_cli.drawing.quick_import import import_matplotlib
+        from suspension_cli.drawing import draw
         from suspension_cli.equilibrium.nominal import expand_nominal
         from suspension_cli.models.registry import Choice
-
-        import_matplotlib()
-        from suspension_cli.drawing import draw
 
         figure = draw.draw(run.design, expand_nominal(run.design))
         extra = {"format": run.setting["picture_format"]}

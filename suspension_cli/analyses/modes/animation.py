@@ -14,8 +14,8 @@ from suspension_cli.analyses.modes.picture import Panel
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, style
-from suspension_cli.drawing.canvas import full_canvas
 from suspension_cli.drawing.geometry import Sketch
+from suspension_cli.drawing.parts import full_canvas
 from suspension_cli.drawing.style import NOTE
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.eigenmodes import Modes
@@ -33,10 +33,8 @@ COLOURS = 64
 """Largest number of colours."""
 DPI = 200
 """Resolution, dots per inch."""
-WIDTH = 1.6
-"""Width of the picture, in."""
-TALLEST, LOWEST = 2.6, 0.9
-"""Bounds of its height, in."""
+WIDTH, TALLEST, LOWEST = 1.6, 2.6, 0.9
+"""Width of the picture, and bounds of its height, in."""
 FOOT = 0.2
 """Height of the remark below, in."""
 ALL = "all"
@@ -50,7 +48,7 @@ def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
     """
     drawn = np.flatnonzero(modes.order == 0).tolist()
     found: list[int] = []
-    for name in filter(None, map(str.strip, text.split(","))):
+    for name in [*filter(None, map(str.strip, text.split(",")))] or [text]:
         if name == ALL:
             chosen = drawn
         elif name.isdecimal():
@@ -65,11 +63,8 @@ def parse(modes: Modes, text: str, option: str = "--animate") -> list[int]:
         if not set(chosen) <= set(drawn):
             problem = "is a mode of wires alone, whose shape is not drawn"
             raise InputError([Fault(option, problem, "name a mode of the bodies", given)])
-        found += [n for n in chosen if n not in found]
-    if not found:
-        remedy = f"give numbers or labels of modes, or {ALL}"
-        raise InputError([Fault(option, "names no mode", remedy, format_value(text))])
-    return found
+        found += chosen
+    return [*dict.fromkeys(found)]
 
 
 def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
@@ -78,17 +73,16 @@ def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
     Returns a GIF that repeats without end: displacements go with cos(2 pi n / `FRAMES`).
     """
     with style.house_style():
-        rest, numbering = picture.sketch_at_rest(design, scene), layout(scene)
+        rest = geometry.sketch_at_rest(design, scene, picture.THICK)
+        numbering, still = layout(scene), nominal_pose(scene)
         step = geometry.mode_step(numbering, modes.coordinate, modes.shape[number])
         factor = geometry.amplitude(scene, step)
-        note = _describe_scale(modes, number, factor)
-        panels = []
-        for n in range(FRAMES // 2 + 1):
-            size = factor * np.cos(2 * np.pi * n / FRAMES)
-            pose = displace(numbering, nominal_pose(scene), size * step)
-            panels.append(picture.make_panel(modes, number, rest, pose))
+        sizes = factor * np.cos(2 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
+        poses = [displace(numbering, still, size * step) for size in sizes]
+        panels = [picture.make_panel(modes, number, rest, pose) for pose in poses]
         low = np.min([panel.low for panel in panels], axis=0)
         high = np.max([panel.high for panel in panels], axis=0)
+        note = _describe_scale(modes, number, factor)
         frames = [
             _pixels(_figure(modes, rest, replace(panel, low=low, high=high), note))
             for panel in panels
@@ -101,20 +95,20 @@ def _describe_scale(modes: Modes, number: int, factor: float) -> str:
     shape, (body, dof) = modes.shape[number], modes.home[number]
     name = f"{body}.{dof}"
     place = modes.coordinate.index(name) if name in modes.coordinate else int(abs(shape).argmax())
-    drawn = factor * abs(float(shape[place]))
     unit = "mrad" if dof in ("roll", "pitch", "yaw") else "mm"
-    times = style.format_significant(1e3 * drawn, 2)
+    times = style.format_significant(1e3 * factor * abs(float(shape[place])), 2)
     return f"1 {unit} of {modes.label[number]} is drawn as {times} {unit}"
 
 
 def _figure(modes: Modes, rest: Sketch, panel: Panel, note: str) -> Figure:
-    frame, gap = picture.measure_frame([panel]), picture.GAP
-    tall = float(np.clip(WIDTH * frame.height / frame.width, LOWEST, TALLEST))
+    """Draw one frame."""
+    extent, gap = picture.extent([panel]), picture.GAP
+    tall = float(np.clip(WIDTH * extent[1] / extent[0], LOWEST, TALLEST))
     figure = style.new_figure(WIDTH + 2 * gap, tall + picture.AROUND + FOOT)
     figure.set_dpi(DPI)
     canvas = full_canvas(figure)
     corner = gap, float(figure.get_size_inches()[1]) - gap
-    picture.draw_panel(canvas, corner, (WIDTH, tall), modes, panel, rest, frame)
+    picture.draw_panel(canvas, corner, (WIDTH, tall), modes, panel, rest, extent)
     canvas.text(gap, FOOT / 2, style.single_line(note, 50), color=NOTE, va="center", fontsize=4.6)
     canvas.flush()
     return figure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -143,23 +143,19 @@ class ModesAnalysis(Analysis):
         import numpy as np
 
         modes: Modes = result.data
-        rows, labels, verdicts = [], modes.label, modes.verdict
-        growth, top, fractions = modes.growth_rate, modes.top_fraction, modes.fractions
+        rows, labels, verdicts, growth = [], modes.label, modes.verdict, modes.growth_rate
         for n, (body, dof) in enumerate(modes.home):
-            row: Document = {
-                "frequency_hz": as_number(modes.frequency[n]),
-                "dof": dof,
-                "stage": body,
-                "q": as_number(modes.q[n]),
-            }
+            row: Document = {"frequency_hz": as_number(modes.frequency[n]), "dof": dof}
+            row |= {"stage": body, "q": as_number(modes.q[n])}
             if np.isfinite(modes.dilution[n]):
                 row["dilution"] = float(modes.dilution[n])
             if growth[n] > 0:
                 row["growth_rate_per_s"] = float(growth[n])
             if modes.overdamped[n]:
                 row["decay_rate_per_s"] = float(modes.decay_rate[n])
-            row["label"], row["fraction"] = labels[n], float(fractions[n].max())
-            row["top_mass_fraction"], row["verdict"] = float(top[n]), verdicts[n] or None
+            row["label"], row["fraction"] = labels[n], float(modes.fractions[n].max())
+            row["top_mass_fraction"] = float(modes.top_fraction[n])
+            row["verdict"] = verdicts[n] or None
             rows.append(row)
         band, at = modes.damping_band or None, modes.damping_at
         damping = band and {"band_hz": [*band], "at": at}
@@ -169,51 +165,30 @@ class ModesAnalysis(Analysis):
         """Return a table of the modes."""
         import numpy as np
 
-        from suspension_cli.analyses.growth import describe as describe_growth
         from suspension_cli.linear import named_results
-        from suspension_cli.linear.eigenmodes import TOP, describe
+        from suspension_cli.linear.eigenmodes import TOP
 
         modes: Modes = result.data
-        names = named_results.labels(modes)
-        growth = modes.growth_rate
-        lossy = bool(np.isfinite(modes.q).any())
-        diluted = bool(np.isfinite(modes.dilution).any())
-        labels, home, place, verdict = modes.label, modes.home, modes.place, modes.verdict
-        every, top_fraction, frequency = modes.fractions, modes.damping_fraction, modes.frequency
+        names, verdicts, groups = named_results.labels(modes), modes.verdict, modes.groups
+        first, fraction = [group[0] for group in groups], modes.damping_fraction
+        columns: dict[str, tuple[str, Sequence[float | str | None]]] = {
+            "#": ("d", [n + 1 for n in first]),
+            "frequency\nHz": ("#.5g", [_frequency(modes, n) for n in first]),
+        }
+        if np.isfinite(modes.q).any():
+            columns["Q"] = ".4g", [modes.q[n] if modes.q[n] > 0 else None for n in first]
+        if np.isfinite(modes.dilution).any():
+            columns["dilution"] = ".4g", [modes.dilution[n] for n in first]
         damper = "the top mass" if modes.damping_at in (None, TOP) else modes.damping_at
-        rows = []
-        for group in modes.groups:
-            n, fractions = group[0], every[group[0]]
-            quality = [modes.q[n] if modes.q[n] > 0 else None] * lossy
-            quality += [modes.dilution[n]] * diluted
-            if modes.order[n]:
-                top, what = "", _family([labels[k] for k in group], *home[n], modes.order[n])
-                if len(group) > 1:
-                    what += f", {len(group)} modes to {frequency[group[-1]]:#.6g} Hz"
-            else:
-                top = 100 * top_fraction[n]
-                order = np.argsort(-fractions.round(9), kind="stable")[:3]
-                what = ", ".join(
-                    f"{describe(place[i]) if k else names[n]} {100 * fractions[i]:.0f} %"
-                    for k, i in enumerate(order)
-                    if fractions[i] > 0.02
-                )
-                if growth[n] > 0:
-                    what += f"; {describe_growth(modes, n).removeprefix(labels[n] + ' ')}"
-                elif modes.overdamped[n]:
-                    what += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
-                elif modes.omega_squared[n] > 0 and verdict[n] not in ("", "can be damped"):
-                    what += f"; {verdict[n]}"
-            rows.append((n + 1, _frequency(modes, n), *quality, top, what))
-        columns = {"#": "d", "frequency\nHz": "#.5g"}
-        columns |= {"Q": ".4g"} if lossy else {}
-        columns |= {"dilution": ".4g"} if diluted else {}
-        what = "mode, by fraction of kinetic energy"
-        if any(";" in row[-1] for row in rows):
-            what += f"; why damping at {damper} fails"
-        columns |= {f"{damper.removeprefix('the ')}\n%": ".1f", what: ""}
+        column = f"{damper.removeprefix('the ')}\n%"
+        columns[column] = ".1f", ["" if modes.order[n] else 100 * fraction[n] for n in first]
+        what = [_describe(modes, group, names, verdicts) for group in groups]
+        failing = f"; why damping at {damper} fails" * any(";" in text for text in what)
+        columns[f"mode, by fraction of kinetic energy{failing}"] = "", what
+        forms = {head: form for head, (form, _) in columns.items()}
+        rows = zip(*(values for _, values in columns.values()), strict=True)
         title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
-        return "\n".join([title, result.choice.line, "", tables.render(columns, rows)])
+        return "\n".join([title, result.choice.line, "", tables.render(forms, [*rows])])
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""
@@ -282,41 +257,17 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
     If modes of wires are listed too, both are the modes with all losses.
     """
-    import numpy as np
-
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.modes import wire_modes
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
-    from suspension_cli.models.choice import percent, shifts
 
-    setting = run.setting
-    highest, level = setting["max_frequency"], setting["fidelity"]
-    wanted = registry.VIOLIN.name if level == registry.AUTO and highest is not None else level
-    choice, model = model_choice.for_modes(run.source, wanted, setting["tolerance"])
-    if not choice.model.has_wire_mass or (level == registry.AUTO and highest is None):
-
-        def admit(number: int, top: float) -> None:
-            _admit(run, number, top, "that of the highest mode")
-
-        try:
-            with run.log.progress() as bar:
-                listed = wire_modes.solve_bodies(model, admit, bar)
-        except TooManyModes as many:
-            if level != registry.AUTO:
-                raise
-            choice, light = model_choice.for_modes(
-                run.source, level, setting["tolerance"], massless=True
-            )
-            shift = float(np.median(shifts(light, model)[1]))
-            if shift > SLIGHT:
-                raise
-            why = f"{many.faults[0].problem}, so wire mass is neglected (--all includes it)"
-            run.log.say(f"{run.name}: {why}")
-            why = f"wire mass, {percent(shift)} in the median mode, as its modes would take minutes"
-            choice = dataclasses.replace(choice, reason=f"as --all is not given; neglected: {why}")
-            model = light
-            listed = wire_modes.solve_bodies(model)
+    highest, level = run.setting["max_frequency"], run.setting["fidelity"]
+    auto = level == registry.AUTO
+    wanted = registry.VIOLIN.name if auto and highest is not None else level
+    choice, model = model_choice.for_modes(run.source, wanted, run.setting["tolerance"])
+    if not choice.model.has_wire_mass or (auto and highest is None):
+        choice, model, listed = _solve_bodies(run, choice, model)
         if highest is not None:
             listed = listed.up_to(highest)
             if not len(listed.q):
@@ -328,6 +279,39 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     with run.log.progress() as bar:
         found = wire_modes.solve(model, top, damping=True, progress=bar)
     return choice, model, found, found
+
+
+def _solve_bodies(
+    run: Run, choice: Choice, model: LinearSystem
+) -> tuple[Choice, LinearSystem, Modes]:
+    """Solve for the modes of bodies; `auto` neglects wire mass if wires have too many modes."""
+    import numpy as np
+
+    from suspension_cli.analyses import model_choice
+    from suspension_cli.analyses.modes import wire_modes
+    from suspension_cli.models import registry
+    from suspension_cli.models.choice import percent, shifts
+
+    level, tolerance = run.setting["fidelity"], run.setting["tolerance"]
+
+    def admit(number: int, top: float) -> None:
+        _admit(run, number, top, "that of the highest mode")
+
+    try:
+        with run.log.progress() as bar:
+            return choice, model, wire_modes.solve_bodies(model, admit, bar)
+    except TooManyModes as many:
+        if level != registry.AUTO:
+            raise
+        choice, light = model_choice.for_modes(run.source, level, tolerance, massless=True)
+        shift = float(np.median(shifts(light, model)[1]))
+        if shift > SLIGHT:
+            raise
+        why = f"{many.faults[0].problem}, so wire mass is neglected (--all includes it)"
+        run.log.say(f"{run.name}: {why}")
+        why = f"wire mass, {percent(shift)} in the median mode, as its modes would take minutes"
+        choice = dataclasses.replace(choice, reason=f"as --all is not given; neglected: {why}")
+        return choice, light, wire_modes.solve_bodies(light)
 
 
 class TooManyModes(InputError):
@@ -355,11 +339,38 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
         run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")
 
 
-def _family(labels: list[str], body: str, dof: str, order: int) -> str:
-    """Name wire modes of nearly one frequency by their common label, or by body and order."""
-    if len(set(labels)) == 1:
-        return labels[0]
-    return f"{body} {'violin' if dof.startswith('violin') else dof} {order}"
+def _describe(
+    modes: Modes, group: Sequence[int], names: Sequence[str], verdicts: Sequence[str]
+) -> str:
+    """Name a mode by the motions with most kinetic energy, or wire modes of nearly one frequency.
+
+    After ";" follows why it cannot be damped, or how it grows or decays.
+    """
+    import numpy as np
+
+    from suspension_cli.analyses import growth
+    from suspension_cli.linear.eigenmodes import describe
+
+    n, fractions = group[0], modes.fractions[group[0]]
+    if modes.order[n]:
+        (body, dof), labels = modes.home[n], {modes.label[k] for k in group}
+        kind = "violin" if dof.startswith("violin") else dof
+        text = labels.pop() if len(labels) == 1 else f"{body} {kind} {modes.order[n]}"
+        last = modes.frequency[group[-1]]
+        return text + (f", {len(group)} modes to {last:#.6g} Hz" if len(group) > 1 else "")
+    order = np.argsort(-fractions.round(9), kind="stable")[:3]
+    text = ", ".join(
+        f"{describe(modes.place[i]) if k else names[n]} {100 * fractions[i]:.0f} %"
+        for k, i in enumerate(order)
+        if fractions[i] > 0.02
+    )
+    if modes.growth_rate[n] > 0:
+        text += f"; {growth.describe(modes, n).removeprefix(modes.label[n] + ' ')}"
+    elif modes.overdamped[n]:
+        text += f"; decays at {modes.decay_rate[n]:#.4g} 1/s"
+    elif modes.omega_squared[n] > 0 and verdicts[n] not in ("", "can be damped"):
+        text += f"; {verdicts[n]}"
+    return text
 
 
 def _frequency(modes: Modes, n: int) -> float | str:

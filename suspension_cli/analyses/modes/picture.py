@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -12,41 +12,30 @@ from matplotlib.figure import Figure
 from suspension_cli.conventions import DOFS, WIRE_MODE_NAMES
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, panels, parts, style
-from suspension_cli.drawing.canvas import Canvas, full_canvas
-from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Outline, Sketch, View
-from suspension_cli.drawing.parts import Look
+from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Sketch, View
+from suspension_cli.drawing.parts import Canvas, Look, full_canvas
 from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
 
-ACROSS = 6
-"""Largest number of panels side by side."""
-GAP = 0.1
-"""Distance between panels, in."""
-HEAD = 0.16
-"""Height of a panel's title, in."""
-ROW = 0.125
-"""Height of a row of the energies below a picture, in."""
-SHOWN = 3
-"""Largest number of these rows."""
+ACROSS, PAGE, MOST = 6, 24, 120
+"""Largest numbers of panels side by side, of modes of one figure, and of modes drawn."""
+GAP, HEAD, ROW, SHOWN = 0.1, 0.16, 0.125, 3
+"""Distance between panels, height of a panel's title and of a row of energies, in; most rows."""
 AROUND = HEAD + (SHOWN + 1) * ROW + GAP
 """Height of a panel without its picture, in."""
+TOP = 0.66
+"""Height of the figure's heading, in."""
 SMALL, LARGE = 5.5, 7.0
 """Font sizes of a panel and of its title, points."""
 THIN = 0.6
 """Width of a wire, points."""
 LEAST = 0.02
 """Least fraction of kinetic energy that is written."""
-TOP = 0.66
-"""Height of the figure's heading, in."""
 THICK = 0.028
 """Thickness of the support over the size of the suspension."""
-MOST = 120
-"""Largest number of modes drawn: the lowest ones."""
-PAGE = 24
-"""Largest number of modes of one figure."""
 KINDS = {
     "longitudinal and pitch": ("x", "pitch"),
     "transverse and roll": ("y", "roll"),
@@ -61,7 +50,7 @@ MARKERS = {BODIES: "x", "violin-x": "<", "violin-y": ">", "stretch": "^", "twist
 
 @dataclass(frozen=True)
 class Panel:
-    """Contents of one panel: a mode (from 0), displaced, and the bounds of its picture, m."""
+    """A mode (number from 0), displaced in a view, and the bounds (2,), (2,) of its picture, m."""
 
     number: int
     view: View
@@ -79,18 +68,6 @@ class Page:
     figure: Figure
 
 
-@dataclass(frozen=True)
-class Frame:
-    """Common scale of all pictures of a figure: largest width and height, m.
-
-    `high` is the upper bound of the pictures in side and face view, m, where their supports are.
-    """
-
-    width: float
-    height: float
-    high: float
-
-
 def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> list[Page]:
     """Draw the modes of a suspension, ascending, on figures of a page's width.
 
@@ -106,20 +83,15 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
         return []
     note = f"The lowest {MOST} of {len(bodily)} modes. " if len(bodily) > MOST else ""
     with style.house_style():
-        rest = sketch_at_rest(design, scene)
+        rest = geometry.sketch_at_rest(design, scene, THICK)
         drawn = {number: make_panel(modes, number, rest) for number in numbers}
-        common = measure_frame([*drawn.values()])
+        largest = extent([*drawn.values()])
         result = []
         for kind, part in [("", numbers)] if len(numbers) <= PAGE else _split(modes, numbers):
             title = (kind or "normal modes").capitalize(), subtitle
-            figure = _figure(modes, rest, [drawn[n] for n in part], common, title, note)
+            figure = _figure(modes, rest, [drawn[n] for n in part], largest, title, note)
             result.append(Page(kind, tuple(part), figure))
         return result
-
-
-def sketch_at_rest(design: Design, scene: Scene) -> Sketch:
-    """Make the sketch of a design at rest."""
-    return geometry.sketch_at_rest(design, scene, THICK)
 
 
 def _split(modes: Modes, numbers: list[int]) -> Iterator[tuple[str, list[int]]]:
@@ -132,102 +104,22 @@ def _split(modes: Modes, numbers: list[int]) -> Iterator[tuple[str, list[int]]]:
             yield title + (f" modes, {page + 1} of {count}" if count > 1 else " modes"), part
 
 
-def _figure(
-    modes: Modes,
-    rest: Sketch,
-    shown: list[Panel],
-    common: Frame,
-    title: tuple[str, str],
-    note: str,
-) -> Figure:
-    """Draw panels on a figure of a page's width, and at most its height."""
-    rows = -(-len(shown) // ACROSS)
-    across = -(-len(shown) // rows)
-    width = (style.PAGE_WIDTH - GAP) / across
-    most = (style.PAGE_HEIGHT - TOP) / rows - AROUND
-    tall = min(most, (width - GAP) * common.height / common.width)
-    height = TOP + rows * (tall + AROUND)
-    figure = style.new_figure(style.PAGE_WIDTH, height)
-    panels.write_heading(figure, *title)
-    key = (
-        f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
-        " kinetic energy. Bars: fractions of this. Motions exaggerated."
-    )
-    style.write_text(figure, 0.1, 0.44, key, SMALL, NOTE)
-    canvas = full_canvas(figure)
-    for n, one in enumerate(shown):
-        corner = GAP + (n % across) * width, height - TOP - (n // across) * (tall + AROUND)
-        draw_panel(canvas, corner, (width - GAP, tall), modes, one, rest, common)
-    canvas.flush()
-    return figure
+def make_panel(modes: Modes, number: int, rest: Sketch, pose: Pose | None = None) -> Panel:
+    """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
+    view = choose_view(modes, number)
+    if pose is None:
+        pose = geometry.mode_pose(rest.scene, modes.coordinate, modes.shape[number])
+    sketch = replace(rest, pose=pose)
+    (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
+    heights = (z0,) if view.normal == 2 else (z0, z1)
+    plate = [*product((x0, x1), (y0, y1), heights)]
+    points = np.concatenate([rest.points(view), sketch.points(view), view.see(plate)])
+    return Panel(number, view, sketch, points.min(0), points.max(0))
 
 
-def draw_panel(
-    canvas: Canvas,
-    corner: tuple[float, float],
-    size: tuple[float, float],
-    modes: Modes,
-    panel: Panel,
-    rest: Sketch,
-    frame: Frame,
-) -> None:
-    """Draw the title, the picture and the energies of a mode.
-
-    `corner` is the upper left corner, `size` the width and height of the picture, in. The more
-    energy a body has, the stronger its colour. A cross through each body, and in a circle a mark on
-    the rim, show rotations.
-    """
-    (left, top), (width, tall), number = corner, size, panel.number
-    colours = style.stage_colours(rest.scene.bodies.name)
-    canvas.text(
-        left,
-        top,
-        format_heading(modes, number),
-        va="top",
-        fontsize=SMALL if np.isnan(modes.frequency[number]) else LARGE,
-        fontweight="bold",
-        color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
-    )
-    top -= HEAD
-    scale = min((width - 0.05) / frame.width, (tall - 0.06) / frame.height)
-    high = float(panel.high[1]) if panel.view.normal == 2 else frame.high
-    middle = left + width / 2 - scale * (panel.low[0] + panel.high[0]) / 2
-    view = panel.view.at((middle, top - 0.03 - scale * high), scale)
-    grey = (PALE,) * len(rest.outlines)
-    still = Look(grey, ((PALE, 0.25),) * len(grey), PALE, THIN, 1)
-    energy = modes.energy[number].sum(-1)
-    strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
-    edge = tuple(colours.values())
-    fill = tuple(zip(edge, strength.tolist(), strict=True))
-    parts.draw_support(canvas, view, rest)
-    parts.draw_suspension(canvas, view, rest, still)
-    parts.draw_suspension(canvas, view, panel.sketch, Look(edge, fill, INK, THIN, 3))
-    for n, (body, colour) in enumerate(zip(rest.outlines, edge, strict=True), 1):
-        _mark_rotation(canvas, view, rest, panel.sketch, n, body, colour)
-    top -= tall + ROW / 2
-    canvas.text(
-        left + width, top, panel.view.name, ha="right", color=NOTE, va="center", fontsize=SMALL
-    )
-    _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
-
-
-def _mark_rotation(
-    canvas: Canvas, view: View, rest: Sketch, moved: Sketch, n: int, body: Outline, colour: str
-) -> None:
-    """Draw a cross through a body, and in a circle a mark on the rim and where it was at rest."""
-    lines = []
-    for axis in {0, 1, 2} - {view.normal}:
-        arm = 0.3 * np.eye(3)[axis] * body.half
-        lines.append((moved, [-arm, arm], colour, THIN, {"order": 4}))
-    if body.axis == view.normal:
-        rim = np.eye(3)[0 if view.normal == 2 else 2] * body.half
-        dashed = {"order": 3.5, "dashes": (0, (2, 2))}
-        lines.append((rest, [0 * rim, rim], NOTE, 0.5, dashed))
-        lines.append((moved, [0 * rim, rim], colour, THIN, {"order": 4}))
-        lines.append((moved, [0.82 * rim, rim], colour, 3.4 * THIN, {"order": 4}))
-    for sketch, ends, ink, width, look in lines:
-        line = geometry.position_of(sketch.scene, sketch.pose, n, np.array(ends))
-        canvas.line(view.see(line), ink, width, **look)
+def extent(shown: Sequence[Panel]) -> Array:
+    """Largest width and height (2,) of the pictures of panels, m."""
+    return np.max([panel.high - panel.low for panel in shown], axis=0)
 
 
 def choose_view(modes: Modes, number: int) -> View:
@@ -246,6 +138,102 @@ def choose_view(modes: Modes, number: int) -> View:
     return SIDE if side >= face - 1e-9 else FACE
 
 
+def _figure(
+    modes: Modes,
+    rest: Sketch,
+    shown: list[Panel],
+    largest: Array,
+    title: tuple[str, str],
+    note: str,
+) -> Figure:
+    """Draw panels on a figure of a page's width, and at most its height."""
+    rows = -(-len(shown) // ACROSS)
+    across = -(-len(shown) // rows)
+    width = (style.PAGE_WIDTH - GAP) / across
+    most = (style.PAGE_HEIGHT - TOP) / rows - AROUND
+    tall = min(most, (width - GAP) * float(largest[1] / largest[0]))
+    height = TOP + rows * (tall + AROUND)
+    figure = style.new_figure(style.PAGE_WIDTH, height)
+    panels.write_heading(figure, *title)
+    key = (
+        f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
+        " kinetic energy. Bars: fractions of this. Motions exaggerated."
+    )
+    style.write_text(figure, 0.1, 0.44, key, SMALL, NOTE)
+    canvas = full_canvas(figure)
+    for n, one in enumerate(shown):
+        corner = GAP + (n % across) * width, height - TOP - (n // across) * (tall + AROUND)
+        draw_panel(canvas, corner, (width - GAP, tall), modes, one, rest, largest)
+    canvas.flush()
+    return figure
+
+
+def draw_panel(
+    canvas: Canvas,
+    corner: tuple[float, float],
+    size: tuple[float, float],
+    modes: Modes,
+    panel: Panel,
+    rest: Sketch,
+    largest: Array,
+) -> None:
+    """Draw the title, the picture and the energies of a mode.
+
+    `corner` is the upper left corner, `size` the width and height of the picture, in, for pictures
+    of a `largest` extent (2,), m. The more energy a body has, the stronger its colour.
+    """
+    (left, top), (width, tall), number = corner, size, panel.number
+    colours = style.stage_colours(rest.scene.bodies.name)
+    canvas.text(
+        left,
+        top,
+        format_heading(modes, number),
+        va="top",
+        fontsize=SMALL if np.isnan(modes.frequency[number]) else LARGE,
+        fontweight="bold",
+        color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
+    )
+    top -= HEAD
+    scale = float(np.min((np.array(size) - (0.05, 0.06)) / largest))
+    middle = left + width / 2 - scale * (panel.low[0] + panel.high[0]) / 2
+    view = panel.view.at((middle, top - 0.03 - scale * float(panel.high[1])), scale)
+    grey = (PALE,) * len(rest.outlines)
+    still = Look(grey, ((PALE, 0.25),) * len(grey), PALE, THIN, 1)
+    energy = modes.energy[number].sum(-1)
+    strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
+    edge = tuple(colours.values())
+    fill = tuple(zip(edge, strength.tolist(), strict=True))
+    parts.draw_support(canvas, view, rest)
+    parts.draw_suspension(canvas, view, rest, still)
+    parts.draw_suspension(canvas, view, panel.sketch, Look(edge, fill, INK, THIN, 3))
+    for n, colour in enumerate(edge, 1):
+        _mark_rotation(canvas, view, rest, panel.sketch, n, colour)
+    top -= tall + ROW / 2
+    look = {"ha": "right", "color": NOTE, "va": "center", "fontsize": SMALL}
+    canvas.text(left + width, top, panel.view.name, **look)
+    _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
+
+
+def _mark_rotation(
+    canvas: Canvas, view: View, rest: Sketch, moved: Sketch, n: int, colour: str
+) -> None:
+    """Draw a cross through a body, and in a circle a mark on the rim and where it was at rest."""
+    body = rest.outlines[n - 1]
+
+    def line(sketch: Sketch, ends: list[Array], ink: str, width: float, order: float) -> None:
+        dashes = "solid" if sketch is moved else (0, (2, 2))
+        canvas.line(view.see(sketch.locate(n, np.array(ends))), ink, width, order, dashes)
+
+    for axis in {0, 1, 2} - {view.normal}:
+        arm = 0.3 * np.eye(3)[axis] * body.half
+        line(moved, [-arm, arm], colour, THIN, 4)
+    if body.axis == view.normal:
+        rim = np.eye(3)[0 if view.normal == 2 else 2] * body.half
+        line(rest, [0 * rim, rim], NOTE, 0.5, 3.5)
+        line(moved, [0 * rim, rim], colour, THIN, 4)
+        line(moved, [0.82 * rim, rim], colour, 3.4 * THIN, 4)
+
+
 def format_heading(modes: Modes, number: int) -> str:
     """Number and frequency of a mode, for the title of its panel."""
     frequency = float(modes.frequency[number])
@@ -256,40 +244,6 @@ def format_heading(modes: Modes, number: int) -> str:
     else:
         words = f"{style.format_significant(frequency)} Hz" if frequency else "rigid"
     return f"{number + 1}  {words}"
-
-
-def shorten_label(label: str, most: int) -> str:
-    """Shorten a body and its motion to `most` characters, by the body's name."""
-    body, _, motion = label.rpartition(" ")
-    return f"{style.single_line(body, max(most - 1 - len(motion), 3))} {motion}"
-
-
-def _format_percent(fraction: float) -> str:
-    percent = 100 * fraction
-    if percent >= 9.5 or percent == 0:
-        return f"{percent:.0f} %"
-    return f"{percent:.1f} %"
-
-
-def make_panel(modes: Modes, number: int, rest: Sketch, pose: Pose | None = None) -> Panel:
-    """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
-    view = choose_view(modes, number)
-    if pose is None:
-        pose = geometry.mode_pose(rest.scene, modes.coordinate, modes.shape[number])
-    sketch = replace(rest, pose=pose)
-    (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
-    heights = (z0,) if view.normal == 2 else (z0, z1)
-    plate = [*product((x0, x1), (y0, y1), heights)]
-    points = np.concatenate([rest.points(view), sketch.points(view), view.see(plate)])
-    return Panel(number, view, sketch, points.min(0), points.max(0))
-
-
-def measure_frame(shown: list[Panel]) -> Frame:
-    """Measure the common scale and height of panels."""
-    high = max((float(p.high[1]) for p in shown if p.view.normal != 2), default=0.0)
-    tops = [float(p.high[1]) if p.view.normal == 2 else high for p in shown]
-    height = max(top - float(p.low[1]) for top, p in zip(tops, shown, strict=True))
-    return Frame(max(float(p.high[0] - p.low[0]) for p in shown), height, high)
 
 
 def _draw_energies(
@@ -310,8 +264,10 @@ def _draw_energies(
         end, low, high = left + width * fraction, middle - 0.062, middle - 0.04
         box = [[left, low], [end, low], [end, high], [left, high]]
         canvas.polygon(box, colours.get(stage, NOTE), "none", 0.0, 2)
-        percent = _format_percent(fraction)
-        label = shorten_label(describe(modes.place[n]), int(width / 0.0435) - len(percent) - 1)
+        percent = f"{100 * fraction:.{0 if fraction >= 0.095 else 1}f} %"
+        body, _, motion = describe(modes.place[n]).rpartition(" ")
+        room = int(width / 0.0435) - len(percent) - len(motion) - 2
+        label = f"{style.single_line(body, max(room, 3))} {motion}"
         canvas.text(left, middle, f"{label} {percent}", va="center", fontsize=SMALL)
         middle -= ROW
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,11 +58,9 @@ def solve(
 ) -> Modes:
     """Solve for all modes of the violin model up to a frequency (Hz).
 
-    If `damping`, with all losses (see `modes.damped`); else for undamped modes, with Q to first
+    If `damping`, with all losses (see `linear.damped`); else for undamped modes, with Q to first
     order in the losses. Modes that do not oscillate are first; for undamped modes these neglect
-    wire mass. `progress` is called with (steps done, total steps, steps per second), while
-    frequencies are bisected, then while shapes are solved for. Raises `InputError` if no mode lies
-    below `highest`.
+    wire mass. Raises `InputError` if no mode lies below `highest`.
     """
     static = eigenmodes.solve(model.constant)
     omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
@@ -145,14 +144,9 @@ def _split(omega: Float[np.ndarray, " mode"]) -> list[Float[np.ndarray, " _"]]:
 
 @dataclass(frozen=True)
 class _Solver:
-    """Solver for modes near given frequencies, with wires cut at one place.
+    """Solver for modes near given frequencies, with wires of several kinds cut at one place.
 
-    Attributes
-    ----------
-    kinds
-        The wires that are cut.
-    strong
-        Poles of modes that are strongly damped.
+    `strong` are the poles of modes that are strongly damped.
     """
 
     model: LinearSystem
@@ -237,18 +231,18 @@ class _Solver:
 
         It is that of the nearest resonance between fixed ends, of the kind of wire that moves most.
         """
-        home, result = modes.home, np.zeros(len(omega), dtype=np.intp)
-        for stage, dof in set(home):
-            alike = [n for n, term in enumerate(self.kinds) if term.stage == stage]
-            if dof not in NAMES.values() or not alike:
-                continue
-            part = PARTS[[NAMES[one] for one in PARTS].index(dof)]
-            here = np.array([n for n, place in enumerate(home) if place == (stage, dof)])
-            most = energy[alike, PARTS.index(part)][:, here].argmax(0)
-            for number in set(most.tolist()):
-                own, strand = here[most == number], self.kinds[alike[number]].strand
-                resonances = strand.held_resonances(part, float(omega[own].max()))
-                result[own] = np.abs(resonances - omega[own, None]).argmin(1) + 1
+        part_of, result = {NAMES[part]: part for part in PARTS}, np.zeros(len(omega), dtype=np.intp)
+
+        @cache
+        def resonances(kind: int, part: str) -> Array:
+            return self.kinds[kind].strand.held_resonances(part, float(omega.max()))
+
+        for n, (stage, dof) in enumerate(modes.home):
+            part = part_of.get(dof)
+            alike = [kind for kind, term in enumerate(self.kinds) if term.stage == stage]
+            if part and alike:
+                kind = max(alike, key=lambda kind: energy[kind, PARTS.index(part), n])
+                result[n] = np.abs(resonances(kind, part) - omega[n]).argmin() + 1
         return result
 
 

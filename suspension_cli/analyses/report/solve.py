@@ -29,10 +29,8 @@ def compose(run: Run) -> str:
         If a signal does not exist, or the design does not balance. Other errors in one section are
         written in its place.
     """
-    from suspension_cli.drawing.quick_import import import_matplotlib
     from suspension_cli.equilibrium.nominal import expand, expand_nominal
 
-    import_matplotlib()
     wanted, log = parse_sections(run.setting["sections"]), run.log
     scene = expand_nominal(run.design)
     expand(run.design)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.choice import Transfer
-
+    from suspension_cli.scene.arrays import Array
 
 FREQUENCY = "0.1:100:2000"
 """Default frequencies, Hz; with measured transfer functions, these cover them instead."""
@@ -109,8 +109,8 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.damp.solve import find_steady_poles
-        from suspension_cli.analyses.response import measured, peaks
-        from suspension_cli.analyses.response.closed_loop import ClosedTransfer
+        from suspension_cli.analyses.response import measured
+        from suspension_cli.analyses.response.solve import ClosedTransfer, find_peaks
         from suspension_cli.linear import eigenmodes
         from suspension_cli.linear.response import units
 
@@ -123,9 +123,8 @@ class ResponseAnalysis(Analysis):
         choice, model = model_choice.choose(run.source, setting["fidelity"], request)
         allowed = unstable or setting["closed_loop"]
         model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
-        wanted = request(model)
+        wanted, closed = request(model), None
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
-        closed, solve = None, partial(wanted.values, model)
         if isinstance(wanted, ClosedTransfer):
             poles = find_steady_poles(
                 run.design, model, choice.model, "response", run.log, unstable
@@ -138,11 +137,12 @@ class ResponseAnalysis(Analysis):
             tuple(signal.text for signal in wanted.inputs),
             tuple(signal.text for signal in wanted.outputs),
             units(wanted.inputs, wanted.outputs),
-            solve(wanted.frequency),
+            wanted.values(model, wanted.frequency),
             closed_loop=closed is not None,
         )
         if not items:
-            found = replace(found, largest=peaks.find_peaks(found, solve, resonances))
+            largest = find_peaks(found, partial(wanted.values, model), resonances)
+            found = replace(found, largest=largest)
             return Result(self, run.source, choice, found, command=run.command, linear_system=model)
         found = replace(found, measured=measured.compare(model, items, found, closed))
         for text in filter(None, map(measured.slip, found.measured)):
@@ -151,17 +151,10 @@ class ResponseAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return one response flat, several in a list."""
-        import numpy as np
-
         data: ComparedResponse = result.data
         pairs = [
-            {
-                "input": into,
-                "output": out,
-                "unit": data.unit[o][i],
-                "real": np.real(data.value[:, o, i]).tolist(),
-                "imag": np.imag(data.value[:, o, i]).tolist(),
-            }
+            {"input": into, "output": out, "unit": data.unit[o][i]}
+            | _real_and_imaginary(data.value[:, o, i])
             for o, out in enumerate(data.output)
             for i, into in enumerate(data.input)
         ]
@@ -180,8 +173,7 @@ class ResponseAnalysis(Analysis):
         data: ComparedResponse = result.data
         if data.measured:
             return f"{result.choice.line}\n\n{_table(data.measured)}"
-        largest = data.largest
-        lines = [result.choice.line]
+        lines, largest = [result.choice.line], data.largest
         if data.closed_loop and result.design.control is not None:
             names = ", ".join(loop.name for loop in result.design.control.loop)
             lines.append(f"loops closed: {names}")
@@ -205,21 +197,19 @@ class ResponseAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw magnitude and phase, with the points that resolve resonances added."""
-        from suspension_cli.analyses.response import measured_picture, picture
+        from suspension_cli.analyses.response import picture
 
         scale = setting.get("scale", "db")
         stages = [stage.name for stage in result.design.stage]
         data: ComparedResponse = result.data
         if data.measured:
             title = result.subtitle + ", loops closed" * data.closed_loop
-            drawn = measured_picture.draw(data.measured, title, scale, stages, data.output)
-            return {"": drawn}
+            outputs = data.output
+            return {"": picture.draw_measured(data.measured, title, scale, stages, outputs)}
         return {"": picture.draw(picture.refine(result), result.subtitle, scale, stages)}
 
 
 def _document(one: Comparison) -> Document:
-    import numpy as np
-
     data = one.data
     extreme, at = one.extreme
     return {
@@ -235,13 +225,15 @@ def _document(one: Comparison) -> Document:
         "chi_squared_per_number": as_number(one.chi_squared),
         "resonances": table(one, "measured_hz=peak model_hz=pole mode shift"),
         "frequency_hz": data.frequency.tolist(),
-        "real": np.real(data.value).tolist(),
-        "imag": np.imag(data.value).tolist(),
+        **_real_and_imaginary(data.value),
         "uncertainty": plain(data.uncertainty),
         "coherence": plain(data.coherence),
-        "model_real": np.real(one.predicted).tolist(),
-        "model_imag": np.imag(one.predicted).tolist(),
+        **_real_and_imaginary(one.predicted, "model_"),
     }
+
+
+def _real_and_imaginary(value: Array, prefix: str = "") -> Document:
+    return {f"{prefix}real": value.real.tolist(), f"{prefix}imag": value.imag.tolist()}
 
 
 def _table(measured: Sequence[Comparison]) -> str:
@@ -280,11 +272,10 @@ def _request(
 
     from suspension_cli.analyses.damp import control
     from suspension_cli.analyses.response import measured
-    from suspension_cli.analyses.response.closed_loop import ClosedTransfer
+    from suspension_cli.analyses.response.solve import make_transfer
     from suspension_cli.design.derive import mirror
     from suspension_cli.grids import parse_frequencies
     from suspension_cli.linear import signals
-    from suspension_cli.models.choice import Transfer
 
     bodies = signals.bodies_with_signals(model)
     for item in items:
@@ -294,15 +285,10 @@ def _request(
         frequency = measured.default_grid(items)
     else:
         frequency = np.array(parse_frequencies(setting["frequency"]))
-    wanted = Transfer(
-        [signals.parse_input(text, bodies) for text in inputs or ("support.x",)],
-        [signals.parse_output(text, bodies) for text in outputs or (f"{mirror(design)}.x",)],
-        frequency,
-    )
-    if not setting["closed_loop"]:
-        return wanted
-    control.demand_loops(design)
-    return ClosedTransfer(**vars(wanted), design=design)
+    names = inputs or ["support.x"], outputs or [f"{mirror(design)}.x"]
+    if setting["closed_loop"]:
+        control.demand_loops(design)
+    return make_transfer(design, model, names, frequency, closed=setting["closed_loop"])
 
 
 ANALYSIS = ResponseAnalysis()

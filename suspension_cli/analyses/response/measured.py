@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -16,19 +15,20 @@ from suspension_cli.design import measured as tables
 from suspension_cli.design.measured import Measured
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import INLINE, in_unit
-from suspension_cli.linear import damped, response
+from suspension_cli.linear import damped
 from suspension_cli.linear.response import Response
 from suspension_cli.linear.signals import bodies_with_signals
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read
 from suspension_cli.measurements.resonances import find_peaks
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
+from suspension_cli.models.choice import Transfer
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
-    from suspension_cli.analyses.response.closed_loop import ClosedTransfer
+    from suspension_cli.analyses.response.solve import ClosedTransfer
     from suspension_cli.linear.poles import Poles
 
 NOISY = 1 / 3
@@ -47,10 +47,7 @@ UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
 
 @dataclass(frozen=True)
 class Item:
-    """Measured transfer functions of a file, with the tables that say how they were measured.
-
-    `file` is that of the tables, or "" for a bare file of data.
-    """
+    """Measured transfer functions; the tables and file that say how they were measured, if any."""
 
     tables: Measured
     channels: Channels
@@ -63,14 +60,12 @@ class Comparison:
 
     Attributes
     ----------
-    predicted : (f,) complex array
-        By the model, with gains, delays and mixes of the transducers.
-    curve_frequency, curve : (g,) arrays
-        The prediction on a finer grid, Hz.
-    peak : (p,) array
+    predicted, curve
+        By the model, with gains, delays and mixes of the transducers; also on a finer grid.
+    peak
         Frequencies of measured resonances, Hz.
-    pole, mode : (p,) array, tuple of str
-        Frequency (Hz) of the mode of the model that contributes there, and its label; NaN and "" if
+    pole, mode
+        Frequency (Hz) and label of the mode of the model that contributes there; NaN and "" if
         there is none. No two peaks have one mode.
     """
 
@@ -136,36 +131,31 @@ class ComparedResponse(Response):
 def read_files(
     files: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
 ) -> tuple[Item, ...]:
-    """Read files of measurements (TOML) and bare files of data.
+    """Read files of measurements (TOML), and bare files of data from one input to one output."""
+    return tuple(_read(file, inputs, outputs) for file in files)
 
-    A bare file relates the one signal in `inputs` to the one in `outputs`.
 
-    Raises `InputError` with the first faulty file.
-    """
-    items: list[Item] = []
-    for file in files:
-        if Path(file).suffix.lower() == ".toml":
-            given = tables.read(file)
-            if not given.transfer_function:
-                problem = "has no [[transfer_function]]"
-                remedy = "add one (docs/measurements.md), or name a file of data"
-                raise InputError([Fault("", problem, remedy)], file)
-            items.append(Item(given, Channels.of(given, read.read_all(given, file)), file))
-            continue
-        if not os.path.exists(file) or os.path.isdir(file):
-            problem = "is a directory" if os.path.isdir(file) else "is missing"
-            raise InputError([Fault("", problem, "name a file of measurements")], file)
-        if len(inputs) != 1 or len(outputs) != 1:
-            problem = "does not say what was driven and observed"
-            remedy = "give one --input and one --output, or a TOML file of measurements"
-            raise InputError([Fault("--measured", problem, remedy, format_value(file))])
-        found = read.read_bare(file, input=inputs[0], output=outputs[0])
-        if len(found) > 1:
-            problem = f"has {len(found)} transfer functions"
-            remedy = "name channels in a TOML file of measurements (docs/measurements.md)"
-            raise InputError([Fault("", problem, remedy)], file)
-        items.append(Item(Measured(), Channels.of(Measured(), found)))
-    return tuple(items)
+def _read(file: str, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
+    """Read one file; raises `InputError`."""
+    if Path(file).suffix.lower() == ".toml":
+        given = tables.read(file)
+        if not given.transfer_function:
+            remedy = "add one (docs/measurements.md), or name a file of data"
+            raise InputError([Fault("", "has no [[transfer_function]]", remedy)], file)
+        return Item(given, Channels.of(given, read.read_all(given, file)), file)
+    if not Path(file).is_file():
+        problem = "is a directory" if Path(file).is_dir() else "is missing"
+        raise InputError([Fault("", problem, "name a file of measurements")], file)
+    if len(inputs) != 1 or len(outputs) != 1:
+        problem = "does not say what was driven and observed"
+        remedy = "give one --input and one --output, or a TOML file of measurements"
+        raise InputError([Fault("--measured", problem, remedy, format_value(file))])
+    found = read.read_bare(file, input=inputs[0], output=outputs[0])
+    if len(found) > 1:
+        problem = f"has {len(found)} transfer functions"
+        remedy = "name channels in a TOML file of measurements (docs/measurements.md)"
+        raise InputError([Fault("", problem, remedy)], file)
+    return Item(Measured(), Channels.of(Measured(), found))
 
 
 def signals(
@@ -207,8 +197,7 @@ def compare(
     known = bodies_with_signals(model)
     plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
     modes = damped.solve(plain)
-    oscillates = np.isfinite(modes.frequency) & (modes.frequency > 0)
-    squared = np.where(oscillates, modes.omega_squared, np.inf)
+    squared = np.where(modes.frequency > 0, modes.omega_squared, np.inf)
     result = []
     for item in items:
         channels, (out, into) = item.channels, parse(item, known)
@@ -219,14 +208,13 @@ def compare(
         for data, own, (sensor, actuator) in zip(
             channels.function, static, channels.pairs, strict=True
         ):
-            at = data.frequency
+            at, transfer = data.frequency, Transfer([*into], [*out], data.frequency)
             if closed is None:
-                value = response.solve(model, at, [*into], [*out]).value
                 poles = np.flatnonzero(own > RESIDUE * own.max(initial=0.0))
                 pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
                 q = modes.q[poles]
             else:
-                value = replace(closed[0], inputs=[*into], outputs=[*out]).values(model, at)
+                transfer = replace(closed[0], inputs=[*into], outputs=[*out])
                 resonant = np.abs(closed[1].q) > 0.5
                 pole, q = closed[1].frequency[resonant], np.abs(closed[1].q[resonant])
                 label = ["closed loop"] * len(pole)
@@ -235,7 +223,7 @@ def compare(
             result.append(
                 Comparison(
                     data,
-                    channels.combine(value, at)[:, sensor, actuator],
+                    channels.combine(transfer.values(model, at), at)[:, sensor, actuator],
                     found.frequency,
                     curves[:, sensor, actuator],
                     peaks,

@@ -1,4 +1,4 @@
-"""Bode plots of frequency responses."""
+"""Bode plots of frequency responses, and of measured transfer functions over modelled ones."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.drawing import panels
+from suspension_cli.analyses.response.solve import make_transfer
+from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
-from suspension_cli.drawing.panels import Across, Line, Panel, Scale
-from suspension_cli.drawing.style import stage_colours
-from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
+from suspension_cli.drawing.style import PALETTE, LineLook, stage_colours
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.response import Response
-from suspension_cli.models.choice import Transfer
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
+    from suspension_cli.analyses.response.measured import Comparison
     from suspension_cli.drawing.added_points import Solve
     from suspension_cli.scene.arrays import Array
 
@@ -27,6 +28,12 @@ PHASE = 1.1
 """Height of a panel of phases, in."""
 MANY = 8
 """Number of responses above which the frequencies of modes alone are added."""
+MANY_POINTS = 300
+"""Number of measured points above which they are drawn small and without error bars."""
+MARKERS = ("o", "D", "^", "s", "v")
+"""Markers of points of different functions."""
+TALL, ALL = 2.0, 6.0
+"""Largest height of a panel of measured magnitudes, and of all of them together, in."""
 ZERO = "0 by symmetry at all frequencies"
 
 
@@ -37,45 +44,38 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
     value) or "absolute" (on a log axis).
     """
     pairs = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
-    units = list(dict.fromkeys(response.unit[o][i] for o, i in pairs))
-    body, many = [body_of(output) for output in response.output], len(pairs) > 1
+    body, many = [_body_of(output) for output in response.output], len(pairs) > 1
     by_stage = stage_colours([*stages, *body])
     colours = [by_stage[body[o]] for o, _ in pairs]
-    lines = {
-        (o, i): Line(
-            response.frequency, response.value[:, o, i], _name(response, o, i), colour,
-            {"linestyle": dashes},
-        )
-        for (o, i), colour, dashes in zip(pairs, colours, panels.dashes_of(colours), strict=True)
-    }  # fmt: skip
-    kind: Scale = "db" if scale == "db" else "log"
-    shown = []
-    for unit in units:
-        own = [line for (o, i), line in lines.items() if response.unit[o][i] == unit]
-        key = None if many else ()
-        label = label_magnitude(unit, scale == "db")
+    lines, by_unit = list[Line](), dict[str, list[Line]]()
+    for (o, i), colour, dashes in zip(pairs, colours, panels.dashes_of(colours), strict=True):
+        value, name = response.value[:, o, i], f"{response.output[o]} / {response.input[i]}"
+        name += "" if value.any() else " = 0 by symmetry"
+        lines.append(Line(response.frequency, value, name, colour, {"linestyle": dashes}))
+        by_unit.setdefault(response.unit[o][i], []).append(lines[-1])
+    kind, shown = _scale(scale), []
+    for unit, own in by_unit.items():
+        label, key = _label_magnitude(unit, kind), None if many else ()
         shown.append(Panel(label, own, scale=kind, key=key, peaks="find", empty=ZERO))
-    phases = [*lines.values()]
-    shown.append(Panel("phase (degrees)", phases, PHASE, "phase", key=(), empty=" "))
+    shown.append(Panel("phase (degrees)", lines, PHASE, "phase", key=(), empty=" "))
     logarithmic = response.frequency[0] > 0 and len(response.frequency) > 1
-    heading = "Transfer functions" if many else f"Transfer function {_name(response, 0, 0)}"
+    heading = "Transfer functions" if many else f"Transfer function {lines[0].name}"
     heading += ", loops closed" if response.closed_loop else ""
     return panels.draw(heading, title, shown, Across(scale="log" if logarithmic else "linear"))
 
 
-def _name(response: Response, o: int, i: int) -> str:
-    zero = "" if response.value[:, o, i].any() else " = 0 by symmetry"
-    return f"{response.output[o]} / {response.input[i]}{zero}"
+def _scale(scale: str) -> Scale:
+    return "db" if scale == "db" else "log"
 
 
-def body_of(signal: str) -> str:
+def _body_of(signal: str) -> str:
     """Body of a signal: ``test`` of ``test.x@0,0,0.001``."""
     return signal.partition("@")[0].rpartition(".")[0]
 
 
-def label_magnitude(unit: str, decibels: bool) -> str:
+def _label_magnitude(unit: str, kind: Scale) -> str:
     """Label of an axis of magnitudes with its unit."""
-    if decibels:
+    if kind == "db":
         return "magnitude (dB)" if unit in ("m/m", "") else f"magnitude (dB re 1 {unit})"
     return f"magnitude ({unit})" if unit else "magnitude"
 
@@ -86,17 +86,96 @@ def refine(result: Result) -> Response:
 
     def build() -> tuple[Solve, Array]:
         model = result.linear_system or result.choice.model.system(result.design)
-        known = signals.bodies_with_signals(model)
-        inputs = [signals.parse_input(text, known) for text in data.input]
-        outputs = [signals.parse_output(text, known) for text in data.output]
-        if data.closed_loop:
-            from suspension_cli.analyses.response.closed_loop import ClosedTransfer
-
-            closed = ClosedTransfer(inputs, outputs, data.frequency, result.design)
-            return partial(closed.values, model), np.empty(0)
-        modes = eigenmodes.solve(model.constant).frequency
-        return partial(Transfer(inputs, outputs, data.frequency).values, model), modes
+        names, closed = (data.input, data.output), data.closed_loop
+        wanted = make_transfer(result.design, model, names, data.frequency, closed=closed)
+        modes = np.empty(0) if closed else eigenmodes.solve(model.constant).frequency
+        return partial(wanted.values, model), modes
 
     few = data.value[0].size <= MANY
     frequency, value = add_from_model(build, data.frequency, data.value, few=few)
     return replace(data, frequency=frequency, value=value)
+
+
+def draw_measured(
+    measured: Sequence[Comparison],
+    title: str,
+    scale: str = "db",
+    stages: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> Figure:
+    """Draw magnitudes (a panel per unit), phases, and the ratio of magnitudes.
+
+    Curves have the colours of the stages of their outputs, if these differ; `outputs` are the
+    motions of stages that sensors observe.
+    """
+    kind, many = _scale(scale), len(measured) > 1
+    both = [*zip(measured, _looks(measured, stages, outputs), strict=True)]
+    models = [Line(one.curve_frequency, one.curve, "_model", look[0]) for one, look in both]
+    points = [_points(one, look, one.data.value) for one, look in both]
+    units, shown = list(dict.fromkeys(one.data.unit for one in measured)), []
+    for unit in units:
+        own = [n for n, one in enumerate(measured) if one.data.unit == unit]
+        lines = [lines[n] for lines in (models, points) for n in own]
+        key = [Line([], [], one.data.name, *look) for one, look in both if one.data.unit == unit]
+        limits = curves.limit_sizes(np.concatenate([_nearby(measured[n]) for n in own]), kind)
+        peaks = [peak for n in own for peak in _peaks(measured[n], kind)]
+        height = float(np.clip(ALL / len(units), 1.1, TALL))
+        label, key = _label_magnitude(unit, kind), key if many else ()
+        shown.append(Panel(label, lines, height, kind, limits, key=key, peaks=peaks))
+    shown.append(Panel("phase (degrees)", [*models, *points], PHASE, "phase", key=()))
+    ratios = [_points(one, look, one.ratio) for one, look in both]
+    clear = np.concatenate([np.ones(1), *(np.abs(one.ratio[one.clear]) for one in measured)])
+    rule = Rule(0.0 if kind == "db" else 1.0, dashes="-")
+    label = "meas./model (dB)" if kind == "db" else "|meas./model|"
+    limits = curves.limit_sizes(clear, kind)
+    shown.append(Panel(label, ratios, 1.3, kind, limits, key=(), rules=[rule]))
+    name = "Transfer functions" if many else f"Transfer function {measured[0].data.name}"
+    return panels.draw(f"{name}: points measured, lines modelled", title, shown)
+
+
+def _looks(
+    measured: Sequence[Comparison], stages: Sequence[str], outputs: Sequence[str]
+) -> list[tuple[str, LineLook]]:
+    """Colour and marker of each function; the colours of the stages if these differ.
+
+    Sensors have the colour of the stage that they observe if all observe the same.
+    """
+    body = [_body_of(one.data.output) for one in measured]
+    seen = {_body_of(output) for output in outputs}
+    if len(seen) == 1:
+        body = [name if name in stages else min(seen) for name in body]
+    colours = [stage_colours([*stages, *body])[name] for name in body]
+    if len({*colours}) < len(colours):
+        colours = [PALETTE[n % len(PALETTE)] for n in range(len(body))]
+    return [
+        (colour, {"marker": MARKERS[n % len(MARKERS)], "markersize": 3})
+        for n, colour in enumerate(colours)
+    ]
+
+
+def _peaks(one: Comparison, kind: Scale) -> list[tuple[float, float, str]]:
+    """Frequencies and ordinates of measured resonances."""
+    near = [int(np.abs(one.data.frequency - peak).argmin()) for peak in one.peak]
+    sizes = np.abs(one.data.value[near])
+    heights = 20 * np.log10(np.where(sizes > 0, sizes, 1.0)) if kind == "db" else sizes
+    every = zip(one.peak.tolist(), heights.tolist(), sizes.tolist(), strict=True)
+    return [(at, height, "") for at, height, size in every if size > 0]
+
+
+def _points(one: Comparison, look: tuple[str, LineLook], value: Array) -> Line:
+    """Points with error bars; of many points without these."""
+    data = one.data
+    good = (data.frequency > 0) & (data.value != 0)
+    at, value, sigma = data.frequency[good], value[good], data.uncertainty[good]
+    relative = np.where(np.isfinite(sigma), sigma / np.abs(data.value[good]), np.nan)
+    how: LineLook = {**look[1], "linestyle": "none", "markersize": 2.4, "markeredgewidth": 0.0}
+    if len(at) > MANY_POINTS:
+        return Line(at, value, "_points", look[0], how | {"marker": ".", "markersize": 1.8})
+    ends = value * (1 - np.clip(relative, 0, 0.999)), value * (1 + relative)
+    return Line(at, value, "_points", look[0], how, ends)
+
+
+def _nearby(one: Comparison) -> Array:
+    """Sizes measured, and those of the model within the measured band."""
+    at, band = one.curve_frequency, one.data.frequency
+    return np.abs([*one.data.value, *one.curve[(at >= band[0]) & (at <= band[-1])]])

@@ -16,6 +16,7 @@ from suspension_cli.design.imperfections import AXES, named, perturbed_part
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Panel
+from suspension_cli.drawing.scales import Tints, draw_bar, draw_table
 from suspension_cli.drawing.style import (
     INK,
     NOTE,
@@ -26,7 +27,6 @@ from suspension_cli.drawing.style import (
     shorten,
     single_line,
 )
-from suspension_cli.drawing.tints import Tints, draw_bar, draw_table
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
