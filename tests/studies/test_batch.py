@@ -29,7 +29,6 @@ from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import run as batch
-from suspension_cli.studies import sweep_file
 from suspension_cli.studies.job import Axis
 from tests.support import counting_sweep, scenes
 from tests.support.commandline import edited, run
@@ -187,7 +186,7 @@ def reference(folder, count):
 
 
 @settings(deadline=None, max_examples=25)
-@given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([64, 128]), st.booleans())
+@given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([64, 100]), st.booleans())
 def test_resume_after_a_kill(count, fails, chunk, power_cut):
     """What lies on the disk at any moment can be taken up; points that a power cut damaged are
     computed again."""
@@ -208,12 +207,12 @@ def test_resume_after_a_kill(count, fails, chunk, power_cut):
             counting_sweep.run(Killed(count, str(folder / "log"), fails), path, chunk=chunk)
         job = counting_sweep.Toy(count, str(left / "log"))
         done = job.computed() == 1
-        assert np.array_equal(counting_sweep.marked(left / "toy.h5", count), done)
+        part = counting_sweep.part(left / "toy.h5")
+        assert np.array_equal(counting_sweep.finished(part, count), done)
         lost = np.zeros(count, dtype=bool)
         if power_cut and done.any():
-            with h5py.File(counting_sweep.part(left / "toy.h5"), "r+") as file:
-                file["toy"]["value"][0, 1] = 0.0
-            lost[: sweep_file.UNIT] = True
+            counting_sweep.damage(part)
+            lost[:chunk] = True
         counting_sweep.run(job, left / "toy.h5", chunk=chunk, resume=True)
         assert np.array_equal(job.computed() == 2, done & lost)
         assert job.computed().min() == 1
@@ -246,7 +245,7 @@ def test_a_worker_that_fails(dies, tmp_path):
         match="a worker was killed, perhaps out of memory" if dies else "failure on request",
     ):
         counting_sweep.run(job, path, chunk=64, workers=2)
-    noted = counting_sweep.marked(path, job.count)
+    noted = counting_sweep.finished(counting_sweep.part(path), job.count)
     healthy = counting_sweep.Toy(job.count, job.log)
     assert not (noted & (healthy.computed() == 0)).any()
     counting_sweep.run(healthy, path, chunk=64, resume=True)
@@ -260,7 +259,7 @@ def test_starting_anew_forgets_the_interrupted_run(tmp_path):
     path, left = tmp_path / "toy.h5", tmp_path / "left"
     with pytest.raises(RuntimeError):
         counting_sweep.run(counting_sweep.Toy(500, str(tmp_path / "log"), 400), path, chunk=64)
-    assert counting_sweep.marked(path, 500).any()
+    assert counting_sweep.finished(counting_sweep.part(path), 500).any()
 
     class Snapshot(counting_sweep.Toy):
         def compute(self, start, stop):
@@ -284,7 +283,7 @@ def another_file(part):
 
 SPOILT = {
     "another design": {"design": "a = 2"},
-    "another sweep": {"sweep": "another"},
+    "another sweep": {"identity": "another"},
     "another count": {"count": 501},
     "cut": lambda part: os.truncate(part, part.stat().st_size - 1000),
     "cut short": lambda part: os.truncate(part, 100),
@@ -307,7 +306,8 @@ def test_resume_of_something_else_is_refused(kind, tmp_path):
     if not other:
         how(part)
     before = part.read_bytes() if part.is_file() else part.stat().st_mode
-    job = counting_sweep.Toy(other.pop("count", 500), log)
+    identity = other.pop("identity", "toy")
+    job = counting_sweep.Toy(other.pop("count", 500), log, identity=identity)
     with pytest.raises(InputError) as caught:
         counting_sweep.run(job, path, resume=True, **other)
     (line,) = str(caught.value).splitlines()

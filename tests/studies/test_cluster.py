@@ -76,7 +76,7 @@ def test_a_failure_on_the_cluster_is_taken_up(scheduler, tmp_path):
     job = counting_sweep.Toy(64 * 20, str(tmp_path / "log"), 64 * 15)
     with pytest.raises(RuntimeError, match="failure on request"):
         counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, scheduler=scheduler)
-    noted = counting_sweep.marked(tmp_path / "toy.h5", job.count)
+    noted = counting_sweep.finished(counting_sweep.part(tmp_path / "toy.h5"), job.count)
     before = job.computed()
     healthy = counting_sweep.Toy(job.count, job.log)
     counting_sweep.run(healthy, tmp_path / "toy.h5", chunk=64, scheduler=scheduler, resume=True)
@@ -112,7 +112,10 @@ def test_a_scheduler_that_goes_away(tmp_path):
             counting_sweep.run(
                 job, tmp_path / "toy.h5", chunk=64, scheduler=made.scheduler_address, progress=close
             )
-    assert counting_sweep.marked(tmp_path / "toy.h5", job.count).sum() >= 64 * 50
+    assert (
+        counting_sweep.finished(counting_sweep.part(tmp_path / "toy.h5"), job.count).sum()
+        >= 64 * 50
+    )
     counting_sweep.run(job, tmp_path / "toy.h5", resume=True)
     assert job.computed().min() == 1
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
@@ -113,14 +114,7 @@ class SweepAnalysis(Analysis):
         job = on(choice.level)
         run.log.detail(f"{run.name}: {choice.line}")
         warnings.warn_implausible(run.design, run.log)
-        result = sweeping.fill(
-            run,
-            self,
-            job,
-            choice,
-            sweep.describe(job),
-            lambda part: sweep.complete(part, job),
-        )
+        result = sweeping.fill(run, self, job, choice, partial(sweep.write, job=job))
         found: SweepResult = result.data
         for reason, count in found.failures.items():
             run.log.warn(

@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from suspension_cli.analyses.tolerance.quantities import COUPLING, Requirement
-from suspension_cli.analyses.tolerance.statistics import QUANTILES, strongest
-from suspension_cli.analyses.tolerance.summary import Spread, Summary
+from suspension_cli.analyses.tolerance.solve import COUPLING, Requirement
+from suspension_cli.analyses.tolerance.summary import QUANTILES, Spread, Summary, strongest
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
@@ -149,9 +148,10 @@ def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], lab
 
 def _causes(summary: Summary) -> list[Panel]:
     """Make the panel of the coupling's significant rank correlations or Sobol indices."""
-    found, rank = summary.coupling.sobol, summary.signed.rank
-    if found is not None:
-        total, first, error = map(np.nan_to_num, (found.total, found.first, found.total_error))
+    rank = summary.signed.rank
+    if summary.indices:
+        found = summary.indices_of(summary.coupling)
+        total, first, error = (found[name] for name in ("total", "first", "total_error"))
         top = strongest(np.maximum(total, 0.0), MAX_BARS, 0.005)
         names, label = [*summary.job.groups], "Sobol index (fraction of variance)"
         texts = [

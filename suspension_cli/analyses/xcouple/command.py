@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -123,7 +124,7 @@ class CouplingAnalysis(Analysis):
         )
         model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
-        result = sweeping.fill(run, self, job, choice, solve.describe(job))
+        result = sweeping.fill(run, self, job, choice, partial(solve.write, job=job))
         failed = result.data.failures.items()
         if failed:
             whys = "; ".join(
