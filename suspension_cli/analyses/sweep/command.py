@@ -158,7 +158,7 @@ class SweepAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
-        from suspension_cli.analyses.sweep import crossings, picture
+        from suspension_cli.analyses.sweep import picture
         from suspension_cli.files.hdf5 import open_results
 
         found = []
@@ -166,7 +166,7 @@ class SweepAnalysis(Analysis):
             stored = result.stored_file()
             if stored is not None:
                 with open_results(stored) as file:
-                    found = crossings.find_crossings(file["sweep"], result.data)
+                    found = picture.find_crossings(file["sweep"], result.data)
         stages = [stage.name for stage in result.design.stage]
         return {"": picture.draw(result.data, result.subtitle, stages, found)}
 

@@ -157,21 +157,19 @@ class CouplingAnalysis(Analysis):
         import numpy as np
 
         answer: Coupling = result.data
-        size = np.abs(answer.ratio)
-        if not np.isfinite(size).any():
+        if not (worst := answer.worst):
             return f"{result.choice.line}\nno build has an equilibrium on taut wires"
-        where = np.unravel_index(int(np.nanargmax(size)), size.shape)
+        size = np.abs(answer.ratio)
         at = ", ".join(
             f"{axis.name} = {axis.values[n]:.6g} {axis.unit}".removesuffix(" 1")
-            for axis, n in zip(answer.axes, where[:-1], strict=True)
+            for axis, n in zip(answer.axes, worst[:-1], strict=True)
         )
         kept = answer.hold.replace("-", " ")
         of = f": wire {answer.wire} changes, its {kept} is kept" if answer.wire else ""
         return (
-            f"{result.choice.line}\n{size[..., 0].size} builds{of}\n"
-            f"|{answer.over} / {answer.under}| for {answer.input}:"
-            f" largest {np.nanmax(size):.4g} at {at},"
-            f" {answer.frequency[where[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
+            f"{result.choice.line}\n{answer.status.size} builds{of}\n"
+            f"|{answer.over} / {answer.under}| for {answer.input}: largest {size[worst]:.4g} at"
+            f" {at}, {answer.frequency[worst[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
         )
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:

@@ -204,6 +204,14 @@ class Coupling:
         """Number of failed builds by reason."""
         return builds.count_failures(self.status)
 
+    @property
+    def worst(self) -> tuple[int, ...]:
+        """Place of the largest ratio; empty if no build has one."""
+        size = np.abs(self.ratio)
+        if not np.isfinite(size).any():
+            return ()
+        return tuple(int(n) for n in np.unravel_index(np.nanargmax(size), size.shape))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Stored(Coupling):
