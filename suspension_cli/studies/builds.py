@@ -154,11 +154,9 @@ def _unstable(
     The pivots of the tangent stiffness identify most stable ones, unless the support structure
     moves too, or light pushes.
     """
-    unclear = np.ones(model.batch, dtype=bool)
-    if found.pivot is not None and design.support is None and not design.cavity:
-        unclear = ~(found.pivot > CLEAR)
-    if unclear.all():
+    if found.pivot is None or design.support is not None or design.cavity:
         return batch_modes.grows(model)
+    unclear = ~(found.pivot > CLEAR)
     if unclear.any():
         unclear[unclear] = batch_modes.grows(model.select(np.flatnonzero(unclear)))
     return unclear
@@ -243,9 +241,7 @@ def responses(builds: Builds, ratios: Sequence[Ratio]) -> Complex[np.ndarray, "b
     return found
 
 
-def divide(
-    over: Complex[np.ndarray, "*shape"], under: Complex[np.ndarray, "*shape"]
-) -> Complex[np.ndarray, "*shape"]:
+def divide(over: np.ndarray, under: np.ndarray) -> Complex[np.ndarray, "*shape"]:
     """Divide complex responses; exactly 0 where a symmetry makes `over` vanish."""
     with np.errstate(all="ignore"):
         return np.where((over == 0) & (np.abs(under) > 0), 0.0, over / under)

@@ -85,10 +85,8 @@ def connected(scheduler: str) -> Iterator[Client]:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
+            remedy = "start `dask worker` with its address"
             raise InputError.of(
-                "--scheduler",
-                "has no workers",
-                "start `dask worker` with its address",
-                format_value(scheduler),
+                "--scheduler", "has no workers", remedy, format_value(scheduler)
             ) from None
         yield client
