@@ -312,7 +312,9 @@ def _draw_contours(axes: Axes, x: Any, y: Any, finite: np.ndarray, norm: Normali
     levels = levels[(place > 0.04) & (place < 0.96)]  # others have no room for their label
     inks = [INK if norm(level) > PALE else "white" for level in levels] or "white"
     lines = axes.contour(x, y, finite, levels=levels, colors=inks, linewidths=0.6)
-    frame = np.reshape(axes.bbox.extents, (2, 2))
-    for text in axes.clabel(lines, fontsize=SMALL, fmt=partial(format_raised, digits=4)):
+    paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths() if len(path)]
+    middles = [(path[(len(path) - 1) // 2] + path[len(path) // 2]) / 2 for path in paths]
+    write, frame = partial(format_raised, digits=4), np.reshape(axes.bbox.extents, (2, 2))
+    for text in axes.clabel(lines, fontsize=SMALL, fmt=write, manual=middles):
         box = np.reshape(text.get_window_extent().extents, (2, 2))
         text.set_visible(bool((box[0] >= frame[0]).all() and (box[1] <= frame[1]).all()))
