@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -159,16 +158,9 @@ class SweepAnalysis(Analysis):
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import picture
-        from suspension_cli.files.hdf5 import open_results
 
-        found = []
-        with contextlib.suppress(InputError):  # without its file, modes that cross are not marked
-            stored = result.stored_file()
-            if stored is not None:
-                with open_results(stored) as file:
-                    found = picture.find_crossings(file["sweep"], result.data)
         stages = [stage.name for stage in result.design.stage]
-        return {"": picture.draw(result.data, result.subtitle, stages, found)}
+        return {"": picture.draw(result.data, result.subtitle, stages)}
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

@@ -89,14 +89,11 @@ class Crossing:
         return f"{first} and {second} mix: {100 - part:.0f} % + {part:.0f} %"
 
 
-def find_crossings(group: Any, swept: SweepResult) -> list[Crossing]:
-    """Find where modes of a sweep over one parameter meet, most mixed first.
-
-    `group` is that of its results file.
-    """
-    if "shape" not in group or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:
+def find_crossings(swept: SweepResult) -> list[Crossing]:
+    """Find where modes of a sweep over one parameter meet, most mixed first."""
+    shape, rank, names = swept.shape, swept.rank, list(swept.mode or ())
+    if shape is None or rank is None or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:
         return []
-    names, rank = list(swept.mode or ()), group["rank"][:]
     shown = [n for n, name in enumerate(swept.result) if name in names]
     found = []
     for pair in combinations(shown, 2):
@@ -109,10 +106,7 @@ def find_crossings(group: Any, swept: SweepResult) -> list[Crossing]:
             continue
         ends, numbers = known[[0, -1]], [names.index(name) for name in modes]
         far = int(ends[np.argmax(gap[ends])])
-        here, pure = (
-            np.asarray(group["shape"][place], dtype=float)[rank[place, numbers]]
-            for place in (n, far)
-        )
+        here, pure = (shape[place][rank[place, numbers]].astype(float) for place in (n, far))
         part = (here @ pure.T) ** 2
         mixing = float((part[[0, 1], [1, 0]] / part.sum(1)).max())
         limit = MEET if mixing <= MIXED else 10 * MEET
@@ -126,12 +120,12 @@ def draw(
     swept: SweepResult,
     title: str,
     stages: Sequence[str] = (),
-    crossings: Sequence[Crossing] = (),
+    crossings: Sequence[Crossing] | None = None,
 ) -> Figure:
     """Draw the figure of `pendsus sweep`; `title` names the design and the model.
 
     Parameters after the second are kept at the grid point nearest to the nominal design.
-    `crossings` are marked on lines.
+    Crossings of modes (by default all) are marked on lines.
     """
     rest = swept.start[2:]
     value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
@@ -139,7 +133,8 @@ def draw(
     heading = " and ".join(kinds).capitalize()
     if value.ndim == 2:
         heading += f" against {swept.axes[0].name.removeprefix('stage.')}"
-        return _draw_lines(swept, value, heading, title, stages, crossings)
+        met = find_crossings(swept) if crossings is None else crossings
+        return _draw_lines(swept, value, heading, title, stages, met)
     kept = [
         f"{axis.name} = {axis.describe(axis.values[at])}"
         for axis, at in zip(swept.axes[2:], rest, strict=True)

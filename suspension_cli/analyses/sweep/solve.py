@@ -171,8 +171,13 @@ class SweepResult:
     mode, mode_number, coordinate
         Labels of the nominal modes, numbers of the modes of each point, and coordinates of shapes;
         None without modes.
-    response_name, response_unit
+    response_name, response_unit, response
         Responses and couplings among the results; None without these.
+    omega_squared, shape
+        Modes of each point in ascending order, with shapes as in `batch_modes.Spectrum`.
+    rank, overlaps
+        Place of each nominal mode among those of a point, and overlap with the mode of the
+        neighbouring point that it was followed from.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -191,6 +196,17 @@ class SweepResult:
     response_name: tuple[str, ...] | None = None
     response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
     status_meaning: tuple[str, ...] = field(default=STATUS, metadata=ATTRIBUTE)
+    omega_squared: Float[np.ndarray, "*axes mode_number"] | None = field(
+        default=None, metadata=in_unit("rad^2/s^2")
+    )
+    shape: Float[np.ndarray, "*axes mode_number coordinate"] | None = None
+    rank: Int[np.ndarray, "*axes mode"] | None = None
+    overlaps: Float[np.ndarray, "*axes mode"] | None = field(
+        default=None, metadata=in_unit("", name="overlap")
+    )
+    response: Complex[np.ndarray, "*axes response_name"] | None = field(
+        default=None, metadata=in_unit("{response_unit}")
+    )
 
     @property
     def failures(self) -> dict[str, int]:
@@ -206,23 +222,6 @@ class SweepResult:
         flat = self.value.reshape(-1, len(self.result))
         low, high = np.fmin.reduce(flat, axis=0), np.fmax.reduce(flat, axis=0)
         return np.where(np.isfinite(low), (high - low) / np.where(low > 0, low, 1.0), 0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stored(SweepResult):
-    """What the results file has: also modes in ascending order and how they were followed."""
-
-    omega_squared: Float[np.ndarray, "*axes mode_number"] | None = field(
-        default=None, metadata=in_unit("rad^2/s^2")
-    )
-    shape: Float[np.ndarray, "*axes mode_number coordinate"] | None = None
-    rank: Int[np.ndarray, "*axes mode"] | None = None
-    overlaps: Float[np.ndarray, "*axes mode"] | None = field(
-        default=None, metadata=in_unit("", name="overlap")
-    )
-    response: Complex[np.ndarray, "*axes response_name"] | None = field(
-        default=None, metadata=in_unit("{response_unit}")
-    )
 
 
 def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
@@ -272,7 +271,7 @@ def write(group: h5py.Group, columns: Columns, job: ParameterSweep) -> None:
         described["response_unit"] = tuple(item.unit for item in job.ratios)
     squared, response = known.get("omega_squared"), known.get("response")
     homes = [modes.home[one.number] if isinstance(one, Mode) else () for one in job.results]
-    record = Stored(
+    record = SweepResult(
         axes=job.axes,
         drawn=job.drawn,
         start=start,

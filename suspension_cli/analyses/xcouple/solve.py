@@ -186,6 +186,10 @@ class Coupling:
         See `status_meaning`.
     wire, hold
         Label of the imperfect wire, and what is kept when it changes.
+    over_input, under_input
+        Both motions per `input`.
+    residual, slack_wire
+        As in `studies.builds.Builds`.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -198,6 +202,14 @@ class Coupling:
     over: str
     under: str
     status_meaning: tuple[str, ...] = field(default=builds.STATUS, metadata=ATTRIBUTE)
+    over_input: Complex[np.ndarray, "*axes frequency"] | None = field(
+        default=None, metadata=in_unit("", name="over")
+    )
+    under_input: Complex[np.ndarray, "*axes frequency"] | None = field(
+        default=None, metadata=in_unit("", name="under")
+    )
+    residual: Float[np.ndarray, "*axes"] | None = None
+    slack_wire: Int[np.ndarray, "*axes"] | None = None
 
     @property
     def failures(self) -> dict[str, int]:
@@ -213,21 +225,11 @@ class Coupling:
         return tuple(int(n) for n in np.unravel_index(np.nanargmax(size), size.shape))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stored(Coupling):
-    """What the results file has: also both motions per input, and how builds failed."""
-
-    over_input: Complex[np.ndarray, "*axes frequency"] = field(metadata=in_unit("", name="over"))
-    under_input: Complex[np.ndarray, "*axes frequency"] = field(metadata=in_unit("", name="under"))
-    residual: Float[np.ndarray, "*axes"]
-    slack_wire: Int[np.ndarray, "*axes"]
-
-
 def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
     """Write the couplings of all builds of a job."""
     ask, wires, known = job.question, job.scene.wires, job.on_grid(columns)
     motions = {f"{name}_input": known.pop(name) for name in ("over", "under")}
-    record = Stored(
+    record = Coupling(
         axes=job.axes,
         frequency=np.array(ask.frequency),
         wire=wires.label[ask.wire] if ask.wire >= 0 else "",
