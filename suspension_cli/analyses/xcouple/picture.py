@@ -161,11 +161,11 @@ def draw_matrix(response: Response, title: str) -> Figure:
     columns = [f"{dof}\n({unit})" for dof, unit in zip(DOFS, under, strict=True)]
     over = [unit.partition("/")[0] for unit in units[:, 0]]
     rows = [f"{dof} ({unit})" for dof, unit in zip(DOFS, over, strict=True)]
-    observed = "".join(response.output[0].split(".x", 1))
+    body, _, point = response.output[0].partition(".x")
     across, shown = Across(" \n ", "linear"), []
     for value, at in zip(np.abs(response.value), response.frequency, strict=True):
         paint = partial(_draw_table, value=value, units=units, columns=columns)
-        head = f"at {at:g} Hz, {observed} (rows) per support (columns)"
+        head = f"at {at:g} Hz, {body}{point} (rows) per support (columns)"
         shown.append(Panel(height=2.6, title=head, across=across, rows=rows, paint=paint))
     bar = Panel(height=0.12, left=0.24 + widest(rows), paint=partial(draw_bar, tints=TINTS))
     heading = "Couplings: motion per motion of the support"
