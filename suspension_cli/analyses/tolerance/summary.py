@@ -42,6 +42,7 @@ SIGNIFICANT = 3.0
 """Least significant correlation, in standard deviations 1/sqrt(N) of N uncorrelated builds."""
 MAX_POINTS = 4000
 """Most builds in figures."""
+STATIC_UNIT = in_unit("{static_unit}")
 
 
 @dataclass(frozen=True)
@@ -188,19 +189,9 @@ def _estimate(values: Float[np.ndarray, "group+2 sample result"]) -> tuple[np.nd
 class Spread:
     """Distribution of one quantity over the builds, in SI units; Hz for modes.
 
-    Attributes
-    ----------
-    mean, error, deviation
-        Mean, its standard error, and standard deviation.
-    quantiles
-        At `QUANTILES`.
-    rank
-        Rank correlations with the deviations of numbers; of the coupling without sign, with their
-        magnitudes.
-    slope
-        Change per unit of each deviation (least squares).
-    sample
-        Values of some builds, for figures.
+    Its mean, the standard error of that, standard deviation and quantiles (`QUANTILES`); rank
+    correlations with the deviations of numbers (of the coupling without sign, with their
+    magnitudes); slopes of the least-squares lines over these; and values of some builds.
     """
 
     quantity: Quantity
@@ -454,7 +445,7 @@ class Stored(Request):
     build: Int[np.ndarray, " build"]
     frequency: Float[np.ndarray, "build mode"] = field(metadata=in_unit("Hz"))
     ratio: Complex[np.ndarray, "build coupling_frequency"]
-    static: Float[np.ndarray, "build stage static_dof"] = field(metadata=in_unit("{static_unit}"))
+    static: Float[np.ndarray, "build stage static_dof"] = field(metadata=STATIC_UNIT)
     response: Complex[np.ndarray, "build response_name"] | None = field(
         default=None, metadata=in_unit("{response_unit}")
     )
@@ -463,14 +454,10 @@ class Stored(Request):
     slack_wire: Int[np.ndarray, " build"]
     quantile: Float[np.ndarray, " quantile"] = field(default_factory=lambda: np.array(QUANTILES))
     interval: tuple[str, ...] = ("low", "high")
-    static_mean: Float[np.ndarray, "stage static_dof"] = field(metadata=in_unit("{static_unit}"))
-    static_mean_error: Float[np.ndarray, "stage static_dof"] = field(
-        metadata=in_unit("{static_unit}")
-    )
-    static_std: Float[np.ndarray, "stage static_dof"] = field(metadata=in_unit("{static_unit}"))
-    static_quantiles: Float[np.ndarray, "stage static_dof quantile"] = field(
-        metadata=in_unit("{static_unit}")
-    )
+    static_mean: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
+    static_mean_error: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
+    static_std: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
+    static_quantiles: Float[np.ndarray, "stage static_dof quantile"] = field(metadata=STATIC_UNIT)
     yields: Float[np.ndarray, " requirement"] | None = field(
         default=None, metadata=in_unit("", name="yield")
     )

@@ -240,8 +240,9 @@ class MatrixAnalysis(Analysis):
                 (dof, *("0" if value == 0 else abs(value) for value in row))
                 for dof, row in zip(DOFS, matrix, strict=True)
             ]
+            motions = f"|motion of {body}{point} for motion of the support|"
             lines += [
-                f"|motion of {body}{point} for motion of the support| at {frequency:.4g} Hz (m, rad)",
+                f"{motions} at {frequency:.4g} Hz (m, rad)",
                 tables.render({"": "", **dict.fromkeys(DOFS, ".3e")}, rows),
             ]
         return "\n".join(lines)
