@@ -59,20 +59,10 @@ def blank(count: int, **columns: tuple[str, tuple[int, ...]]) -> dict[str, np.nd
 
 @dataclass(frozen=True)
 class Builds:
-    """Balanced builds.
+    """Balanced builds, along the first axis of their model, which is valid where `GOOD`.
 
-    Attributes
-    ----------
-    model
-        With the builds as first axis; valid for builds with status `GOOD`.
-    wire
-        The first slack wire, or -1.
-    residual
-        Largest residual force, relative to the weight.
-    mirrors
-        Whether each build is symmetric when x, or y, is mirrored.
-    scene, pose
-        Of the builds in equilibrium, if known.
+    `wire` is the first slack wire, or -1; `residual` the largest residual force, relative to the
+    weight; `mirrors` says whether a build is symmetric when x, or y, is mirrored.
     """
 
     model: LinearSystem
@@ -250,11 +240,7 @@ def divide(over: np.ndarray, under: np.ndarray) -> Complex[np.ndarray, "*shape"]
 def count_failures(
     status: Int[np.ndarray, "*build"], meaning: tuple[str, ...] = STATUS
 ) -> dict[str, int]:
-    """Count builds by reason of failure.
-
-    >>> count_failures(np.zeros(3, dtype=int))
-    {}
-    """
+    """Count builds by reason of failure."""
     return {
         reason: int((status == code).sum())
         for code, reason in enumerate(meaning)

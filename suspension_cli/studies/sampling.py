@@ -44,15 +44,9 @@ SMALLEST = 1e-3
 class SamplePoints:
     """Points of the unit cube, one for each build.
 
-    Attributes
-    ----------
-    method : {"random", "sobol"}
-    count
-        Number of builds; with groups, (k + 2) N.
-    groups
-        For Sobol indices: the group, from 0 to k - 1, of each coordinate. The builds are then
-        those of matrices A and B (N rows each) of independent points, and for each group of A with
-        the group's columns from B (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010)).
+    For Sobol indices, each coordinate has a group from 0 to k - 1, and `count` is (k + 2) N: the
+    builds are those of matrices A and B (N rows each) of independent points, and for each group of
+    A with the group's columns from B (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010)).
     """
 
     method: str
@@ -136,10 +130,7 @@ def uniforms(seed: int, start: int, stop: int, width: int) -> Float[np.ndarray, 
 def scrambled_sobol(
     seed: int, replicate: int, start: int, stop: int, width: int
 ) -> Float[np.ndarray, "stop-start width"]:
-    """Points start to stop - 1 of one scrambled Sobol sequence.
-
-    They are in the middle of the intervals that their binary digits stand for.
-    """
+    """Points start to stop - 1 of one scrambled Sobol sequence, in the middle of intervals."""
     engine = _engine(seed, replicate, width)
     engine.reset()
     if start:
@@ -162,18 +153,8 @@ def _engine(seed: int, replicate: int, width: int) -> Sobol:
 class ScatteredNumber:
     """One number that scatters: ``test.1 length``, ``test com x``.
 
-    Attributes
-    ----------
-    number
-        As `equilibrium.hanging.impose` takes it.
-    axis
-        0, 1, 2 for vectors, else 0.
-    spread
-        Of the number, in `unit`.
-    hold
-        For wires.
-    group
-        Name of the tolerance that numbers share: ``test wires length``.
+    `number` is that of its part, `axis` 0, 1 or 2 for vectors; `hold` is for wires. Numbers of one
+    tolerance share a `group`, ``test wires length``.
     """
 
     label: str

@@ -55,14 +55,8 @@ EXTREME = 15
 class Quantity:
     """One result of every build, in SI units; Hz for modes.
 
-    Attributes
-    ----------
-    column, place
-        Dataset with the values, and their place in a row.
-    ratio
-        Of a named response or coupling.
-    signed
-        Whether a complex result is taken with its sign (see `with_sign`) instead of its magnitude.
+    Its values are at a `place` in the rows of a `column`. A complex result is taken with its sign
+    (see `with_sign`), or by its magnitude.
     """
 
     name: str
@@ -109,16 +103,9 @@ def with_sign(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build
 
 @dataclass(frozen=True)
 class Requirement:
-    """A requirement on one quantity, given by name.
+    """A requirement on a quantity, by name: least and largest value, SI, or infinite.
 
-    Attributes
-    ----------
-    low, high
-        Least and largest value, SI; infinite without limit.
-    magnitude
-        Whether the limit is on the magnitude, which must not equal it.
-    key
-        Key or option that gave it, for error messages.
+    A limit on the magnitude must not be equalled. `key` gave it, for error messages.
     """
 
     quantity: str
@@ -154,10 +141,7 @@ class Requirement:
 
 
 def requirements(design: Design, options: Sequence[str]) -> tuple[Requirement, ...]:
-    """Parse the requirements of a design and of ``--require``.
-
-    Raises `InputError` with the faults of all; the names of quantities are not looked up.
-    """
+    """Parse the requirements of a design and of ``--require``, without looking up quantities."""
     found = []
     for n, one in enumerate(design.tolerance.require if design.tolerance else (), 1):
         low, high = one.band or (one.above or -math.inf, one.below or math.inf)
@@ -212,8 +196,7 @@ def find(
 ) -> Quantity:
     """Find a quantity by name; that of a response has no place yet.
 
-    `modes` are the nominal ones, `known` the bodies with signals, and `key` is the key or option to
-    name in error messages.
+    `known` are the bodies with signals; `key` is named in error messages.
     """
     name = " ".join(name.split())
     if name.endswith(" static z"):
@@ -239,20 +222,8 @@ def find(
 class RandomBuilds(Job):
     """Random builds of one design with a `[tolerance]` table.
 
-    Attributes
-    ----------
-    question
-        The cross-coupling; its wire and body are ignored.
-    allow_unstable
-        Whether builds with an unstable equilibrium are valid.
-    level
-        Name of a model that supports imperfect builds.
-    requirements
-        The responses that they name are also computed.
-    method
-        Sampling, see `studies.sampling`.
-    with_indices
-        Whether builds are drawn for Sobol indices.
+    Wire and body of the `question` are ignored. Responses that requirements name are computed too.
+    `method` is that of `studies.sampling`; builds may be drawn for Sobol indices.
     """
 
     count: int
@@ -346,10 +317,9 @@ class RandomBuilds(Job):
 def follow_modes(
     found: Builds, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> Float[np.ndarray, "build mode"]:
-    """Solve for omega^2, (rad/s)^2, of every build in the order of the nominal modes.
+    """Solve for omega^2, (rad/s)^2, of every build in the order of nominal modes of these shapes.
 
-    `shapes` are those of the nominal modes, as in `batch_modes.Spectrum`; each is paired with the
-    mode of the build that overlaps it most.
+    Each is paired with the mode of the build that overlaps it most.
     """
     solved = batch_modes.solve(found.model)
     overlap = (shapes @ np.swapaxes(solved.shape, -1, -2)) ** 2  # (p, m, m): nominal, build

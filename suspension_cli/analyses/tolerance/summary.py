@@ -47,10 +47,7 @@ STATIC_UNIT = in_unit("{static_unit}")
 
 @dataclass(frozen=True)
 class Yield:
-    """Fraction of builds that meet a requirement, or all, and its 95 % confidence interval.
-
-    Failed builds do not meet it.
-    """
+    """Fraction of builds that meet a requirement, or all, and its 95 % confidence interval."""
 
     name: str
     fraction: float
@@ -317,10 +314,7 @@ class Summary:
 def summarise(
     columns: Mapping[str, Any], job: RandomBuilds, limit: float, ranked: int = RANKED
 ) -> Summary:
-    """Compute the statistics of the results of builds, one quantity at a time.
-
-    Rank correlations and slopes are those of the first `ranked` builds.
-    """
+    """Compute the statistics of builds; correlations and slopes of the first `ranked` ones."""
     points, rows = job.points, slice(0, job.points.independent)
     status = columns["status"][:]
     good = status[rows] == builds.GOOD
@@ -386,7 +380,7 @@ def _indices(columns: Mapping[str, Any], job: RandomBuilds) -> SobolIndices:
 class Request:
     """What a results file has of the options, from which its job is made again.
 
-    The seed is a text, since not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
+    The seed is a text, as not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
     """
 
     coupling_frequency: Float[np.ndarray, " coupling_frequency"] = field(metadata=in_unit("Hz"))

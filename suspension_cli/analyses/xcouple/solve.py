@@ -49,20 +49,10 @@ ROUNDING = 1e-17
 
 @dataclass(frozen=True)
 class CouplingRequest:
-    """Cross-coupling to compute for every build.
+    """Cross-coupling to compute for every build: `over` by `under` for an `input`, at Hz.
 
-    Attributes
-    ----------
-    wire
-        Number of the imperfect wire, from 0; -1 if there is none.
-    body
-        Number of the imperfect body, from 1.
-    hold
-        What is kept when the wire changes, see `scene.imperfections.wire`.
-    input, over, under
-        The coupling is the ratio of `over` to `under` for a motion or force `input`.
-    frequency
-        Hz.
+    The imperfect wire is numbered from 0 (-1: none), the imperfect body from 1; `hold` is what is
+    kept when the wire changes.
     """
 
     wire: int
@@ -78,8 +68,6 @@ def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> Coupli
     """Interpret the options of a cross-coupling: imperfect wire and body, signals, frequencies.
 
     Any `model` of the design knows the names of wires and bodies; `mirror` is the default body.
-
-    Raises `InputError` if an option names no wire, stage or signal.
     """
     known, labels = signals.bodies_with_signals(model), list(model.wire)
     wire = setting.get("wire") or next(
@@ -150,10 +138,7 @@ class Sweep(Grid):
 def impose(
     scene: Scene, values: dict[str, Float[np.ndarray, " build"]], question: CouplingRequest
 ) -> Scene:
-    """Impose swept imperfections, by name (see `PARAMETERS`), on a scene.
-
-    The scene has no batch axes, or the builds along its first axis.
-    """
+    """Impose swept imperfections, by name (see `PARAMETERS`), on a scene or a batch of scenes."""
     changes: list[sampling.Change] = []
     for part, number in (("wire", question.wire), ("body", question.body)):
         for name, value in values.items():
@@ -250,10 +235,8 @@ def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
 def coupling_change(job: Sweep) -> Comparison:
     """The change of a sweep's couplings, as `model_choice.for_builds` takes it.
 
-    Couplings are compared at the corners and middles of the swept space. Only their sizes are: a
-    sweep at one frequency has no axis along which a shifted resonance would show. A resonance that
-    is met only between the compared builds is not seen; the estimate then holds at the frequencies
-    compared.
+    Couplings are compared at the corners and middles of the swept space. A resonance that is met
+    only between the compared builds or frequencies is not seen.
     """
     frequency = job.question.frequency
     count = min(FREQUENCIES, len(frequency))
