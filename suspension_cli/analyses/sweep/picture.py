@@ -21,14 +21,12 @@ from suspension_cli.drawing import labels, panels, scales
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
-    NOTE,
     SMALL,
     LineLook,
     figure_of,
     format_raised,
     single_line,
     stage_colours,
-    text_width,
 )
 from suspension_cli.studies.job import Axis
 
@@ -52,11 +50,11 @@ PALE = 0.7
 """Place in the colour map above which contours are dark."""
 FREQUENCY = "frequency (Hz)"
 FAILED = {
-    1: ("#f3d9c9", "slack"),
-    2: ("#e3e3e3", "no equilibrium"),
-    3: ("#f6d5dc", "unstable"),
-    4: ("#e3e3e3", "impossible"),
-    5: ("#e3e3e3", "other coordinates"),
+    1: ("#ecb999", "slack"),
+    2: ("#bfc4c9", "no equilibrium"),
+    3: ("#eba3b4", "unstable"),
+    4: ("#bfc4c9", "impossible"),
+    5: ("#bfc4c9", "other coordinates"),
 }
 """Shade and name of points without results, by status."""
 
@@ -203,6 +201,7 @@ def _draw_lines(
     dashes = panels.dashes_of(colours)
     drawn = {swept.result[n] for n in np.flatnonzero(~still)}
     marked = [one for one in crossings if {*one.modes} & drawn][:MOST_CROSSINGS]
+    bands, swatches = _failed(swept)
     shown = []
     for unit in dict.fromkeys(units):
         own = [n for n, label in enumerate(units) if label == unit]
@@ -212,53 +211,46 @@ def _draw_lines(
             look: LineLook = STILL if still[n] else {"linestyle": dashes[n], "linewidth": 1.4}
             name = "_" if still[n] else swept.result[n] if ends else _title(swept, n)
             lines.append(Line(first.displayed, value[:, n], name, colours[n], look))
-        rules = []
+        rules, key = list(bands), [*swatches, *(() if ends else lines)]
         if min(first.values) <= swept.drawn[0] <= max(first.values):
             text = "" if shown else f"as designed: {first.describe(swept.drawn[0])}"
             rules.append(Rule(swept.drawn[0] * per, text, vertical=True))
-        met = marked if unit == FREQUENCY else []
-        paint = partial(_paint, swept=swept, met=met, named=not shown)
+        paint = partial(_mark, met=marked if unit == FREQUENCY else [], per=per)
         scale: Scale = "log" if _is_wide(value[:, own]) else "linear"
-        shown.append(Panel(unit, lines, 3.0, scale, ends=ends, rules=rules, paint=paint))
+        shown.append(Panel(unit, lines, 3.0, scale, key=key, ends=ends, rules=rules, paint=paint))
     notes = [f"{chr(ord('a') + n)}: {one}" for n, one in enumerate(marked)]
     if still.any():
         notes.append(f"grey: modes that change by less than {100 * MOVES:g} %")
     return panels.draw(heading, title, shown, _across(first, 60), notes)
 
 
-def _paint(axes: Axes, swept: SweepResult, met: Sequence[Crossing], named: bool) -> None:
-    """Shade points without results, and mark where modes meet with letters."""
-    x, per = swept.axes[0].displayed, swept.axes[0].displayed_unit[1]
-    status = np.ravel(swept.status)
+def _failed(swept: SweepResult) -> tuple[list[Rule], list[Line]]:
+    """Make shades of points without results, and their names."""
+    x, status = swept.axes[0].displayed, np.ravel(swept.status)
     edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
-    starts = np.flatnonzero(np.diff(status, prepend=-1)) if len(x) > 1 else []
-    for start, stop in zip(starts, [*starts[1:], len(status)], strict=True):
-        if not status[start]:
-            continue
-        low, high = sorted((edges[start], edges[stop]))
-        shade, text = FAILED[int(status[start])]
-        axes.axvspan(low, high, color=shade, linewidth=0, zorder=0.5)
-        if named:
-            ends = axes.transData.transform([(low, 1), (high, 1)])[:, 0] / axes.figure.dpi
-            upright = np.ptp(ends) < text_width(text) + 0.05
-            place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
-            axes.annotate(
-                text, ((low + high) / 2, 0.02), **place, fontsize=SMALL, color=NOTE,
-                rotation=90 if upright else 0,
-                bbox={"facecolor": shade, "edgecolor": "none", "pad": 0.8},
-            )  # fmt: skip
+    starts = np.flatnonzero(np.diff(status, prepend=-1)) if len(x) > 1 else np.zeros(0, dtype=int)
+    bands = [
+        Rule(edges[start], "", True, FAILED[int(status[start])][0], to=edges[stop])
+        for start, stop in zip(starts, [*starts[1:], len(status)], strict=False)
+        if status[start]
+    ]
+    names = [FAILED[code] for code in np.unique(status[starts]).tolist() if code]
+    return bands, [Line([], [], name, colour, {"linewidth": 6}) for colour, name in names]
+
+
+def _mark(axes: Axes, met: Sequence[Crossing], per: float) -> None:
+    """Mark where modes meet with letters: white where they cross, black where they mix."""
     points = [(one.at * per, one.frequency) for one in met]
     for point in points:
         axes.plot(*point, "o", markersize=5, markeredgecolor=INK, markerfacecolor="none")
-    inks = ["white" if one.mixing > MIXED else INK for one in met]
+    looks = [("white", INK) if one.mixing > MIXED else (INK, "white") for one in met]
     letters = [chr(ord("a") + n) for n in range(len(met))]
-    for text, ink in zip(
-        labels.label_points(axes, points, letters, inks, pad=2.5), inks, strict=True
-    ):
-        face = INK if ink == "white" else "white"
+    texts = labels.label_points(axes, points, letters, [ink for ink, _ in looks], pad=2.5)
+    for text, (_, face) in zip(texts, looks, strict=True):
         text.set_path_effects([])
-        box = {"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5}
-        text.set_bbox(box)
+        text.set_bbox(
+            {"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5}
+        )
 
 
 def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> Panel:
