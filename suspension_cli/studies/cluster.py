@@ -22,28 +22,16 @@ def is_encrypted(scheduler: str) -> bool:
 
 
 def describe_exposure(scheduler: str) -> str:
-    """Warning of a scheduler without TLS on another machine; "" for any other."""
-    if is_encrypted(scheduler) or _is_on_this_machine(scheduler):
+    """Warning of a scheduler without TLS at an address that other machines reach; else ""."""
+    host = scheduler.rpartition("://")[2].rpartition(":")[0].strip("[]")
+    own = "", "localhost", "127.0.0.1", "::1", socket.gethostname()
+    if is_encrypted(scheduler) or host in own:
         return ""
     return (
         f"--scheduler {scheduler} has no TLS: whoever reaches it can run programs on its machines"
         " and on this one, and read and change what is sent; docs/examples/cluster.md shows how to"
         " set it up"
     )
-
-
-def _is_on_this_machine(scheduler: str) -> bool:
-    """Whether a socket can be bound to the host of an address; also if there is no such host."""
-    host = scheduler.rpartition("://")[2].rpartition(":")[0].strip("[]")
-    try:
-        found = socket.getaddrinfo(host or None, None, type=socket.SOCK_DGRAM)
-    except (OSError, UnicodeError):
-        return True
-    for family, kind, protocol, _, address in found:
-        with contextlib.suppress(OSError), socket.socket(family, kind, protocol) as probe:
-            probe.bind(address)
-            return True
-    return False
 
 
 @contextlib.contextmanager

@@ -188,21 +188,15 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
         for part in PARTS
         for item in getattr(given, part)
         for label, number in imperfections.members(scene, part).items()
-        if _concerns(item, part, label)
         for factor in _of_part(part, item, number, label)
     )
 
 
-def _concerns(item: Distribution, part: Part, label: str) -> bool:
-    """Whether a table is about a part with this label, or about its stage."""
-    stage = getattr(item, "stage", None)
-    whole = part in ("body", "link")
-    return label == getattr(item, part, stage) or (not whole and label.partition(".")[0] == stage)
-
-
 def _of_part(part: Part, item: Distribution, number: int, label: str) -> Iterator[ScatteredNumber]:
-    """List the numbers of one part to which a table gives a distribution."""
-    stage = getattr(item, "stage", None)
+    """List the numbers of one part to which a table gives a distribution, if it is about it."""
+    stage, whole = getattr(item, "stage", None), part in ("body", "link")
+    if label != getattr(item, part, stage) and (whole or label.partition(".")[0] != stage):
+        return
     owner = f"{stage} {part if part == 'body' else f'{part}s'}" if stage else getattr(item, part)
     if part == "blade" and "." not in label:
         label = f"{label} blades"
