@@ -138,8 +138,8 @@ def differentiate(
     filled = np.array([nothing if row is None else row for row in rows])
     above, below = filled.reshape(len(numbers), 2, nominal.size).swapaxes(0, 1)
     differs = (above != below) & ~(np.isnan(above) & np.isnan(below))
-    balanced = np.array([row is not None for row in rows], dtype=bool).reshape(-1, 2).all(1)
-    return Differences(step, nominal, above, below, balanced, differs.any(1))
+    known = np.array([row is not None for row in rows], dtype=bool).reshape(-1, 2)
+    return Differences(step, nominal, above, below, known[:, 0] & known[:, 1], differs.any(1))
 
 
 def mode_matrix(

@@ -1,15 +1,14 @@
 """Run a job: chunks of points, on processes or a Dask cluster, whose results are kept on disk.
 
 A job computes any range of its points independently, so number of workers and engine do not matter.
-Finished points are in ``NAME.h5.part``: a line that identifies the job, then an array as in a npy
-file, with a record of each point's checksum and results. A run that is killed, also by a power cut,
-continues from there with ``resume``. When all points are done, the results file is written.
+Finished chunks are npz files, which have checksums, in the folder ``NAME.h5.part``. A run that is
+killed, also by a power cut, continues from there with ``resume``. When all points are done, the
+results file is written.
 """
 
 from __future__ import annotations
 
 import contextlib
-import errno
 import gc
 import hashlib
 import itertools
@@ -18,19 +17,19 @@ import shutil
 import signal
 import threading
 import time
-import zlib
+import zipfile
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import Any, Protocol, TextIO
 
 import h5py
 import numpy as np
 
 from suspension_cli.errors import InputError, PendsusError
-from suspension_cli.files.atomic import is_regular, writing_to
-from suspension_cli.files.hdf5 import Provenance, write_root_attributes
+from suspension_cli.files import hdf5
+from suspension_cli.files.atomic import writing_to
+from suspension_cli.files.hdf5 import Provenance
 from suspension_cli.studies import cluster
 from suspension_cli.version import __version__
 
@@ -41,10 +40,8 @@ except ImportError:  # Windows
 
 STARTUP = 5.0
 """Time, s, that a run must still take for further processes to start: they import the program."""
-OVERHEAD = 1 << 20
-"""Bytes of a results file beyond the points, at most."""
-SUM = ("checksum", "<u4")
-"""First field of a record: CRC-32 of the others."""
+KEY = "job"
+"""File in the folder of an unfinished run that identifies its job."""
 
 Range = tuple[int, int]
 """First point, and one after the last."""
@@ -98,142 +95,92 @@ def run(
         if scheduler is not None:
             client = stack.enter_context(cluster.connected(scheduler))
         points = stack.enter_context(_opened(path, job, origin, resume))
-        ranges = points.missing(chunk)
-        done, began, fresh = job.count - sum(b - a for a, b in ranges), time.monotonic(), 0
+        starts = range(0, job.count, chunk)
+        ranges = [(start, min(start + chunk, job.count)) for start in starts]
+        ranges = [(start, stop) for start, stop in ranges if not points.done[start:stop].all()]
+        done, began = int(points.done.sum()), time.monotonic()
         progress(done, job.count, 0.0)
         here = client is None
         results = _here(job, ranges, workers) if here else _on_cluster(job, ranges, client)
         with contextlib.closing(results):
             for start, values in results:
-                fresh += points.put(start, values)
-                rate = fresh / max(time.monotonic() - began, 1e-9)
-                progress(done + fresh, job.count, rate)
-        points.write_results(group, origin, write)
-    part_of(path).unlink()
+                points.save(start, values)
+                now = int(points.done.sum())
+                progress(now, job.count, (now - done) / max(time.monotonic() - began, 1e-9))
+        hdf5.write(path, origin, lambda file: write(file.create_group(group), points.columns))
+    shutil.rmtree(part_of(path))
 
 
 def part_of(path: Path) -> Path:
-    """Path of the unfinished file."""
+    """Folder of the unfinished run."""
     return path.with_name(path.name + ".part")
 
 
-@dataclass
 class _Points:
-    """Finished points of a job in an unfinished file.
+    """Results of the points of a job that are done, in memory and in a folder."""
 
-    `path` is that of the results file. The type of records, and where they begin in the stream,
-    are known from the first chunk on.
-    """
+    def __init__(self, path: Path, count: int) -> None:
+        self.path = path
+        self.done = np.zeros(count, dtype=bool)
+        self.columns: Columns = {}
 
-    path: Path
-    count: int
-    stream: BinaryIO
-    record: np.dtype | None = None
-    place: int = 0
+    def save(self, start: int, values: Columns) -> None:
+        """Keep the results of points from `start` on."""
+        file = part_of(self.path) / f"{start}.npz"
+        with writing_to(self.path):
+            _write(file.with_suffix(".new"), values)
+            os.replace(file.with_suffix(".new"), file)
+        self.add(start, values)
 
-    def read_header(self, key: bytes) -> None:
-        """Find the records; raises `InputError` if the file is another one, or was cut off."""
-        name, anew = part_of(self.path).name, "start anew without --resume"
-        if self.stream.readline(len(key)) != key:
-            remedy = f"take the same design and options, or {anew}"
-            problem = f"{name} belongs to another design or sweep"
-            raise InputError.of("--resume", problem, remedy)
-        size = os.fstat(self.stream.fileno()).st_size
-        if size == len(key):
-            return
-        with contextlib.suppress(ValueError):
-            np.lib.format.read_magic(self.stream)
-            _, _, self.record = np.lib.format.read_array_header_1_0(self.stream)
-            self.place = self.stream.tell()
-        if self.record is None or size != self.place + self.count * self.record.itemsize:
-            raise InputError.of("--resume", f"{name} was cut off", anew)
-
-    def _mapped(self, kind: Any, *width: int) -> np.ndarray:
-        self.stream.flush()
-        return np.memmap(self.stream, kind, "r", self.place, (self.count, *width))
-
-    def missing(self, chunk: int) -> list[Range]:
-        """Chunks that lack a point; those of a run that was never interrupted."""
-        starts = range(0, self.count, chunk)
-        ranges = [(start, min(start + chunk, self.count)) for start in starts]
-        if self.record is None:
-            return ranges
-        raw = self._mapped(np.uint8, self.record.itemsize)
-        done = np.array(_checksums(raw)) == self._mapped(self.record)[SUM[0]]
-        return [(start, stop) for start, stop in ranges if not done[start:stop].all()]
-
-    def put(self, start: int, values: Columns) -> int:
-        """Write the results of points from `start` on; return their number."""
-        fields = [(name, one.dtype, one.shape[1:]) for name, one in values.items()]
-        count = len(next(iter(values.values())))
-        records = np.zeros(count, [SUM, *fields])
+    def add(self, start: int, values: Columns) -> None:
+        """Take over the results of points from `start` on."""
         for name, one in values.items():
-            records[name] = one
-        records[SUM[0]] = _checksums(records.view(np.uint8).reshape(count, -1))
-        with writing_to(self.path):
-            if self.record is None:
-                self._begin(records.dtype)
-            _write(self.stream, records.tobytes(), self.place + start * records.itemsize)
-        return count
+            shape = (len(self.done), *one.shape[1:])
+            column = self.columns.setdefault(name, np.empty(shape, one.dtype))
+            column[start : start + len(one)] = one
+            self.done[start : start + len(one)] = True
 
-    def _begin(self, record: np.dtype) -> None:
-        """Write the header, and make room for all points and for the results file."""
-        header = {"descr": record.descr, "fortran_order": False, "shape": (self.count,)}
-        np.lib.format.write_array_header_1_0(self.stream, header)
-        self.place, size = self.stream.tell(), self.count * record.itemsize
-        try:
-            _demand_room(self.path, 2 * size + OVERHEAD)
-            self.stream.truncate(self.place + size)
-        except OSError:
-            part_of(self.path).unlink()
-            raise
-        self.record = record
-
-    def write_results(self, group: str, origin: Provenance, write: Write) -> None:
-        """Write the results file under a temporary name, and rename it."""
-        temporary = self.path.with_name(f".{self.path.name}.new")
-        assert self.record is not None
-        records = self._mapped(self.record)
-        columns = {name: records[name] for name in self.record.names or () if name != SUM[0]}
-        with writing_to(self.path):
-            try:  # without room HDF5 hangs or crashes
-                _demand_room(self.path, records.nbytes + OVERHEAD)
-                with h5py.File(temporary, "w", locking=False) as file:
-                    write_root_attributes(file, origin)
-                    write(file.create_group(group), columns)
-                with temporary.open("r+b") as stream:
-                    os.fsync(stream.fileno())
-                os.replace(temporary, self.path)
-            except BaseException:
-                temporary.unlink(missing_ok=True)
-                raise
+    def read(self) -> None:
+        """Read the chunks in the folder; damaged ones are computed again."""
+        for file in part_of(self.path).glob("*.npz"):
+            damage = OSError, ValueError, EOFError, zipfile.BadZipFile
+            with contextlib.suppress(*damage), np.load(file) as found:
+                self.add(int(file.stem), dict(found))
 
 
 @contextlib.contextmanager
 def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[_Points]:
-    """Begin or resume the unfinished file of a job, which no other run may write meanwhile."""
-    part, known = part_of(path), (__version__, job.count, origin.design, job.identity)
-    key = hashlib.sha256(repr(known).encode()).hexdigest().encode() + b"\n"
+    """Begin or resume the folder of a job, which no other run may write meanwhile."""
+    folder, points = part_of(path), _Points(path, job.count)
+    known = (__version__, job.count, origin.design, job.identity)
+    key = hashlib.sha256(repr(known).encode()).hexdigest()
     with contextlib.ExitStack() as stack:
         with writing_to(path):
-            for own in (path, part):
-                if not is_regular(own):
-                    remedy = "delete it, or name another folder"
-                    raise InputError.of("--out", "is not a regular file", remedy, str(own))
-            resume = resume and part.exists()
-            part.touch()
-            stream = stack.enter_context(part.open("r+b"))
+            folder.mkdir(exist_ok=True)
+            stream = stack.enter_context((folder / KEY).open("a+"))
             _lock(stream, path)
-        points = _Points(path, job.count, stream)
-        if resume:
-            points.read_header(key)
-        else:
-            stream.truncate(0)
-            _write(stream, key, 0)
-        yield points
+            stream.seek(0)
+            given = stream.read()
+            if not (resume and given):
+                for file in folder.glob("*.npz"):
+                    file.unlink()
+                stream.truncate(0)
+                stream.write(key)
+                stream.flush()
+        if resume and given == key:
+            points.read()
+        elif resume and given:
+            problem = f"{folder.name} belongs to another design or sweep"
+            remedy = "take the same design and options, or start anew without --resume"
+            raise InputError.of("--resume", problem, remedy)
+        try:
+            yield points
+        finally:
+            if not points.done.any():
+                shutil.rmtree(folder, ignore_errors=True)
 
 
-def _lock(stream: BinaryIO, path: Path) -> None:
+def _lock(stream: TextIO, path: Path) -> None:
     """Raise `InputError` if another run has the file; where locks are unknown it is not noticed."""
     if fcntl is None:
         return
@@ -246,21 +193,9 @@ def _lock(stream: BinaryIO, path: Path) -> None:
         pass  # a file system without locks
 
 
-def _checksums(raw: np.ndarray) -> list[int]:
-    """Checksums of records, given as rows of bytes."""
-    return [zlib.crc32(row[np.dtype(SUM[1]).itemsize :]) for row in raw]
-
-
-def _demand_room(path: Path, size: int) -> None:
-    """Raise `OSError` if there is no room for so many bytes beside a file."""
-    if shutil.disk_usage(path.parent).free < size:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def _write(stream: BinaryIO, data: bytes, place: int) -> None:
-    stream.seek(place)
-    stream.write(data)
-    stream.flush()
+def _write(file: Path, values: Columns) -> None:
+    with file.open("wb") as stream:
+        np.savez(stream, **values)
 
 
 def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:

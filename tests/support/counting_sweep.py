@@ -66,25 +66,20 @@ def part(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def finished(file: Path, count: int) -> Any:
-    """Points that an unfinished file has, with a checksum of their own."""
-    try:
-        with file.open("rb") as stream:
-            stream.readline()
-            np.lib.format.read_magic(stream)
-            _, _, record = np.lib.format.read_array_header_1_0(stream)
-            return np.fromfile(stream, record)["checksum"] != 0
-    except (OSError, ValueError):  # just begun, or just finished
-        return np.zeros(count, dtype=bool)
+def finished(folder: Path, count: int) -> Any:
+    """Points that the folder of an unfinished run has."""
+    done = np.zeros(count, dtype=bool)
+    for file in folder.glob("*.npz"):
+        with np.load(file) as found:
+            start = int(file.stem)
+            done[start : start + len(found[found.files[0]])] = True
+    return done
 
 
-def damage(file: Path) -> None:
-    """Spoil the last byte of the first point."""
-    with file.open("r+b") as stream:
-        stream.readline()
-        np.lib.format.read_magic(stream)
-        _, _, record = np.lib.format.read_array_header_1_0(stream)
-        stream.seek(record.itemsize - 1, 1)
-        [last] = stream.read(1)
-        stream.seek(-1, 1)
-        stream.write(bytes([last ^ 255]))
+def damage(folder: Path) -> None:
+    """Spoil a byte of the first chunk."""
+    with (folder / "0.npz").open("r+b") as stream:
+        stream.seek(-400, os.SEEK_END)
+        [byte] = stream.read(1)
+        stream.seek(-1, os.SEEK_CUR)
+        stream.write(bytes([byte ^ 255]))

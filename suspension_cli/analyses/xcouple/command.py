@@ -130,14 +130,16 @@ class CouplingAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return axes and ratios, first axis first; null for a failed build."""
+        import numpy as np
+
         answer: Coupling = result.data
         single = len(answer.frequency) == 1
         ratio = answer.ratio[..., 0] if single else answer.ratio
         names = "input", "over", "under", "hold", "failures"
         return {
             "axes": table(answer.axes, "name values"),
-            "ratio_real": plain(ratio.real),
-            "ratio_imag": plain(ratio.imag),
+            "ratio_real": plain(np.real(ratio)),
+            "ratio_imag": plain(np.imag(ratio)),
             "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
             **{name: getattr(answer, name) for name in names},
         }
@@ -221,13 +223,15 @@ class MatrixAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return a matrix for each frequency."""
+        import numpy as np
+
         answer: Response = result.data
         return {
             "frequency_hz": answer.frequency.tolist(),
             "input": answer.input,
             "output": answer.output,
-            "matrix_real": answer.value.real.tolist(),
-            "matrix_imag": answer.value.imag.tolist(),
+            "matrix_real": np.real(answer.value).tolist(),
+            "matrix_imag": np.imag(answer.value).tolist(),
         }
 
     def text(self, result: Result) -> str:
