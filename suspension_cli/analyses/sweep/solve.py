@@ -14,7 +14,8 @@ from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
-from suspension_cli.files.declared import ATTRIBUTE, AXES, along, in_unit
+from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
+from suspension_cli.files.hdf5 import Stored, add_dataset
 from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
@@ -27,7 +28,6 @@ from suspension_cli.studies.job import Axis, Grid, ends_and_middle, nominal_syst
 from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
-    import h5py
     from jaxtyping import Bool, Complex, Float, Int
 
 OTHER_COORDINATES = len(builds.STATUS)
@@ -175,9 +175,8 @@ class SweepResult:
         Responses and couplings among the results; None without these.
     omega_squared, shape
         Modes of each point in ascending order, with shapes as in `batch_modes.Spectrum`.
-    rank, overlaps
-        Place of each nominal mode among those of a point, and overlap with the mode of the
-        neighbouring point that it was followed from.
+    rank
+        Place of each nominal mode among those of a point.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -201,9 +200,6 @@ class SweepResult:
     )
     shape: Float[np.ndarray, "*axes mode_number coordinate"] | None = None
     rank: Int[np.ndarray, "*axes mode"] | None = None
-    overlaps: Float[np.ndarray, "*axes mode"] | None = field(
-        default=None, metadata=in_unit("", name="overlap")
-    )
     response: Complex[np.ndarray, "*axes response_name"] | None = field(
         default=None, metadata=in_unit("{response_unit}")
     )
@@ -244,23 +240,21 @@ def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
     )[0]
 
 
-def write(group: h5py.Group, columns: Columns, job: ParameterSweep) -> None:
+def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
     """Follow the modes over the grid, evaluate the results, and write them."""
     known, modes = job.on_grid(columns), job.nominal
-    followed: dict[str, Any] = {}
     described: dict[str, Any] = {}
-    least, start = np.nan, nearest_point(job)
+    rank, overlap, least, start = None, None, np.nan, nearest_point(job)
     if job.has_modes:
-        rank, overlaps = mode_pairing.follow(
+        rank, overlap = mode_pairing.follow(
             known["omega_squared"],
             known["shape"],
             has_modes(known["status"]),
             start,
             job.nominal_shape,
         )
-        followed = {"rank": rank, "overlaps": overlaps}
         tracked = [one.number for one in job.results if isinstance(one, Mode)]
-        least = float(np.fmin.reduce(overlaps[..., tracked], axis=None))
+        least = float(np.fmin.reduce(overlap[..., tracked], axis=None))
         described |= {
             "mode": tuple(labels(modes)),
             "mode_number": np.arange(1, len(modes.omega_squared) + 1),
@@ -279,13 +273,16 @@ def write(group: h5py.Group, columns: Columns, job: ParameterSweep) -> None:
         unit=tuple(item.unit for item in job.results),
         degree=tuple(".".join(home) for home in homes),
         nominal=nominal_results(job),
-        value=evaluate_results(job.results, squared, followed.get("rank"), response),
+        value=evaluate_results(job.results, squared, rank, response),
         overlap=1.0 if np.isnan(least) else least,
+        rank=rank,
         **described,
         **known,
-        **followed,
     )
     stored.write(group, record)
+    if overlap is not None:
+        scales = [group[dim_name(axis.name)] for axis in job.axes]
+        add_dataset(group, "overlap", overlap, "1", *scales, group["mode"])
 
 
 def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, str]]:
