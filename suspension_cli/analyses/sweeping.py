@@ -11,8 +11,7 @@ from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import target, writing_to
 from suspension_cli.files.existing import replacing
 from suspension_cli.files.hdf5 import Provenance, open_results
-from suspension_cli.studies.cluster import describe_exposure
-from suspension_cli.studies.run import part_of
+from suspension_cli.studies.run import describe_exposure, part_of
 from suspension_cli.studies.run import run as compute
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ import itertools
 import os
 import shutil
 import signal
+import socket
 import threading
 import time
 import zipfile
@@ -26,11 +27,10 @@ from typing import Any, Protocol, TextIO
 import h5py
 import numpy as np
 
-from suspension_cli.errors import InputError, PendsusError
+from suspension_cli.errors import InputError, PendsusError, format_value
 from suspension_cli.files import hdf5
 from suspension_cli.files.atomic import writing_to
 from suspension_cli.files.hdf5 import Provenance
-from suspension_cli.studies import cluster
 from suspension_cli.version import __version__
 
 try:
@@ -40,9 +40,13 @@ except ImportError:  # Windows
 
 STARTUP = 5.0
 """Time, s, that a run must still take for further processes to start: they import the program."""
+PATIENCE = 5.0
+"""Seconds in which a scheduler must answer and have a worker."""
 KEY = "job"
 """File in the folder of an unfinished run that identifies its job."""
 
+Client = Any
+"""A `distributed.Client`, of an optional dependency."""
 Range = tuple[int, int]
 """First point, and one after the last."""
 Columns = dict[str, Any]
@@ -93,7 +97,7 @@ def run(
     with contextlib.ExitStack() as stack:
         client = None
         if scheduler is not None:
-            client = stack.enter_context(cluster.connected(scheduler))
+            client = stack.enter_context(connected(scheduler))
         points = stack.enter_context(_opened(path, job, origin, resume))
         starts = range(0, job.count, chunk)
         ranges = [(start, min(start + chunk, job.count)) for start in starts]
@@ -289,7 +293,7 @@ def _uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _on_cluster(job: Job, ranges: list[Range], client: cluster.Client) -> Results:
+def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
     """Compute on a cluster; raises `PendsusError` if its scheduler or workers are lost."""
     from concurrent.futures import CancelledError
 
@@ -310,3 +314,67 @@ def _on_cluster(job: Job, ranges: list[Range], client: cluster.Client) -> Result
             "the cluster's workers were killed, perhaps out of memory; give a smaller --chunk and"
             " continue with --resume"
         ) from None
+
+
+def is_encrypted(scheduler: str) -> bool:
+    """Whether an address is one at which only holders of a certificate are answered."""
+    return scheduler.startswith(("tls://", "wss://"))
+
+
+def describe_exposure(scheduler: str) -> str:
+    """Warning of a scheduler without TLS at an address that other machines reach; else ""."""
+    host = scheduler.rpartition("://")[2].rpartition(":")[0].strip("[]")
+    own = "", "localhost", "127.0.0.1", "::1", socket.gethostname()
+    if is_encrypted(scheduler) or host in own:
+        return ""
+    return (
+        f"--scheduler {scheduler} has no TLS: whoever reaches it can run programs on its machines"
+        " and on this one, and read and change what is sent; docs/examples/cluster.md shows how to"
+        " set it up"
+    )
+
+
+@contextlib.contextmanager
+def connected(scheduler: str) -> Iterator[Client]:
+    """Connect to a Dask scheduler that answers and has workers, such as ``tls://host:8786``.
+
+    Certificates are those of Dask's configuration.
+
+    Raises `InputError` if Dask is missing, the scheduler does not answer, or it has no workers.
+    """
+    try:
+        from distributed import Client, Security, comm  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise InputError.of(
+            "--scheduler", "needs Dask", "pip install 'pendsus[cluster]'", format_value(scheduler)
+        ) from None
+    import asyncio
+    import logging
+
+    for name in ("distributed", "distributed.client"):  # errors are raised anyway
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+    async def probe() -> None:
+        keys = Security().get_connection_args("client")
+        (await comm.connect(scheduler, timeout=PATIENCE, **keys)).abort()  # pyright: ignore
+
+    remedy = "start `dask scheduler` and `dask worker`, and give its address"
+    if is_encrypted(scheduler):
+        remedy = "set the certificate and key of the cluster as docs/examples/cluster.md says"
+    try:
+        asyncio.run(probe())  # without a scheduler, Client takes long to give up
+        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, ImportError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError.of(
+            "--scheduler", f"does not answer ({reason})", remedy, format_value(scheduler)
+        ) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            remedy = "start `dask worker` with its address"
+            raise InputError.of(
+                "--scheduler", "has no workers", remedy, format_value(scheduler)
+            ) from None
+        yield client

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.errors import PendsusError
-from suspension_cli.studies import cluster
+from suspension_cli.studies import run as batch
 from tests.support import counting_sweep
 from tests.support.commandline import process, run
 from tests.support.couplings import FILE
@@ -85,7 +85,7 @@ def test_a_failure_on_the_cluster_is_taken_up(scheduler, tmp_path):
 
 
 def test_a_scheduler_without_workers(monkeypatch, tmp_path):
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    monkeypatch.setattr(batch, "PATIENCE", 0.5)
     with local(0) as made:
         result = run(
             "xcouple", FILE, *GRID, "--scheduler", made.scheduler_address, "--out", tmp_path
@@ -175,7 +175,7 @@ def test_the_tls_commands_of_the_page_work(encrypted, tmp_path):
 
 @pytest.mark.parametrize("scheme", ["tls", "tcp"])
 def test_nobody_without_the_key_is_let_in(scheme, encrypted, monkeypatch, tmp_path):
-    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    monkeypatch.setattr(batch, "PATIENCE", 2.0)
     address = encrypted[0].replace("tls", scheme)
     done = run("xcouple", FILE, *GRID, "--scheduler", address, "--out", tmp_path)
     assert done.exit_code == 2 and not list(tmp_path.iterdir())
@@ -202,7 +202,7 @@ SILENT = {
 @pytest.mark.parametrize("address", SILENT)
 def test_nobody_answers(address, monkeypatch, tmp_path):
     """One line, after a warning of a scheduler elsewhere without TLS."""
-    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    monkeypatch.setattr(batch, "PATIENCE", 0.2)
     done = run("xcouple", FILE, *GRID, "--scheduler", address, "--out", tmp_path)
     assert done.exit_code == 2 and list(tmp_path.iterdir()) == []
     *warned, line = done.stderr.splitlines()
