@@ -191,9 +191,9 @@ class ToleranceAnalysis(Analysis):
             return [(factors[n].label, float(one.rank[n])) for n in strongest(one.rank, LEADING)]
 
         spread = "mean_hz=mean mean_error_hz=error std_hz=deviation quantiles_hz=quantiles"
-        modes = zip(
-            found.label, plain(found.nominal), table(found.modes, spread), found.modes, strict=True
-        )
+        known = found.job.nominal
+        frequency, rows = plain(known.frequency), table(found.modes, spread)
+        modes = zip(known.label, frequency, rows, found.modes, strict=True)
         spread = "quantity=name unit mean mean_error=error std=deviation quantiles"
         statics = zip(table(found.static, spread), found.static, strict=True)
         together, required = None, list[Document]()
@@ -289,8 +289,8 @@ def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
 
 
 def _modes(found: Summary) -> str:
-    rows = []
-    for label, nominal, one in zip(found.label, found.nominal, found.modes, strict=True):
+    rows, known = [], found.job.nominal
+    for label, nominal, one in zip(known.label, known.frequency, found.modes, strict=True):
         spread = 100 * one.deviation / nominal if nominal else None
         low, high = one.quantiles[[LOW, HIGH]]
         rows.append((nominal, low, high, spread, label, _causes(found, one, 2)))

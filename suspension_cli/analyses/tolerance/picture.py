@@ -147,16 +147,16 @@ def _causes(summary: Summary) -> Iterator[Panel]:
         lines = panels.stems(0.0, total[top], PALE, BAR)
         lines += panels.stems(0.0, np.maximum(first[top], 0.0), CAUSE, BAR / 2)
         lines += panels.stems(total[top] - error[top], total[top] + error[top], INK, 0.6)
-        texts = "green: alone; grey: with others, and its standard error"
-        texts = ["Tolerances that cause the spread of the coupling", texts]
+        remark = "green: alone; grey: with others, and its standard error"
+        texts = ["Tolerances that cause the spread of the coupling", remark]
         names = [summary.job.groups[n] for n in top]
         yield _rows(names, lines, texts, "Sobol index (fraction of variance)")
     elif every := strongest(rank, len(rank), summary.significant):
         top, more = every[:most], len(every) - most
         size = abs(rank[top[-1]]) if more > 0 else summary.significant
         rest = f"{more} more are significant" if more > 0 else "no other is significant"
-        texts = f"{rest} (below {size:.2g} in size)"
-        texts = ["Deviations that the coupling depends on most, with their sign", texts]
+        remark = f"{rest} (below {size:.2g} in size)"
+        texts = ["Deviations that the coupling depends on most, with their sign", remark]
         names = [summary.job.factors[n].label for n in top]
         lines = panels.stems(0.0, rank[top], CAUSE, BAR)
         yield _rows(names, lines, texts, "rank correlation (−1 to 1)")
@@ -164,9 +164,10 @@ def _causes(summary: Summary) -> Iterator[Panel]:
 
 def _varying(summary: Summary) -> Iterator[Panel]:
     """Make panels of the modes, static rotations and displacements that vary most."""
+    modes = summary.job.nominal
     with np.errstate(all="ignore"):
-        change = 100 * (summary.quantiles / summary.nominal[:, None] - 1)
-    names = [f"{name}  {f:.3g} Hz" for name, f in zip(summary.label, summary.nominal, strict=True)]
+        change = 100 * (summary.quantiles / modes.frequency[:, None] - 1)
+    names = [f"{name}  {f:.3g} Hz" for name, f in zip(modes.label, modes.frequency, strict=True)]
     yield from _spreads("Frequencies", names, change, "frequency from nominal", "%")
     for unit, what in (("rad", "rotation"), ("m", "displacement")):
         some = [one for one in summary.static if one.unit == unit]

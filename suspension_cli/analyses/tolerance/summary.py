@@ -261,16 +261,6 @@ class Summary:
         return self.job.points.independent
 
     @property
-    def label(self) -> tuple[str, ...]:
-        """Labels of the nominal modes."""
-        return tuple(self.job.nominal.label)
-
-    @property
-    def nominal(self) -> Float[np.ndarray, " mode"]:
-        """Frequencies of the nominal modes, Hz."""
-        return self.job.nominal.frequency
-
-    @property
     def mean(self) -> Float[np.ndarray, " mode"]:
         """Mean of each mode frequency, Hz."""
         return np.array([one.mean for one in self.modes])

@@ -112,7 +112,7 @@ class Sweep(Grid):
             problem = f"{of_wire[0]} changes a wire, but the mirror hangs on none"
             raise InputError.of("--wire", problem, "name a wire, or sweep mass, com or a path")
         paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
-        self.check_designs("--sweep", paths, expand, every=True)
+        self.check_designs("--sweep", paths, expand)
         self.compute(0, 1)
 
     def compute(self, start: int, stop: int) -> Columns:
