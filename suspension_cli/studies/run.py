@@ -139,9 +139,9 @@ class _Points:
     def add(self, start: int, values: Columns) -> None:
         """Take over the results of points from `start` on."""
         for name, one in values.items():
-            shape = (len(self.done), *one.shape[1:])
-            column = self.columns.setdefault(name, np.empty(shape, one.dtype))
-            column[start : start + len(one)] = one
+            if name not in self.columns:
+                self.columns[name] = np.empty((len(self.done), *one.shape[1:]), one.dtype)
+            self.columns[name][start : start + len(one)] = one
             self.done[start : start + len(one)] = True
 
     def read(self) -> None:
