@@ -357,13 +357,10 @@ def summarise(
 
 
 def _indices(columns: Mapping[str, Any], job: RandomBuilds) -> SobolIndices:
-    """Estimate the Sobol indices of all quantities, one at a time."""
-    points, found = job.points, []
-    replicate = points.replicate(np.arange(points.rows))
-    for one in job.quantities:
-        values = one.read(columns).reshape(points.blocks, points.rows, 1)
-        found.append(vars(sobol_indices(values, replicate)))
-    return SobolIndices(**{name: np.hstack([one[name] for one in found]) for name in found[0]})
+    """Estimate the Sobol indices of all quantities."""
+    points, values = job.points, [one.read(columns) for one in job.quantities]
+    blocks = np.stack(values, axis=-1).reshape(points.blocks, points.rows, -1)
+    return sobol_indices(blocks, points.replicate(np.arange(points.rows)))
 
 
 @dataclass(frozen=True)
@@ -410,7 +407,7 @@ def load(group: Any, text: str, level: str) -> Summary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stored(Request):
+class FileContents(Request):
     """What the results file has: options, what varies, the builds, and statistics."""
 
     factor: tuple[str, ...]
@@ -475,7 +472,7 @@ def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) 
         more["group"] = job.groups
         more["result"] = tuple(one.name for one in job.quantities)
         more["sobol"] = found.sobol
-    record = Stored(
+    record = FileContents(
         coupling_frequency=np.array(question.frequency),
         input=question.input.text,
         over=question.over.text,
