@@ -1,4 +1,4 @@
-"""Sweeps: analyses that fill their results file chunk by chunk while they run."""
+"""Analyses of many builds: their model, and the results file that is filled chunk by chunk."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.atomic import target, writing_to
 from suspension_cli.files.existing import replacing
 from suspension_cli.files.hdf5 import Provenance, open_results
-from suspension_cli.studies.cluster import describe_exposure
+from suspension_cli.studies.run import describe_exposure, part_of
 from suspension_cli.studies.run import run as compute
 
 if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
-    from suspension_cli.studies.job import Job
-    from suspension_cli.studies.sweep_file import After, Fill
+    from suspension_cli.studies.run import Job, Write
 
 UNRECORDED = {
     name: 0 if one.is_flag else 1
@@ -48,19 +47,11 @@ def recorded(command: str) -> str:
     return shlex.join(kept)
 
 
-def fill(
-    run: Run,
-    analysis: Analysis,
-    job: Job,
-    choice: Choice,
-    describe: Fill,
-    after: After | None = None,
-) -> Result:
-    """Compute all points of a job into the results file, and read the result from there.
+def fill(run: Run, analysis: Analysis, job: Job, choice: Choice, write: Write) -> Result:
+    """Compute all points of a job, write the results file, and read the result from there.
 
-    `describe` writes what the analysis's group has besides the columns. `after` completes the
-    file when it has all points. Raises `Interrupted` after Ctrl-C; the message says how to
-    continue.
+    `write` writes the group of the analysis. Raises `Interrupted` after Ctrl-C; the message says
+    how to continue.
     """
     setting = run.setting
     path = target(run.folder / f"{run.source.stem()}-{analysis.stem}.h5")
@@ -69,8 +60,7 @@ def fill(
         recorded(run.command),
         choice.level,
         choice.reason,
-        sweep=job.identity,
-        error=choice.error,
+        choice.error,
     )
     if setting["scheduler"] and (exposure := describe_exposure(setting["scheduler"])):
         run.log.warn(exposure)
@@ -79,9 +69,9 @@ def fill(
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
             how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
-            compute(job, path, analysis.name, origin, describe, after, progress=progress, **how)
+            compute(job, path, analysis.name, origin, write, progress=progress, **how)
     except KeyboardInterrupt:
-        part = path.with_name(f"{path.name}.part")
+        part = part_of(path)
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
         raise Interrupted(escape_unprintable(f"interrupted{kept}")) from None
     with open_results(path) as file:

@@ -45,8 +45,6 @@ class Provenance:
         Name of the model.
     reason
         Why this model, and what it neglects.
-    sweep
-        Identifies the points of a sweep; empty for other analyses.
     error
         Estimated relative error of the model; NaN where none was estimated.
     """
@@ -55,7 +53,6 @@ class Provenance:
     command: str
     fidelity: str
     reason: str
-    sweep: str = ""
     error: float = math.nan
 
 

@@ -16,7 +16,6 @@ from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
-from suspension_cli.files.declared import common_unit
 from suspension_cli.linear import batch_modes
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.poles import ROUNDING
@@ -49,62 +48,21 @@ NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
 
 
-@dataclass(frozen=True)
-class Column:
-    """One dataset that a job fills; its first axes are the points.
-
-    Attributes
-    ----------
-    shape
-        Of one point.
-    axes
-        Names of the datasets that are the scales of `shape`.
-    """
-
-    name: str
-    dtype: str
-    shape: tuple[int, ...]
-    units: str
-    axes: tuple[str, ...] = ()
-
-    def blank(self, count: int) -> np.ndarray:
-        """Values for `count` points that are invalid or not yet computed."""
-        value = {"u1": IMPOSSIBLE, "i2": -1, "c16": NOTHING}.get(self.dtype, np.nan)
-        return np.full((count, *self.shape), value, dtype=self.dtype)
-
-
-ColumnValues = dict[str, np.ndarray]
-"""Values of points, along the first axis, by the names of columns."""
-OUTCOME = (
-    Column("residual", "f8", (), "1"),
-    Column("status", "u1", (), "1"),
-    Column("slack_wire", "i2", (), "1"),
-)
-"""Datasets that tell whether builds hang, see `Builds`."""
-
-
-def response_columns(ratios: Sequence[Ratio]) -> tuple[Column, ...]:
-    """Describe the dataset of some responses; none without any."""
-    unit = common_unit((one.unit for one in ratios), "response_unit")
-    return (Column("response", "c16", (len(ratios),), unit, ("response_name",)),) if ratios else ()
+def blank(count: int, **columns: tuple[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+    """Results of builds of designs that are not possible: arrays of dtypes and shapes per build."""
+    value = {"u1": IMPOSSIBLE, "i2": -1, "c16": NOTHING}
+    return {
+        name: np.full((count, *shape), value.get(dtype, np.nan), dtype)
+        for name, (dtype, shape) in columns.items()
+    }
 
 
 @dataclass(frozen=True)
 class Builds:
-    """Balanced builds.
+    """Balanced builds, along the first axis of their model, which is valid where `GOOD`.
 
-    Attributes
-    ----------
-    model
-        With the builds as first axis; valid for builds with status `GOOD`.
-    wire
-        The first slack wire, or -1.
-    residual
-        Largest residual force, relative to the weight.
-    mirrors
-        Whether each build is symmetric when x, or y, is mirrored.
-    scene, pose
-        Of the builds in equilibrium, if known.
+    `wire` is the first slack wire, or -1; `residual` the largest residual force, relative to the
+    weight; `mirrors` says whether a build is symmetric when x, or y, is mirrored.
     """
 
     model: LinearSystem
@@ -114,6 +72,11 @@ class Builds:
     mirrors: Bool[np.ndarray, "build 2"]
     scene: Scene | None = None
     pose: Pose | None = None
+
+    @property
+    def outcome(self) -> dict[str, np.ndarray]:
+        """Columns that tell whether builds hang."""
+        return {"residual": self.residual, "status": self.status, "slack_wire": self.wire}
 
     @property
     def static(self) -> Float[np.ndarray, "build body 6"]:
@@ -181,11 +144,9 @@ def _unstable(
     The pivots of the tangent stiffness identify most stable ones, unless the support structure
     moves too, or light pushes.
     """
-    unclear = np.ones(model.batch, dtype=bool)
-    if found.pivot is not None and design.support is None and not design.cavity:
-        unclear = ~(found.pivot > CLEAR)
-    if unclear.all():
+    if found.pivot is None or design.support is not None or design.cavity:
         return batch_modes.grows(model)
+    unclear = ~(found.pivot > CLEAR)
     if unclear.any():
         unclear[unclear] = batch_modes.grows(model.select(np.flatnonzero(unclear)))
     return unclear
@@ -234,25 +195,23 @@ def transfer(
     outputs: list[Signal],
 ) -> Complex[np.ndarray, "build frequency output input"]:
     """Responses of all builds at frequencies in Hz; NaN where one failed, 0 by symmetry."""
-    ground = np.array([signal.is_ground for signal in inputs])
-    if ground.any() and not ground.all():
-        parts = [
-            transfer(builds, frequency, [s for s in inputs if s.is_ground == here], outputs)
-            for here in (False, True)
-        ]
-        order = np.argsort(np.argsort(ground, kind="stable"), kind="stable")
-        return np.concatenate(parts, axis=-1)[..., order]
-    rows = np.stack([linear_form(signal, builds.model) for signal in outputs], axis=-2)
-    drives = np.stack([linear_form(signal, builds.model) for signal in inputs], axis=-1)
-    model = builds.model
-    if ground.any():
-        rows[..., :6] = 0.0  # the support is at rest
-        model = model.driven_by_ground
-    acts = np.array([signal.acts for signal in inputs])
-    moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives, 0.0)
     good, omega = np.flatnonzero(builds.status == GOOD), 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
-    result[good] = transfer_builds(model, good, omega, moves, forces, rows)
+    for of_ground in (False, True):
+        some = [n for n, signal in enumerate(inputs) if signal.is_ground == of_ground]
+        if not some:
+            continue
+        rows = np.stack([linear_form(signal, builds.model) for signal in outputs], axis=-2)
+        drives = np.stack([linear_form(inputs[n], builds.model) for n in some], axis=-1)
+        model = builds.model
+        if of_ground:
+            rows[..., :6] = 0.0  # the support is at rest
+            model = model.driven_by_ground
+        acts = np.array([inputs[n].acts for n in some])
+        moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives, 0.0)
+        found = transfer_builds(model, good, omega, moves, forces, rows)
+        places = good.tolist(), range(len(omega)), range(len(outputs)), some
+        result[np.ix_(*map(list, places))] = found
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
             none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
@@ -272,9 +231,7 @@ def responses(builds: Builds, ratios: Sequence[Ratio]) -> Complex[np.ndarray, "b
     return found
 
 
-def divide(
-    over: Complex[np.ndarray, "*shape"], under: Complex[np.ndarray, "*shape"]
-) -> Complex[np.ndarray, "*shape"]:
+def divide(over: np.ndarray, under: np.ndarray) -> Complex[np.ndarray, "*shape"]:
     """Divide complex responses; exactly 0 where a symmetry makes `over` vanish."""
     with np.errstate(all="ignore"):
         return np.where((over == 0) & (np.abs(under) > 0), 0.0, over / under)
@@ -283,11 +240,7 @@ def divide(
 def count_failures(
     status: Int[np.ndarray, "*build"], meaning: tuple[str, ...] = STATUS
 ) -> dict[str, int]:
-    """Count builds by reason of failure.
-
-    >>> count_failures(np.zeros(3, dtype=int))
-    {}
-    """
+    """Count builds by reason of failure."""
     return {
         reason: int((status == code).sum())
         for code, reason in enumerate(meaning)

@@ -54,12 +54,8 @@ SIZES = {"N": 1.0, "N m": 1e-3, "N/m": 1.0, "N m/rad": 1e-3, "kg": 1e-3, "kg m^2
 class Differences:
     """Results of a design, and of its neighbours a step `step` above and below in each number.
 
-    Attributes
-    ----------
-    balanced
-        Whether both neighbours have an equilibrium; if not, the number cannot change alone.
-    matters
-        Whether the number changes any result.
+    A number is `balanced` if both neighbours have an equilibrium, else it cannot change alone. It
+    matters if it changes any result.
     """
 
     step: Float[np.ndarray, " number"]
@@ -117,18 +113,10 @@ def differentiate(
     *,
     nominal: Array | None = None,
 ) -> Differences:
-    """Evaluate a design and its neighbours in some numbers.
+    """Evaluate a design and its neighbours in some numbers, in a model that supports builds.
 
-    Parameters
-    ----------
-    level
-        Name of a model that supports builds.
-    evaluate
-        Results of builds, in the named coordinates; all elements of their matrices by default.
-    nominal
-        Results of the design itself, if known.
-
-    Raises `InputError` if the design has no equilibrium, or a wire is slack in it.
+    `nominal` are the results of the design itself, if known. Raises `InputError` if the design has
+    no equilibrium, or a wire is slack in it.
     """
     step = np.array([_step(design, item) for item in numbers])
     designs = [
@@ -144,15 +132,14 @@ def differentiate(
     nominal = rows.pop()
     if nominal is None:
         registry.by_name(level).system(design)  # raises the fault of the design
-        raise InputError.of(
-            "stage", "has no equilibrium near the nominal pose", "see pendsus check"
-        )
+        problem = "has no equilibrium near the nominal pose"
+        raise InputError.of("stage", problem, "see pendsus check")
     nothing = np.full(nominal.shape, np.nan)
     filled = np.array([nothing if row is None else row for row in rows])
     above, below = filled.reshape(len(numbers), 2, nominal.size).swapaxes(0, 1)
     differs = (above != below) & ~(np.isnan(above) & np.isnan(below))
-    balanced = np.array([row is not None for row in rows], dtype=bool).reshape(-1, 2)
-    return Differences(step, nominal, above, below, balanced[:, 0] & balanced[:, 1], differs.any(1))
+    known = np.array([row is not None for row in rows], dtype=bool).reshape(-1, 2)
+    return Differences(step, nominal, above, below, known[:, 0] & known[:, 1], differs.any(1))
 
 
 def mode_matrix(

@@ -1,12 +1,11 @@
-"""A sweep of one design: points, whose results fill the columns of a file."""
+"""Jobs: many builds of one design, on a grid or at random, whose results `run` computes."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,50 +15,23 @@ from suspension_cli.design.paths import DISPLAYED, displayed_unit, settings, uni
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium import nominal
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.files.declared import dim_name
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies.builds import Column, ColumnValues
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
 
 @dataclass(frozen=True)
-class Job(ABC):
-    """The points of a sweep, for `run`; picklable.
-
-    Attributes
-    ----------
-    text
-        The design as TOML.
-    """
+class Job:
+    """Many builds of one design, as TOML; see `run.Job`."""
 
     text: str
 
     @property
-    @abstractmethod
-    def shape(self) -> tuple[int, ...]:
-        """Lengths of the axes, the last varying fastest."""
-
-    @property
-    @abstractmethod
-    def scales(self) -> tuple[str, ...]:
-        """Names of the datasets that are the scales of `shape`: columns, or beside them."""
-
-    @property
-    @abstractmethod
-    def columns(self) -> tuple[Column, ...]:
-        """The results stored for each point."""
-
-    @abstractmethod
-    def compute(self, start: int, stop: int) -> ColumnValues:
-        """Compute the results of points start to stop - 1."""
-
-    @property
     def identity(self) -> str:
-        """Text that differs between sweeps of one design."""
+        """Text that differs between jobs of one design."""
         return repr([getattr(self, field.name) for field in fields(self) if field.name != "text"])
 
     @property
@@ -94,9 +66,9 @@ def nominal_system(text: str, level: str) -> LinearSystem:
 
 @dataclass(frozen=True)
 class Axis:
-    """A swept parameter and its values.
+    """A swept parameter and its values, SI.
 
-    Its name is that of an imperfection (`analyses.xcouple.solve.PARAMETERS`) or a dotted path.
+    Its name is that of an imperfection (`design.imperfections.swept`) or a dotted path.
     """
 
     name: str
@@ -115,6 +87,11 @@ class Axis:
             return DISPLAYED.get(self.unit, ("", 1.0))
         return displayed_unit(self.name, float(np.max(np.abs(self.values))))
 
+    @property
+    def displayed(self) -> Float[np.ndarray, " value"]:
+        """The values in that unit."""
+        return np.array(self.values) * self.displayed_unit[1]
+
     def describe(self, value: float) -> str:
         """Write a value in that unit, for figures: ``−2 mm``."""
         unit, factor = self.displayed_unit
@@ -122,14 +99,8 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Product(Job):
-    """A job over the product of some axes; the first varies slowest.
-
-    Attributes
-    ----------
-    axes
-        Parameters with their values in SI.
-    """
+class Grid(Job):
+    """A job over the product of some axes; the first varies slowest."""
 
     axes: tuple[Axis, ...]
 
@@ -143,11 +114,6 @@ class Product(Job):
         """Number of points."""
         return int(np.prod(self.shape, dtype=int))
 
-    @property
-    def scales(self) -> tuple[str, ...]:
-        """Names of the datasets with the values of the axes."""
-        return tuple(dim_name(axis.name) for axis in self.axes)
-
     def values(self, start: int, stop: int) -> dict[str, Float[np.ndarray, " stop-start"]]:
         """Values of every parameter at points start to stop - 1."""
         chosen = np.unravel_index(np.arange(start, stop), self.shape)
@@ -156,17 +122,16 @@ class Product(Job):
             for axis, pick in zip(self.axes, chosen, strict=True)
         }
 
-    def check_designs(
-        self,
-        option: str,
-        axes: Iterable[Axis],
-        check: Callable[[Design], object],
-        *,
-        every: bool = False,
-    ) -> None:
-        """Raise `InputError` if a path does not exist, or no value (not `every` one) is valid.
+    def on_grid(self, columns: dict[str, Any]) -> dict[str, Any]:
+        """Reshape results of all points to the axes of the grid."""
+        return {name: one.reshape(*self.shape, *one.shape[1:]) for name, one in columns.items()}
 
-        `check` raises it for invalid designs; the first, middle and last values are tried.
+    def check_designs(
+        self, option: str, axes: Iterable[Axis], check: Callable[[Design], object]
+    ) -> None:
+        """Raise `InputError` if a path does not exist, or none of three values is valid.
+
+        `check` raises it for invalid designs.
         """
         for axis in axes:
             [tried], errors = ends_and_middle((axis,)), []
@@ -175,7 +140,7 @@ class Product(Job):
                     check(reader.parse_with_overrides(self.text, settings({axis.name: value})))
                 except InputError as error:
                     errors.append(_of_option(error, option, axis, value))
-            if len(errors) == len(tried.values) or (every and errors):
+            if len(errors) == len(tried.values):
                 raise errors[0]
 
 
@@ -203,21 +168,13 @@ def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
 
 def _of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
     """Attribute faults of a design at a value of an axis to the option that gave it."""
-    found = []
+    found, last = [], axis.name.rpartition(".")[2]
     for fault in error.faults:
         if fault.key.startswith("--") and fault.key != "--set":
             found.append(fault)
             continue
-        same = (
-            fault.key in ("", "--set")
-            or fault.key.rpartition(".")[2] == axis.name.rpartition(".")[2]
-        )
-        found.append(
-            Fault(
-                f"{option} {axis.name}",
-                fault.problem if same else f"{fault.key}: {fault.problem}",
-                fault.remedy,
-                f"{value:g}",
-            )
-        )
+        problem = fault.problem
+        if fault.key not in ("", "--set") and fault.key.rpartition(".")[2] != last:
+            problem = f"{fault.key}: {problem}"
+        found.append(Fault(f"{option} {axis.name}", problem, fault.remedy, f"{value:g}"))
     return InputError(found, error.file)

@@ -66,16 +66,9 @@ class Matrices:
 
 @dataclass(frozen=True)
 class Plant:
-    """A design ready for responses at any frequency.
+    """A design ready for responses at any frequency, in a model that supports builds.
 
-    Attributes
-    ----------
-    level
-        Name of a model that supports derivatives.
-    system
-        In symmetry-adapted coordinates, with its terms.
-    modes
-        Without losses; shapes (m, N - 6) in the named coordinates.
+    Its system is in symmetry-adapted coordinates, the shapes of modes in the named ones.
     """
 
     design: Design
@@ -165,16 +158,8 @@ class Plant:
 class Responses:
     """Responses of outputs to inputs, with what their derivatives need.
 
-    Attributes
-    ----------
-    omega
-        rad/s.
-    rows
-        Linear forms of the outputs.
-    state
-        All coordinates for unit inputs.
-    adjoint
-        All for unit forces where the outputs are.
+    `omega` is in rad/s, `rows` are the linear forms of the outputs, `state` all coordinates for
+    unit inputs, and `adjoint` all for unit forces where the outputs are.
     """
 
     plant: Plant

@@ -1,38 +1,79 @@
-"""Run a sweep: points in chunks, on processes or a Dask cluster, with results straight to disk.
+"""Run a job: chunks of points, on processes or a Dask cluster, whose results are kept on disk.
 
 A job computes any range of its points independently, so number of workers and engine do not matter.
-A killed run leaves its finished points in ``NAME.h5.part`` (`sweep_file`), from which ``resume``
-continues.
+Finished chunks are npz files, which have checksums, in the folder ``NAME.h5.part``. A run that is
+killed, also by a power cut, continues from there with ``resume``. When all points are done, the
+results file is written.
 """
 
 from __future__ import annotations
 
 import contextlib
 import gc
+import hashlib
 import itertools
 import os
+import shutil
 import signal
+import socket
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TextIO
 
-from suspension_cli.errors import PendsusError
+import h5py
+import numpy as np
+
+from suspension_cli.errors import InputError, PendsusError, format_value
+from suspension_cli.files import hdf5
+from suspension_cli.files.atomic import writing_to
 from suspension_cli.files.hdf5 import Provenance
-from suspension_cli.studies import cluster
-from suspension_cli.studies.builds import ColumnValues
-from suspension_cli.studies.job import Job
-from suspension_cli.studies.sweep_file import UNIT, After, Fill, opened
+from suspension_cli.version import __version__
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 STARTUP = 5.0
-"""Time, s, that a sweep must still take for further processes to start: they import the program."""
+"""Time, s, that a run must still take for further processes to start: they import the program."""
+PATIENCE = 5.0
+"""Seconds in which a scheduler must answer and have a worker."""
+KEY = "job"
+"""File in the folder of an unfinished run that identifies its job."""
 
+Client = Any
+"""A `distributed.Client`, of an optional dependency."""
 Range = tuple[int, int]
 """First point, and one after the last."""
+Columns = dict[str, Any]
+"""Arrays of results by name, with the points along the first axis."""
+Results = Generator[tuple[int, Columns], None, None]
+Write = Callable[[h5py.Group, Columns], None]
+"""Writes the results of all points, with all that describes them, into a group."""
 Progress = Callable[[int, int, float], None]
-Results = Generator[tuple[Range, ColumnValues], None, None]
+"""Called with points done, total points, and points per second."""
+
+
+class Job(Protocol):
+    """Points whose results are computed in any ranges; picklable."""
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        ...
+
+    @property
+    def identity(self) -> str:
+        """Text that differs between jobs of one design."""
+        ...
+
+    def compute(self, start: int, stop: int) -> Columns:
+        """Compute the results of points start to stop - 1."""
+        ...
 
 
 def run(
@@ -40,8 +81,7 @@ def run(
     path: Path,
     group: str,
     origin: Provenance,
-    fill: Fill,
-    after: After | None = None,
+    write: Write,
     *,
     workers: int | None = 1,
     scheduler: str | None = None,
@@ -49,39 +89,117 @@ def run(
     resume: bool = False,
     progress: Progress = lambda _done, _all, _rate: None,
 ) -> None:
-    """Compute all points of a job into one HDF5 file.
+    """Compute all points of a job, and write them into a group of the results file `path`.
 
-    The finished file is `path`; its group has the columns, and what `fill` writes (axes, names).
-    Given the path of the unfinished file, `after` fills the columns that need all points.
-
-    Parameters
-    ----------
-    workers
-        Number of processes. None starts one per core when the points left take long.
-    scheduler
-        Address of a Dask scheduler instead.
-    chunk
-        Number of points computed at once.
-    progress
-        Called with (points done, total points, points per second).
+    `workers` is a number of processes; None starts one per core when the points left take long. A
+    Dask `scheduler` may compute instead.
     """
-    chunk = max(UNIT, chunk // UNIT * UNIT)
     with contextlib.ExitStack() as stack:
         client = None
         if scheduler is not None:
-            client = stack.enter_context(cluster.connected(scheduler))
-        store = stack.enter_context(opened(job, path, group, origin, fill, resume))
-        ranges = store.missing(chunk)
-        done, began, fresh = store.count - sum(b - a for a, b in ranges), time.monotonic(), 0
-        progress(done, store.count, 0.0)
+            client = stack.enter_context(connected(scheduler))
+        points = stack.enter_context(_opened(path, job, origin, resume))
+        starts = range(0, job.count, chunk)
+        ranges = [(start, min(start + chunk, job.count)) for start in starts]
+        ranges = [(start, stop) for start, stop in ranges if not points.done[start:stop].all()]
+        done, began = int(points.done.sum()), time.monotonic()
+        progress(done, job.count, 0.0)
         here = client is None
         results = _here(job, ranges, workers) if here else _on_cluster(job, ranges, client)
         with contextlib.closing(results):
-            for (start, stop), values in results:
-                store.put(start, stop, values)
-                done, fresh = done + stop - start, fresh + stop - start
-                progress(done, store.count, fresh / max(time.monotonic() - began, 1e-9))
-        store.finish(after)
+            for start, values in results:
+                points.save(start, values)
+                now = int(points.done.sum())
+                progress(now, job.count, (now - done) / max(time.monotonic() - began, 1e-9))
+        hdf5.write(path, origin, lambda file: write(file.create_group(group), points.columns))
+    shutil.rmtree(part_of(path))
+
+
+def part_of(path: Path) -> Path:
+    """Folder of the unfinished run."""
+    return path.with_name(path.name + ".part")
+
+
+class _Points:
+    """Results of the points of a job that are done, in memory and in a folder."""
+
+    def __init__(self, path: Path, count: int) -> None:
+        self.path = path
+        self.done = np.zeros(count, dtype=bool)
+        self.columns: Columns = {}
+
+    def save(self, start: int, values: Columns) -> None:
+        """Keep the results of points from `start` on."""
+        file = part_of(self.path) / f"{start}.npz"
+        with writing_to(self.path):
+            _write(file.with_suffix(".new"), values)
+            os.replace(file.with_suffix(".new"), file)
+        self.add(start, values)
+
+    def add(self, start: int, values: Columns) -> None:
+        """Take over the results of points from `start` on."""
+        for name, one in values.items():
+            if name not in self.columns:
+                self.columns[name] = np.empty((len(self.done), *one.shape[1:]), one.dtype)
+            self.columns[name][start : start + len(one)] = one
+            self.done[start : start + len(one)] = True
+
+    def read(self) -> None:
+        """Read the chunks in the folder; damaged ones are computed again."""
+        for file in part_of(self.path).glob("*.npz"):
+            damage = OSError, ValueError, EOFError, zipfile.BadZipFile
+            with contextlib.suppress(*damage), np.load(file) as found:
+                self.add(int(file.stem), dict(found))
+
+
+@contextlib.contextmanager
+def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[_Points]:
+    """Begin or resume the folder of a job, which no other run may write meanwhile."""
+    folder, points = part_of(path), _Points(path, job.count)
+    known = (__version__, job.count, origin.design, job.identity)
+    key = hashlib.sha256(repr(known).encode()).hexdigest()
+    with contextlib.ExitStack() as stack:
+        with writing_to(path):
+            folder.mkdir(exist_ok=True)
+            stream = stack.enter_context((folder / KEY).open("a+"))
+            _lock(stream, path)
+            stream.seek(0)
+            given = stream.read()
+            if not (resume and given):
+                for file in folder.glob("*.npz"):
+                    file.unlink()
+                stream.truncate(0)
+                stream.write(key)
+                stream.flush()
+        if resume and given == key:
+            points.read()
+        elif resume and given:
+            problem = f"{folder.name} belongs to another design or sweep"
+            remedy = "take the same design and options, or start anew without --resume"
+            raise InputError.of("--resume", problem, remedy)
+        try:
+            yield points
+        finally:
+            if not points.done.any():
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _lock(stream: TextIO, path: Path) -> None:
+    """Raise `InputError` if another run has the file; where locks are unknown it is not noticed."""
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        problem, remedy = "another run is writing this file", "wait for it, or name another folder"
+        raise InputError.of("--out", problem, remedy, str(path)) from None
+    except OSError:
+        pass  # a file system without locks
+
+
+def _write(file: Path, values: Columns) -> None:
+    with file.open("wb") as stream:
+        np.savez(stream, **values)
 
 
 def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:
@@ -118,12 +236,12 @@ def _share(pool: Executor, job: Job, ranges: list[Range], most: int) -> Results:
         yield from (future.result() for future in finished)
 
 
-def _compute(job: Job, part: Range) -> tuple[Range, ColumnValues]:
+def _compute(job: Job, part: Range) -> tuple[int, Columns]:
     values = job.compute(*part)
     # systems and what is prepared for them refer to each other: without this their matrices stay
     # until the collector counts enough objects, gigabytes later
     gc.collect(0)
-    return part, values
+    return part[0], values
 
 
 def _exit_with_parent() -> None:
@@ -175,12 +293,8 @@ def _uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _on_cluster(job: Job, ranges: list[Range], client: cluster.Client) -> Results:
-    """Compute on a cluster.
-
-    Raises `PendsusError` if the connection to the scheduler is lost, or workers are killed
-    repeatedly.
-    """
+def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
+    """Compute on a cluster; raises `PendsusError` if its scheduler or workers are lost."""
     from concurrent.futures import CancelledError
 
     from distributed import KilledWorker  # pyright: ignore[reportMissingImports]
@@ -200,3 +314,67 @@ def _on_cluster(job: Job, ranges: list[Range], client: cluster.Client) -> Result
             "the cluster's workers were killed, perhaps out of memory; give a smaller --chunk and"
             " continue with --resume"
         ) from None
+
+
+def is_encrypted(scheduler: str) -> bool:
+    """Whether an address is one at which only holders of a certificate are answered."""
+    return scheduler.startswith(("tls://", "wss://"))
+
+
+def describe_exposure(scheduler: str) -> str:
+    """Warning of a scheduler without TLS at an address that other machines reach; else ""."""
+    host = scheduler.rpartition("://")[2].rpartition(":")[0].strip("[]")
+    own = "", "localhost", "127.0.0.1", "::1", socket.gethostname()
+    if is_encrypted(scheduler) or host in own:
+        return ""
+    return (
+        f"--scheduler {scheduler} has no TLS: whoever reaches it can run programs on its machines"
+        " and on this one, and read and change what is sent; docs/examples/cluster.md shows how to"
+        " set it up"
+    )
+
+
+@contextlib.contextmanager
+def connected(scheduler: str) -> Iterator[Client]:
+    """Connect to a Dask scheduler that answers and has workers, such as ``tls://host:8786``.
+
+    Certificates are those of Dask's configuration.
+
+    Raises `InputError` if Dask is missing, the scheduler does not answer, or it has no workers.
+    """
+    try:
+        from distributed import Client, Security, comm  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise InputError.of(
+            "--scheduler", "needs Dask", "pip install 'pendsus[cluster]'", format_value(scheduler)
+        ) from None
+    import asyncio
+    import logging
+
+    for name in ("distributed", "distributed.client"):  # errors are raised anyway
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+    async def probe() -> None:
+        keys = Security().get_connection_args("client")
+        (await comm.connect(scheduler, timeout=PATIENCE, **keys)).abort()  # pyright: ignore
+
+    remedy = "start `dask scheduler` and `dask worker`, and give its address"
+    if is_encrypted(scheduler):
+        remedy = "set the certificate and key of the cluster as docs/examples/cluster.md says"
+    try:
+        asyncio.run(probe())  # without a scheduler, Client takes long to give up
+        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, ImportError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError.of(
+            "--scheduler", f"does not answer ({reason})", remedy, format_value(scheduler)
+        ) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            remedy = "start `dask worker` with its address"
+            raise InputError.of(
+                "--scheduler", "has no workers", remedy, format_value(scheduler)
+            ) from None
+        yield client

@@ -42,18 +42,8 @@ def scenes(
 ) -> Iterator[tuple[Scene, Design, Int[np.ndarray, " place"]]]:
     """Expand the designs given by values at dotted paths, in batches of one topology.
 
-    Designs of a batch differ only in the arrays of their scenes. `text` is the design as TOML,
-    `level` the name of a model that supports builds; `SceneModel.wire_properties` are the same in a
-    batch.
-
-    Yields
-    ------
-    scene : Scene
-        With the points as its first axis.
-    design : Design
-        One of them.
-    here : array
-        Numbers of the points. Points with an invalid design are in no batch.
+    Yields scenes with the points as first axis, one design of each batch, and the numbers of its
+    points; points with an invalid design are in no batch.
     """
     rows, pick = np.unique(np.stack([*values.values()], axis=1), axis=0, return_inverse=True)
     designs = designs_at(text, dict(zip(values, rows.T, strict=True)))
@@ -83,7 +73,7 @@ def alike(
     """Group designs that differ only in the arrays of their scenes.
 
     Yields their places, their scenes as one batch, and one design of each group; designs without a
-    scene are left out.
+    scene are left out. `level` is a model that supports builds.
     """
     model = registry.scene_model(level)
     drawn: dict[Hashable, list[tuple[int, Members]]] = {}
@@ -114,8 +104,7 @@ def alike(
 def solved(designs: Sequence[Design | None], level: str) -> Iterator[tuple[list[int], Builds]]:
     """Balance designs, and build their linear models, also of unstable equilibria.
 
-    Yields the places of those of one topology with them; designs that are None or have no scene are
-    left out. `level` is a model that supports builds.
+    Yields places and builds as `alike` groups them.
     """
     for start in range(0, len(designs), TOGETHER):
         for places, scene, one in alike(designs[start : start + TOGETHER], level):
@@ -126,11 +115,9 @@ def solved(designs: Sequence[Design | None], level: str) -> Iterator[tuple[list[
 def balanced(
     designs: Iterable[Design | None], level: str, *, allow_unstable: bool = False
 ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
-    """Balance designs, and build their linear models, in any model.
+    """Balance designs, and build their linear models, in any model, with mirror symmetries.
 
-    Yields builds, with the designs as first axis of the linear model, and the places of these.
-    Mirror symmetries are used. If `allow_unstable`, an unstable equilibrium has status
-    `builds.GOOD`.
+    Yields builds and their places.
     """
     model = registry.by_name(level)
     if not model.supports_builds:

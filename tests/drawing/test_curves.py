@@ -7,7 +7,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.response.picture import draw as draw_response
-from suspension_cli.analyses.sweep.crossings import Crossing
+from suspension_cli.analyses.sweep.picture import Crossing
 from suspension_cli.analyses.sweep.picture import draw as draw_sweep
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
@@ -158,15 +158,14 @@ def sweep_result():
 
 def test_sweep_colours_what_moves_and_shades_what_fails():
     modes = ("test pitch", "upper roll")
-    crossing = Crossing(0.002, 0.66, modes, (0.3, 0.3))
+    crossing = Crossing(0.002, 0.66, modes, 0.3)
     figure = draw_sweep(sweep_result(), "A design", ["upper", "test"], [crossing])
     (axes,) = figure.axes
     assert axes.get_xlabel() == "stage.test.wires.d (mm)"
     words = said(figure)
     assert {"test pitch", "upper roll", "unstable", "slack", "as designed: 1 mm", "a"} <= {*words}
     assert "upper yaw" not in words
-    assert any(w.startswith("grey: modes that change by less than 1 %") for w in words)
-    assert any(w.endswith("not drawn of these: 40 Hz") for w in words)
+    assert "grey: modes that change by less than 1 %" in words
     assert "a: test pitch and upper roll mix: 70 % + 30 %" in words
     by_name = {line.get_label(): line.get_color() for line in axes.lines}
     assert by_name["upper roll"] == PALETTE[0]

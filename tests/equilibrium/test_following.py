@@ -9,7 +9,7 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.pose import layout, nominal_pose
 from suspension_cli.studies import sampling
-from suspension_cli.studies.sample_points import uniforms
+from suspension_cli.studies.sampling import uniforms
 from tests.support.golden import CONFIGS
 
 TEXT = (CONFIGS / "triple-tolerance.toml").read_text()

@@ -29,7 +29,6 @@ from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.studies import run as batch
-from suspension_cli.studies import sweep_file
 from suspension_cli.studies.job import Axis
 from tests.support import counting_sweep, scenes
 from tests.support.commandline import edited, run
@@ -186,8 +185,14 @@ def reference(folder, count):
     return path.read_bytes()
 
 
+def keep(path, folder):
+    """Copy the folder of an unfinished run."""
+    part = counting_sweep.part(path)
+    shutil.copytree(part, folder / part.name)
+
+
 @settings(deadline=None, max_examples=25)
-@given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([64, 128]), st.booleans())
+@given(st.integers(1, 900), st.integers(0, 899), st.sampled_from([64, 100]), st.booleans())
 def test_resume_after_a_kill(count, fails, chunk, power_cut):
     """What lies on the disk at any moment can be taken up; points that a power cut damaged are
     computed again."""
@@ -199,21 +204,21 @@ def test_resume_after_a_kill(count, fails, chunk, power_cut):
             def compute(self, start, stop):
                 if start <= self.fails < stop:
                     left.mkdir()
-                    for file in (counting_sweep.part(path), Path(self.log)):
-                        if file.exists():
-                            shutil.copy(file, left)
+                    keep(path, left)
+                    if Path(self.log).exists():
+                        shutil.copy(self.log, left)
                 return super().compute(start, stop)
 
         with pytest.raises(RuntimeError):
             counting_sweep.run(Killed(count, str(folder / "log"), fails), path, chunk=chunk)
         job = counting_sweep.Toy(count, str(left / "log"))
         done = job.computed() == 1
-        assert np.array_equal(counting_sweep.marked(left / "toy.h5", count), done)
+        part = counting_sweep.part(left / "toy.h5")
+        assert np.array_equal(counting_sweep.finished(part, count), done)
         lost = np.zeros(count, dtype=bool)
         if power_cut and done.any():
-            with h5py.File(counting_sweep.part(left / "toy.h5"), "r+") as file:
-                file["toy"]["value"][0, 1] = 0.0
-            lost[: sweep_file.UNIT] = True
+            counting_sweep.damage(part)
+            lost[:chunk] = True
         counting_sweep.run(job, left / "toy.h5", chunk=chunk, resume=True)
         assert np.array_equal(job.computed() == 2, done & lost)
         assert job.computed().min() == 1
@@ -246,7 +251,7 @@ def test_a_worker_that_fails(dies, tmp_path):
         match="a worker was killed, perhaps out of memory" if dies else "failure on request",
     ):
         counting_sweep.run(job, path, chunk=64, workers=2)
-    noted = counting_sweep.marked(path, job.count)
+    noted = counting_sweep.finished(counting_sweep.part(path), job.count)
     healthy = counting_sweep.Toy(job.count, job.log)
     assert not (noted & (healthy.computed() == 0)).any()
     counting_sweep.run(healthy, path, chunk=64, resume=True)
@@ -260,13 +265,13 @@ def test_starting_anew_forgets_the_interrupted_run(tmp_path):
     path, left = tmp_path / "toy.h5", tmp_path / "left"
     with pytest.raises(RuntimeError):
         counting_sweep.run(counting_sweep.Toy(500, str(tmp_path / "log"), 400), path, chunk=64)
-    assert counting_sweep.marked(path, 500).any()
+    assert counting_sweep.finished(counting_sweep.part(path), 500).any()
 
     class Snapshot(counting_sweep.Toy):
         def compute(self, start, stop):
             if not left.exists():
                 left.mkdir()
-                shutil.copy(counting_sweep.part(path), left)
+                keep(path, left)
             return super().compute(start, stop)
 
     counting_sweep.run(Snapshot(500, str(tmp_path / "again")), path, chunk=64)
@@ -276,49 +281,63 @@ def test_starting_anew_forgets_the_interrupted_run(tmp_path):
     assert (left / "toy.h5").read_bytes() == path.read_bytes() == reference(tmp_path, 500)
 
 
-def another_file(part):
-    part.unlink()
-    with h5py.File(part, "w") as file:
-        file["x"] = 1.0
+def chunks_of_another(part):
+    """Chunks of another run, whose job is not known."""
+    (part / "job").write_text("prose")
 
 
 SPOILT = {
     "another design": {"design": "a = 2"},
-    "another sweep": {"sweep": "another"},
+    "another sweep": {"identity": "another"},
     "another count": {"count": 501},
-    "cut": lambda part: os.truncate(part, part.stat().st_size - 1000),
-    "cut short": lambda part: os.truncate(part, 100),
-    "empty": lambda part: os.truncate(part, 0),
-    "prose": lambda part: part.write_text("no HDF5"),
-    "another HDF5": another_file,
-    "a folder": lambda part: (part.unlink(), part.mkdir()),
-    "a pipe": lambda part: (part.unlink(), os.mkfifo(part)),
+    "another key": chunks_of_another,
+    "a file": lambda part: (shutil.rmtree(part), part.write_text("")),
+    "a pipe": lambda part: (shutil.rmtree(part), os.mkfifo(part)),
 }
 
 
 @pytest.mark.parametrize("kind", SPOILT)
 def test_resume_of_something_else_is_refused(kind, tmp_path):
-    """In one line, and the file is left as it is; so it starts only anew."""
+    """In one line, and it is left as it is; so it starts only anew."""
     path, log, how = tmp_path / "toy.h5", str(tmp_path / "log"), SPOILT[kind]
     with pytest.raises(RuntimeError):
         counting_sweep.run(counting_sweep.Toy(500, log, 400), path, chunk=64)
     part = counting_sweep.part(path)
     other = dict(how) if isinstance(how, dict) else {}
-    if not other:
+    if callable(how):
         how(part)
-    before = part.read_bytes() if part.is_file() else part.stat().st_mode
-    job = counting_sweep.Toy(other.pop("count", 500), log)
+    before = contents(part)
+    identity = other.pop("identity", "toy")
+    job = counting_sweep.Toy(other.pop("count", 500), log, identity=identity)
     with pytest.raises(InputError) as caught:
         counting_sweep.run(job, path, resume=True, **other)
     (line,) = str(caught.value).splitlines()
-    assert part.name in line
-    if not part.is_file():
-        assert line.endswith("is not a regular file; delete it, or name another folder")
-        assert part.stat().st_mode == before
+    assert contents(part) == before
+    if not part.is_dir():
+        assert "cannot be written (File exists)" in line
         return
-    assert line.endswith("start anew without --resume")
-    assert part.read_bytes() == before
+    assert part.name in line and line.endswith("start anew without --resume")
     counting_sweep.run(counting_sweep.Toy(500, log), path)
+    assert path.read_bytes() == reference(tmp_path, 500)
+
+
+def contents(part):
+    """All bytes of a folder; the kind of another path."""
+    if not part.is_dir():
+        return part.stat().st_mode
+    return {file.name: file.read_bytes() for file in part.iterdir()}
+
+
+@pytest.mark.parametrize("size", [0, 100, -1000])
+def test_chunks_that_are_cut_off_are_computed_again(size, tmp_path):
+    path, log = tmp_path / "toy.h5", str(tmp_path / "log")
+    with pytest.raises(RuntimeError):
+        counting_sweep.run(counting_sweep.Toy(500, log, 400), path, chunk=64)
+    file = counting_sweep.part(path) / "64.npz"
+    os.truncate(file, size if size >= 0 else file.stat().st_size + size)
+    job = counting_sweep.Toy(500, log)
+    counting_sweep.run(job, path, chunk=64, resume=True)
+    assert (job.computed() == 1 + (np.arange(500) // 64 == 1)).all()
     assert path.read_bytes() == reference(tmp_path, 500)
 
 

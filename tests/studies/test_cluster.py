@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.errors import PendsusError
-from suspension_cli.studies import cluster
+from suspension_cli.studies import run as batch
 from tests.support import counting_sweep
 from tests.support.commandline import process, run
 from tests.support.couplings import FILE
@@ -76,7 +76,7 @@ def test_a_failure_on_the_cluster_is_taken_up(scheduler, tmp_path):
     job = counting_sweep.Toy(64 * 20, str(tmp_path / "log"), 64 * 15)
     with pytest.raises(RuntimeError, match="failure on request"):
         counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, scheduler=scheduler)
-    noted = counting_sweep.marked(tmp_path / "toy.h5", job.count)
+    noted = counting_sweep.finished(counting_sweep.part(tmp_path / "toy.h5"), job.count)
     before = job.computed()
     healthy = counting_sweep.Toy(job.count, job.log)
     counting_sweep.run(healthy, tmp_path / "toy.h5", chunk=64, scheduler=scheduler, resume=True)
@@ -85,7 +85,7 @@ def test_a_failure_on_the_cluster_is_taken_up(scheduler, tmp_path):
 
 
 def test_a_scheduler_without_workers(monkeypatch, tmp_path):
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    monkeypatch.setattr(batch, "PATIENCE", 0.5)
     with local(0) as made:
         result = run(
             "xcouple", FILE, *GRID, "--scheduler", made.scheduler_address, "--out", tmp_path
@@ -112,7 +112,10 @@ def test_a_scheduler_that_goes_away(tmp_path):
             counting_sweep.run(
                 job, tmp_path / "toy.h5", chunk=64, scheduler=made.scheduler_address, progress=close
             )
-    assert counting_sweep.marked(tmp_path / "toy.h5", job.count).sum() >= 64 * 50
+    assert (
+        counting_sweep.finished(counting_sweep.part(tmp_path / "toy.h5"), job.count).sum()
+        >= 64 * 50
+    )
     counting_sweep.run(job, tmp_path / "toy.h5", resume=True)
     assert job.computed().min() == 1
 
@@ -172,7 +175,7 @@ def test_the_tls_commands_of_the_page_work(encrypted, tmp_path):
 
 @pytest.mark.parametrize("scheme", ["tls", "tcp"])
 def test_nobody_without_the_key_is_let_in(scheme, encrypted, monkeypatch, tmp_path):
-    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    monkeypatch.setattr(batch, "PATIENCE", 2.0)
     address = encrypted[0].replace("tls", scheme)
     done = run("xcouple", FILE, *GRID, "--scheduler", address, "--out", tmp_path)
     assert done.exit_code == 2 and not list(tmp_path.iterdir())
@@ -199,7 +202,7 @@ SILENT = {
 @pytest.mark.parametrize("address", SILENT)
 def test_nobody_answers(address, monkeypatch, tmp_path):
     """One line, after a warning of a scheduler elsewhere without TLS."""
-    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    monkeypatch.setattr(batch, "PATIENCE", 0.2)
     done = run("xcouple", FILE, *GRID, "--scheduler", address, "--out", tmp_path)
     assert done.exit_code == 2 and list(tmp_path.iterdir()) == []
     *warned, line = done.stderr.splitlines()

@@ -11,10 +11,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from suspension_cli.files.hdf5 import Provenance, add_scale
+from suspension_cli.files.hdf5 import Provenance
 from suspension_cli.studies import run as batch
-from suspension_cli.studies import sweep_file
-from suspension_cli.studies.builds import Column
 
 
 @dataclass(frozen=True)
@@ -29,22 +27,7 @@ class Toy:
     log: str
     fails: int = -1
     dies: bool = False
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return (self.count,)
-
-    @property
-    def scales(self) -> tuple[str, ...]:
-        return ("point",)
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        return (
-            Column("point", "u4", (), "1"),
-            Column("value", "f8", (3,), "m", ("axis",)),
-            Column("flag", "u1", (), "1"),
-        )
+    identity: str = "toy"
 
     def compute(self, start: int, stop: int) -> dict[str, Any]:
         if self.dies and multiprocessing.parent_process() is not None:
@@ -69,37 +52,34 @@ class Toy:
         return times
 
 
-def fill(group: h5py.Group) -> None:
-    add_scale(group, "axis", np.arange(3), "1")
+def write(group: h5py.Group, columns: dict[str, Any]) -> None:
+    for name, values in columns.items():
+        group[name] = values
 
 
-def run(
-    job: Toy, path: Path, design: str = "a = 1", sweep: str = "toy", fill: Any = fill, **how: Any
-) -> None:
+def run(job: Toy, path: Path, design: str = "a = 1", **how: Any) -> None:
     """Run a toy into a file."""
-    batch.run(
-        job,
-        path,
-        "toy",
-        Provenance(design, "pendsus toy", "none", "", sweep),
-        fill,
-        **how,
-    )
+    batch.run(job, path, "toy", Provenance(design, "pendsus toy", "none", ""), write, **how)
 
 
 def part(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def marked(path: Path, count: int) -> Any:
-    """Points that are marked as done."""
-    return np.repeat(marks(part(path), count), sweep_file.UNIT)[:count].astype(bool)
+def finished(folder: Path, count: int) -> Any:
+    """Points that the folder of an unfinished run has."""
+    done = np.zeros(count, dtype=bool)
+    for file in folder.glob("*.npz"):
+        with np.load(file) as found:
+            start = int(file.stem)
+            done[start : start + len(found[found.files[0]])] = True
+    return done
 
 
-def marks(file: Path, count: int) -> Any:
-    """Marks of the units of points in an unfinished file."""
-    try:
-        with h5py.File(file, locking=False) as stored:
-            return (stored[sweep_file.SUMS][:] != 0).astype(np.uint8)
-    except (OSError, KeyError):  # just begun, or just finished
-        return np.zeros(-(-count // sweep_file.UNIT), dtype=np.uint8)
+def damage(folder: Path) -> None:
+    """Spoil a byte of the first chunk."""
+    with (folder / "0.npz").open("r+b") as stream:
+        stream.seek(-400, os.SEEK_END)
+        [byte] = stream.read(1)
+        stream.seek(-1, os.SEEK_CUR)
+        stream.write(bytes([byte ^ 255]))

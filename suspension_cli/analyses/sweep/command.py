@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
@@ -113,14 +113,7 @@ class SweepAnalysis(Analysis):
         job = on(choice.level)
         run.log.detail(f"{run.name}: {choice.line}")
         warnings.warn_implausible(run.design, run.log)
-        result = sweeping.fill(
-            run,
-            self,
-            job,
-            choice,
-            sweep.describe(job),
-            lambda part: sweep.complete(part, job),
-        )
+        result = sweeping.fill(run, self, job, choice, partial(sweep.write, job=job))
         found: SweepResult = result.data
         for reason, count in found.failures.items():
             run.log.warn(
@@ -164,17 +157,10 @@ class SweepAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
-        from suspension_cli.analyses.sweep import crossings, picture
-        from suspension_cli.files.hdf5 import open_results
+        from suspension_cli.analyses.sweep import picture
 
-        found = []
-        with contextlib.suppress(InputError):  # without its file, modes that cross are not marked
-            stored = result.stored_file()
-            if stored is not None:
-                with open_results(stored) as file:
-                    found = crossings.find_crossings(file["sweep"], result.data)
         stages = [stage.name for stage in result.design.stage]
-        return {"": picture.draw(result.data, result.subtitle, stages, found)}
+        return {"": picture.draw(result.data, result.subtitle, stages)}
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

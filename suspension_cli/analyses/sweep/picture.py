@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,95 +15,151 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from suspension_cli.analyses.sweep.crossings import Crossing
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import labels, panels, scales
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
-    NOTE,
     SMALL,
     LineLook,
     figure_of,
     format_raised,
     single_line,
     stage_colours,
-    text_width,
 )
 from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-    from matplotlib.typing import LineStyleType
 
 MAX_MAPS = 6
 """Maps in one figure at most: the results that change most."""
 LOG_RATIO = 8.0
 """Ratio of largest to smallest value above which a scale is logarithmic."""
 MOVES = 0.01
-"""Relative change over the grid from which a mode is drawn in colour."""
-STILL = "#b4b9be"
-"""Colour of results that do not change."""
-BEYOND = 1.6
-"""Factor of room around the changing modes; modes farther off are not drawn."""
+"""Relative change over the grid below which a mode is grey, if others change more."""
+STILL: LineLook = {"linewidth": 0.8, "zorder": 1.5}
+GREY = "#b4b9be"
+MEET, MIXED = 0.05, 0.05
+"""Relative distance in frequency of modes that meet, and the fraction of each other's motion from
+which they mix."""
 MOST_CROSSINGS = 5
 """Crossings marked at most."""
-LETTERS = "abcdefgh"
-"""Names of crossings."""
 PALE = 0.7
 """Place in the colour map above which contours are dark."""
 FREQUENCY = "frequency (Hz)"
 FAILED = {
-    1: ("#f3d9c9", "slack"),
-    2: ("#e3e3e3", "no equilibrium"),
-    3: ("#f6d5dc", "unstable"),
-    4: ("#e3e3e3", "impossible"),
-    5: ("#e3e3e3", "other coordinates"),
+    1: ("#ecb999", "slack"),
+    2: ("#bfc4c9", "no equilibrium"),
+    3: ("#eba3b4", "unstable"),
+    4: ("#bfc4c9", "impossible"),
+    5: ("#bfc4c9", "other coordinates"),
 }
 """Shade and name of points without results, by status."""
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Two modes that come closest at a point of a grid.
+
+    Attributes
+    ----------
+    at
+        Value of the parameter, SI.
+    frequency
+        Mean of the two, Hz.
+    mixing
+        Fraction of the first one's motion there that is the other's motion far away.
+    """
+
+    at: float
+    frequency: float
+    modes: tuple[str, str]
+    mixing: float
+
+    def __str__(self) -> str:
+        """Say which modes meet, and how the first is composed where they mix."""
+        first, second = self.modes
+        if self.mixing <= MIXED:
+            return f"{first} crosses {second}, unmixed"
+        part = 100 * self.mixing
+        return f"{first} and {second} mix: {100 - part:.0f} % + {part:.0f} %"
+
+
+def find_crossings(swept: SweepResult) -> list[Crossing]:
+    """Find where modes of a sweep over one parameter meet, most mixed first."""
+    shape, rank, names = swept.shape, swept.rank, list(swept.mode or ())
+    if shape is None or rank is None or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:
+        return []
+    shown = [n for n, name in enumerate(swept.result) if name in names]
+    found = []
+    for pair in combinations(shown, 2):
+        low, high = np.sort(swept.value[:, pair], axis=1).T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            gap = np.where(np.isfinite(high / low), high / low - 1, np.inf)
+        known = np.flatnonzero(np.isfinite(gap))
+        n, modes = int(gap.argmin()), (swept.result[pair[0]], swept.result[pair[1]])
+        if not len(known) or n in (0, len(gap) - 1, known[0], known[-1]):
+            continue
+        ends, numbers = known[[0, -1]], [names.index(name) for name in modes]
+        far = int(ends[np.argmax(gap[ends])])
+        here, pure = (shape[place][rank[place, numbers]].astype(float) for place in (n, far))
+        part = (here @ pure.T) ** 2
+        mixing = float((part[[0, 1], [1, 0]] / part.sum(1)).max())
+        limit = MEET if mixing <= MIXED else 10 * MEET
+        if gap[n] <= min(limit, gap[ends].min() / 1.3) and gap[ends].min() > MEET / 5:
+            frequency = float((low[n] + high[n]) / 2)
+            found.append(Crossing(swept.axes[0].values[n], frequency, modes, mixing))
+    return sorted(found, key=lambda one: -one.mixing)
 
 
 def draw(
     swept: SweepResult,
     title: str,
     stages: Sequence[str] = (),
-    crossings: Sequence[Crossing] = (),
+    crossings: Sequence[Crossing] | None = None,
 ) -> Figure:
     """Draw the figure of `pendsus sweep`; `title` names the design and the model.
 
     Parameters after the second are kept at the grid point nearest to the nominal design.
-    `crossings` are marked on lines.
+    Crossings of modes (by default all) are marked on lines.
     """
     rest = swept.start[2:]
     value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
-    if value.ndim == 3:
-        kept = [
-            f"{axis.name} = {axis.describe(axis.values[at])}"
-            for axis, at in zip(swept.axes[2:], rest, strict=True)
-        ]
-        return _draw_maps(swept, value, " · ".join([*kept, title]))
-    return _draw_lines(swept, value, title, stages, crossings)
+    kinds = dict.fromkeys("mode frequencies" if u == "Hz" else "responses" for u in swept.unit)
+    heading = " and ".join(kinds).capitalize()
+    if value.ndim == 2:
+        heading += f" against {swept.axes[0].name.removeprefix('stage.')}"
+        met = find_crossings(swept) if crossings is None else crossings
+        return _draw_lines(swept, value, heading, title, stages, met)
+    kept = [
+        f"{axis.name} = {axis.describe(axis.values[at])}"
+        for axis, at in zip(swept.axes[2:], rest, strict=True)
+    ]
+    chosen = sorted(np.argsort(-swept.change, kind="stable")[:MAX_MAPS].tolist())
+    maps = [_map(swept, value[:, :, n], n) for n in chosen]
+    columns = min(2, len(maps))
+    maps += [Panel(across=Across(""), right=0.88, paint=Axes.set_axis_off)] * (len(maps) % columns)
+    rows = [tuple(maps[n : n + columns]) for n in range(0, len(maps), columns)]
+    heading += " over two parameters"
+    return panels.draw(heading, " · ".join([*kept, title]), rows, width=0.4 + 3.1 * columns)
 
 
-def _is_geometric(values: Sequence[float]) -> bool:
-    """Whether values are spaced geometrically over a wide range."""
-    x = np.asarray(values)
-    if len(x) < 3 or x.min() <= 0 or x.max() < LOG_RATIO * x.min():
-        return False
-    ratio = np.diff(np.log(x))
-    return bool(np.allclose(ratio, ratio[0], rtol=1e-6))
+def _across(axis: Axis, most: int) -> Across:
+    """Horizontal axis of a parameter; logarithmic if its values are geometric over a wide range."""
+    x, (unit, _) = axis.displayed, axis.displayed_unit
+    label = single_line(axis.name, most) + (f" ({unit})" if unit else "")
+    wide = len(x) > 2 and x.min() > 0 and x.max() > LOG_RATIO * x.min()
+    geometric = wide and np.allclose(x[1:] / x[:-1], x[1] / x[0], rtol=1e-6)
+    ends = (x.min(), x.max()) if len(x) > 1 else None
+    return Across(label, "log" if geometric else "linear", ends)
 
 
 def _is_wide(values: Float[np.ndarray, "*shape"]) -> bool:
-    """Whether the largest and smallest positive values differ by more than `LOG_RATIO`."""
-    positive = values[np.isfinite(values) & (values > 0)]
-    return bool(positive.size and positive.max() > LOG_RATIO * positive.min())
-
-
-def _parameter_label(axis: Axis, most: int) -> str:
-    unit = axis.displayed_unit[0]
-    return single_line(axis.name, most) + (f" ({unit})" if unit else "")
+    """Whether the largest and smallest values differ by more than `LOG_RATIO`, and none is 0."""
+    known = values[np.isfinite(values)]
+    return bool(known.size and known.min() > 0 and known.max() > LOG_RATIO * known.min())
 
 
 def _title(swept: SweepResult, n: int) -> str:
@@ -113,12 +171,6 @@ def _title(swept: SweepResult, n: int) -> str:
     return f"{signals.replace('/', ' / ')} at {frequency} Hz"
 
 
-def _body(swept: SweepResult, n: int) -> str:
-    """Stage of a mode, or of the output of a response."""
-    output = swept.degree[n] or swept.result[n].partition("/")[0].partition("@")[0]
-    return output.rpartition(".")[0]
-
-
 def _axis_label(swept: SweepResult, n: int) -> str:
     """Label of the axis of a result; ratios of equal units are m/m or rad/rad."""
     unit = swept.unit[n]
@@ -128,156 +180,87 @@ def _axis_label(swept: SweepResult, n: int) -> str:
     return FREQUENCY if unit == "Hz" else f"magnitude ({unit})"
 
 
-def _quantity(swept: SweepResult) -> str:
-    kinds = dict.fromkeys("mode frequencies" if u == "Hz" else "responses" for u in swept.unit)
-    return " and ".join(kinds).capitalize()
-
-
 def _draw_lines(
     swept: SweepResult,
     value: Float[np.ndarray, "point result"],
+    heading: str,
     title: str,
     stages: Sequence[str],
     crossings: Sequence[Crossing],
 ) -> Figure:
-    units = [_axis_label(swept, n) for n in range(len(swept.result))]
-    first, looks = swept.axes[0], _looks(swept, stages)
-    x = np.array(first.values) * first.displayed_unit[1]
-    marked = [one for one in crossings if {*one.modes} & {swept.result[n] for n in looks}]
-    marked, shown, remarks = marked[:MOST_CROSSINGS], [], []
+    first, units = swept.axes[0], [_axis_label(swept, n) for n in range(len(swept.result))]
+    per = first.displayed_unit[1]
+    is_mode = np.array(swept.degree) != ""
+    still = is_mode & (swept.change < MOVES)
+    still &= not still[is_mode].all()
+    outputs = [name.partition("/")[0].partition("@")[0] for name in swept.result]
+    owners = zip(swept.degree, outputs, strict=True)
+    bodies = [(degree or output).rpartition(".")[0] for degree, output in owners]
+    by_stage = stage_colours([*stages, *bodies])
+    colours = [GREY if still[n] else by_stage[body] for n, body in enumerate(bodies)]
+    dashes = panels.dashes_of(colours)
+    drawn = {swept.result[n] for n in np.flatnonzero(~still)}
+    marked = [one for one in crossings if {*one.modes} & drawn][:MOST_CROSSINGS]
+    bands, swatches = _failed(swept)
+    shown = []
     for unit in dict.fromkeys(units):
         own = [n for n, label in enumerate(units) if label == unit]
-        still = [n for n in own if n not in looks]
-        limits, beyond = _limits(swept, value, own, still)
-        if still:
-            remarks.append(f"grey: modes that change by less than {100 * MOVES:g} %")
-        if beyond:
-            at = ", ".join(f"{swept.nominal[n]:.3g}" for n in beyond)
-            remarks[-1] += f"; not drawn of these: {at} Hz"
-        grey: LineLook = {"linewidth": 0.8, "zorder": 1.5}
-        lines = [Line(x, value[:, n], "_", STILL, grey) for n in still if n not in beyond]
-        moving = [n for n in own if n in looks]
-        ends = unit == FREQUENCY and len(moving) > 1
-        for n in moving:
-            name = swept.result[n] if ends else _title(swept, n)
-            look: LineLook = {"linestyle": looks[n][1], "linewidth": 1.4}
-            lines.append(Line(x, value[:, n], name, looks[n][0], look))
-        rules, text = [], f"as designed: {first.describe(swept.drawn[0])}"
+        ends = unit == FREQUENCY and sum(~still[own]) > 1
+        lines = []
+        for n in sorted(own, key=lambda n: not still[n]):
+            look: LineLook = STILL if still[n] else {"linestyle": dashes[n], "linewidth": 1.4}
+            name = "_" if still[n] else swept.result[n] if ends else _title(swept, n)
+            lines.append(Line(first.displayed, value[:, n], name, colours[n], look))
+        rules, key = list(bands), [*swatches, *(() if ends else lines)]
         if min(first.values) <= swept.drawn[0] <= max(first.values):
-            at = swept.drawn[0] * first.displayed_unit[1]
-            rules.append(Rule(at, "" if shown else text, vertical=True))
-        met = [(one.at * first.displayed_unit[1], one) for one in marked if unit == FREQUENCY]
-        paint = partial(_paint, swept=swept, x=x, met=met, named=not shown)
-        kind: Scale = "log" if limits else "linear"
-        shown.append(Panel(unit, lines, 3.0, kind, limits, ends=ends, rules=rules, paint=paint))
-    notes = [f"{LETTERS[n]}: {one}" for n, one in enumerate(marked)] + remarks[:1]
-    scale: Scale = "log" if _is_geometric(first.values) else "linear"
-    across = Across(_parameter_label(first, 60), scale)
-    heading = f"{_quantity(swept)} against {first.name.removeprefix('stage.')}"
-    return panels.draw(heading, title, shown, across, notes)
+            text = "" if shown else f"as designed: {first.describe(swept.drawn[0])}"
+            rules.append(Rule(swept.drawn[0] * per, text, vertical=True))
+        paint = partial(_mark, met=marked if unit == FREQUENCY else [], per=per)
+        scale: Scale = "log" if _is_wide(value[:, own]) else "linear"
+        shown.append(Panel(unit, lines, 3.0, scale, key=key, ends=ends, rules=rules, paint=paint))
+    notes = [f"{chr(ord('a') + n)}: {one}" for n, one in enumerate(marked)]
+    if still.any():
+        notes.append(f"grey: modes that change by less than {100 * MOVES:g} %")
+    return panels.draw(heading, title, shown, _across(first, 60), notes)
 
 
-def _looks(swept: SweepResult, stages: Sequence[str]) -> dict[int, tuple[str, LineStyleType]]:
-    """Colour of the stage, and dashes, of the results that change."""
-    modes = [n for n, home in enumerate(swept.degree) if home]
-    most = max((swept.change[n] for n in modes), default=0.0)
-    limit = min(MOVES, 0.3 * most)
-    bodies = [_body(swept, n) for n in range(len(swept.result))]
-    by_stage = stage_colours([*stages, *bodies])
-    changing = [
-        n for n, home in enumerate(swept.degree)
-        if not home or swept.change[n] >= limit > 0 or len(modes) <= 3
-    ]  # fmt: skip
-    colours = [by_stage[bodies[n]] for n in changing]
-    looks = zip(colours, panels.dashes_of(colours), strict=True)
-    return dict(zip(changing, looks, strict=True))
-
-
-def _limits(
-    swept: SweepResult,
-    value: Float[np.ndarray, "point result"],
-    own: Sequence[int],
-    still: Sequence[int],
-) -> tuple[tuple[float, float] | None, list[int]]:
-    """Limits of a logarithmic axis about the results that change, and which others are outside.
-
-    None for a linear axis.
-    """
-    if not _is_wide(value[:, own]) or (value[:, own] == 0).all(0).any():
-        return None, []
-    moving = [n for n in own if n not in still]
-    good = value[:, moving or own]
-    good = good[np.isfinite(good) & (good > 0)]
-    room = BEYOND if still else 1.1
-    low, high = float(good.min() / room), float(good.max() * room)
-    return (low, high), [n for n in still if not low < swept.nominal[n] < high]
-
-
-def _paint(
-    axes: Axes,
-    swept: SweepResult,
-    x: Float[np.ndarray, " point"],
-    met: Sequence[tuple[float, Crossing]],
-    named: bool,
-) -> None:
-    """Shade points without results, and mark where modes meet with letters."""
-    status = np.asarray(swept.status)
+def _failed(swept: SweepResult) -> tuple[list[Rule], list[Line]]:
+    """Make shades of points without results, and their names."""
+    x, status = swept.axes[0].displayed, np.ravel(swept.status)
     edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
-    starts = np.flatnonzero(np.diff(status, prepend=-1)) if status.ndim == 1 and len(x) > 1 else []
-    for start, stop in zip(starts, [*starts[1:], len(status)], strict=True):
-        if code := int(status[start]):
-            low, high = sorted((edges[start], edges[stop]))
-            shade, text = FAILED[code]
-            axes.axvspan(low, high, color=shade, linewidth=0, zorder=0.5)
-            ends = axes.transData.transform([(low, 1), (high, 1)])[:, 0] / axes.figure.dpi
-            if named:
-                place = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
-                upright = np.ptp(ends) < text_width(text) + 0.05
-                box = {"facecolor": shade, "edgecolor": "none", "pad": 0.8}
-                axes.annotate(
-                    text, ((low + high) / 2, 0.02), **place, fontsize=SMALL, color=NOTE,
-                    rotation=90 if upright else 0, bbox=box,
-                )  # fmt: skip
-    points = [(at, one.frequency) for at, one in met]
+    starts = np.flatnonzero(np.diff(status, prepend=-1)) if len(x) > 1 else np.zeros(0, dtype=int)
+    bands = [
+        Rule(edges[start], "", True, FAILED[int(status[start])][0], to=edges[stop])
+        for start, stop in zip(starts, [*starts[1:], len(status)], strict=False)
+        if status[start]
+    ]
+    names = [FAILED[code] for code in np.unique(status[starts]).tolist() if code]
+    return bands, [Line([], [], name, colour, {"linewidth": 6}) for colour, name in names]
+
+
+def _mark(axes: Axes, met: Sequence[Crossing], per: float) -> None:
+    """Mark where modes meet with letters: white where they cross, black where they mix."""
+    points = [(one.at * per, one.frequency) for one in met]
     for point in points:
         axes.plot(*point, "o", markersize=5, markeredgecolor=INK, markerfacecolor="none")
-    inks = ["white" if one.is_avoided else INK for _, one in met]
-    found = labels.label_points(axes, points, LETTERS[: len(met)], inks, pad=2.5)
-    for text, ink in zip(found, inks, strict=True):
-        face = INK if ink == "white" else "white"
+    looks = [("white", INK) if one.mixing > MIXED else (INK, "white") for one in met]
+    letters = [chr(ord("a") + n) for n in range(len(met))]
+    texts = labels.label_points(axes, points, letters, [ink for ink, _ in looks], pad=2.5)
+    for text, (_, face) in zip(texts, looks, strict=True):
         text.set_path_effects([])
         text.set_bbox(
             {"boxstyle": "circle,pad=0.15", "facecolor": face, "edgecolor": INK, "lw": 0.5}
         )
 
 
-def _draw_maps(
-    swept: SweepResult, value: Float[np.ndarray, "column row result"], title: str
-) -> Figure:
-    chosen = sorted(np.argsort(-swept.change, kind="stable")[:MAX_MAPS].tolist())
-    maps = [_map(swept, value[:, :, n], n) for n in chosen]
-    columns = min(2, len(maps))
-    maps += [Panel(across=Across(""), right=0.88, paint=Axes.set_axis_off)] * (len(maps) % columns)
-    rows = [tuple(maps[n : n + columns]) for n in range(0, len(maps), columns)]
-    heading = f"{_quantity(swept)} over two parameters"
-    return panels.draw(heading, title, rows, width=0.4 + 3.1 * columns)
-
-
 def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> Panel:
-    first, second = swept.axes[:2]
-    scaled: list[Scale] = [
-        "log" if _is_geometric(axis.values) else "linear" for axis in (first, second)
-    ]
-    x, y = (np.array(axis.values) * axis.displayed_unit[1] for axis in (first, second))
-    ends = [(one.min(), one.max()) if len(one) > 1 else None for one in (x, y)]
-    across = Across(_parameter_label(first, 34), scaled[0], ends[0])
-    finite = np.ma.masked_invalid(value.T)
+    across, up = (_across(axis, 34) for axis in swept.axes[:2])
+    x, y = (axis.displayed for axis in swept.axes[:2])
+    finite, wide = np.ma.masked_invalid(value.T), _is_wide(value)
     low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
-    wide = _is_wide(value) and low > 0
     smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
     high = max(high, low + (abs(low) or 1.0) * 1e-9)
     norm = LogNorm(low, high) if wide else Normalize(low, high)
-    drawn = [*zip(swept.axes, swept.drawn[:2], strict=False)]
 
     def paint(axes: Axes) -> None:
         axes.grid(visible=False)
@@ -292,32 +275,28 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
         bar.ax.tick_params(labelsize=SMALL)
         if wide:
             scales.label_plainly(bar.ax.yaxis)
-        if all(min(axis.values) <= at <= max(axis.values) for axis, at in drawn):
-            here = [at * axis.displayed_unit[1] for axis, at in drawn]
+        here = [
+            at * axis.displayed_unit[1] for axis, at in zip(swept.axes, swept.drawn, strict=True)
+        ]
+        if x.min() <= here[0] <= x.max() and y.min() <= here[1] <= y.max():
             axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
             axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0)
 
     return Panel(
-        _parameter_label(second, 34), (), 2.0, scaled[1], ends[1], _title(swept, n),
-        across=across, paint=paint, right=0.88,
+        up.label, (), 2.0, up.scale, up.limits, _title(swept, n), across=across, paint=paint,
+        right=0.88,
     )  # fmt: skip
 
 
-def _draw_contours(
-    axes: Axes,
-    x: Float[np.ndarray, " column"],
-    y: Float[np.ndarray, " row"],
-    finite: Float[np.ndarray, "row column"],
-    norm: Normalize,
-) -> None:
-    """Draw labelled contours at about six round numbers."""
+def _draw_contours(axes: Axes, x: Any, y: Any, finite: np.ndarray, norm: Normalize) -> None:
+    """Draw contours at about six round numbers, labelled where there is room."""
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
     digits = (1,) if high > 1e3 * low else (1, 2, 5)
     wide = isinstance(norm, LogNorm)
     locator = LogLocator(subs=digits) if wide else MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
-    found = np.asarray(locator.tick_values(low, high))
-    place = np.ma.filled(norm(np.clip(found, low, high)), 0.0)
-    levels = found[(place > 0.04) & (place < 0.96)]  # others have no room for their label
+    levels = np.asarray(locator.tick_values(low, high))
+    place = np.ma.filled(norm(np.clip(levels, low, high)), 0.0)
+    levels = levels[(place > 0.04) & (place < 0.96)]  # others have no room for their label
     inks = [INK if norm(level) > PALE else "white" for level in levels] or "white"
     lines = axes.contour(x, y, finite, levels=levels, colors=inks, linewidths=0.6)
     paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths() if len(path)]

@@ -1,28 +1,21 @@
-"""Modes, responses and couplings of a design over grids of any of its numbers."""
+"""Modes, responses and couplings of a design over grids of any of its parameters."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from pathlib import Path
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 
-from suspension_cli.design.reader import parse
+from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
-from suspension_cli.files.declared import (
-    ATTRIBUTE,
-    AXES,
-    along,
-    common_unit,
-    in_unit,
-)
-from suspension_cli.files.hdf5 import Stored
+from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
+from suspension_cli.files.hdf5 import Stored, add_dataset
 from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
@@ -31,9 +24,8 @@ from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Several, Systems
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.builds import Column, ColumnValues
-from suspension_cli.studies.job import Axis, Product, ends_and_middle, nominal_system
-from suspension_cli.studies.sweep_file import Fill
+from suspension_cli.studies.job import Axis, Grid, ends_and_middle, nominal_system
+from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -41,47 +33,31 @@ if TYPE_CHECKING:
 OTHER_COORDINATES = len(builds.STATUS)
 STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
 """Meaning of the status of a point."""
+POINTS = 9
+"""Largest number of points at which models are compared."""
+ONE_MODEL_ONLY = "some points have an equilibrium in only one of the models"
 
 
 @dataclass(frozen=True)
-class ParameterSweep(Product):
+class ParameterSweep(Grid):
     """Grid of designs, whose axes are named by dotted paths.
 
-    Attributes
-    ----------
-    allow_unstable
-        Whether responses about an unstable equilibrium count as valid.
+    If `allow_unstable`, responses about an unstable equilibrium are valid.
     """
 
     level: str
     results: tuple[Scalar, ...]
     allow_unstable: bool = False
 
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Datasets of the file: results, status, and modes and responses before tracking.
-
-        `value`, `rank` and `overlap` are filled in by `result.complete`.
-        """
-        count, width = self.nominal_shape.shape
-        unit = common_unit((item.unit for item in self.results), "unit")
-        modes = (
-            Column("omega_squared", "f8", (count,), "rad^2/s^2", ("mode_number",)),
-            Column("shape", "f4", (count, width), "1", ("mode_number", "coordinate")),
-            Column("rank", "i2", (count,), "1", ("mode",)),
-            Column("overlap", "f8", (count,), "1", ("mode",)),
-        )
-        return (
-            Column("value", "f8", (len(self.results),), unit, ("result",)),
-            Column("status", "u1", (), "1"),
-            *builds.response_columns(self.ratios),
-            *(modes if len(self.ratios) < len(self.results) else ()),
-        )
-
-    @property
+    @cached_property
     def ratios(self) -> tuple[Ratio, ...]:
         """Responses and couplings among the results."""
         return tuple(result for result in self.results if isinstance(result, Ratio))
+
+    @property
+    def has_modes(self) -> bool:
+        """Whether modes are among the results."""
+        return len(self.ratios) < len(self.results)
 
     @cached_property
     def nominal(self) -> Modes:
@@ -93,35 +69,44 @@ class ParameterSweep(Product):
         """Shapes of the nominal modes, as in `batch_modes.Spectrum`."""
         return eigenmodes.spectrum(nominal_system(self.text, self.level)).shape
 
+    @property
+    def drawn(self) -> tuple[float, ...]:
+        """Nominal value of each parameter; NaN where the design does not give it."""
+        raw = tomllib.loads(self.text)
+        given = [value_at(raw, axis.name) for axis in self.axes]
+        return tuple(float(one) if type(one) in (int, float) else np.nan for one in given)
+
     def check(self) -> None:
         """Raise `InputError` if a path does not exist or its values give no valid design."""
         self.check_designs("--vary", self.axes, lambda one: registry.choose(one, self.level))
 
-    def compute(self, start: int, stop: int) -> ColumnValues:
-        """Compute the `columns` of points start to stop - 1."""
+    def compute(self, start: int, stop: int) -> Columns:
+        """Compute status, modes and responses of points start to stop - 1."""
         designs = variants.designs_at(self.text, self.values(start, stop))
         return self.compute_designs(designs, stop - start)
 
-    def compute_designs(self, designs: Iterable[Design | None], count: int) -> ColumnValues:
-        """Compute the `columns` of `count` designs."""
-        result = {column.name: column.blank(count) for column in self.columns}
-        nominal = nominal_system(self.text, self.level)
-        for found, here in variants.balanced(
-            designs, self.level, allow_unstable=self.allow_unstable
-        ):
+    def compute_designs(self, designs: Iterable[Design | None], count: int) -> Columns:
+        """Compute status, modes in ascending order, and responses of `count` designs."""
+        columns: dict[str, tuple[str, tuple[int, ...]]] = {"status": ("u1", ())}
+        if self.ratios:
+            columns["response"] = ("c16", (len(self.ratios),))
+        if self.has_modes:
+            shape = self.nominal_shape.shape
+            columns |= {"omega_squared": ("f8", shape[:1]), "shape": ("f4", shape)}
+        result = builds.blank(count, **columns)
+        nominal, unstable = nominal_system(self.text, self.level), self.allow_unstable
+        for found, here in variants.balanced(designs, self.level, allow_unstable=unstable):
             same = (
                 found.model.coordinate == nominal.coordinate
                 and (found.model.massless == nominal.massless).all()
             )
             result["status"][here] = found.status if same else OTHER_COORDINATES
-            if not same:
-                continue
-            if "shape" in result:
+            if same and self.has_modes:
                 solvable = has_modes(found.status)
                 solved = batch_modes.solve(found.model.constant.select(np.flatnonzero(solvable)))
                 result["omega_squared"][here[solvable]] = solved.omega_squared
                 result["shape"][here[solvable]] = solved.shape
-            if "response" in result:
+            if same and self.ratios:
                 result["response"][here] = builds.responses(found, self.ratios)
         return result
 
@@ -158,10 +143,6 @@ def evaluate_results(
     return np.stack(columns, axis=-1)
 
 
-MAX_BYTES = 1 << 28
-"""Largest set of mode shapes that is read into memory; larger ones are read point by point."""
-
-
 @dataclass(frozen=True)
 class SweepResult:
     """A finished sweep.
@@ -183,15 +164,19 @@ class SweepResult:
     value
         Results; NaN where there is none.
     status
-        See `solve.STATUS`.
+        See `status_meaning`.
     overlap
         Smallest overlap of shapes by which a mode among the results was followed from one point to
         the next; 1 without modes.
     mode, mode_number, coordinate
         Labels of the nominal modes, numbers of the modes of each point, and coordinates of shapes;
         None without modes.
-    response_name, response_unit
+    response_name, response_unit, response
         Responses and couplings among the results; None without these.
+    omega_squared, shape
+        Modes of each point in ascending order, with shapes as in `batch_modes.Spectrum`.
+    rank
+        Place of each nominal mode among those of a point.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -210,6 +195,14 @@ class SweepResult:
     response_name: tuple[str, ...] | None = None
     response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
     status_meaning: tuple[str, ...] = field(default=STATUS, metadata=ATTRIBUTE)
+    omega_squared: Float[np.ndarray, "*axes mode_number"] | None = field(
+        default=None, metadata=in_unit("rad^2/s^2")
+    )
+    shape: Float[np.ndarray, "*axes mode_number coordinate"] | None = None
+    rank: Int[np.ndarray, "*axes mode"] | None = None
+    response: Complex[np.ndarray, "*axes response_name"] | None = field(
+        default=None, metadata=in_unit("{response_unit}")
+    )
 
     @property
     def failures(self) -> dict[str, int]:
@@ -227,50 +220,12 @@ class SweepResult:
         return np.where(np.isfinite(low), (high - low) / np.where(low > 0, low, 1.0), 0.0)
 
 
-def nominal_parameters(job: ParameterSweep) -> tuple[float, ...]:
-    """Read the nominal value of each swept parameter; NaN where the design does not give it."""
-    import tomllib
-
-    from suspension_cli.design.paths import value_at
-
-    raw = tomllib.loads(job.text)
-    given = [value_at(raw, axis.name) for axis in job.axes]
-    return tuple(float(one) if type(one) in (int, float) else np.nan for one in given)
-
-
 def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
     """Find the grid point nearest to the nominal design; 0 along axes without a nominal value."""
     return tuple(
         0 if np.isnan(at) else int(np.abs(np.array(axis.values) - at).argmin())
-        for axis, at in zip(job.axes, nominal_parameters(job), strict=True)
+        for axis, at in zip(job.axes, job.drawn, strict=True)
     )
-
-
-def describe(job: ParameterSweep) -> Fill:
-    """Write what a results file has besides the columns: axes, names and nominal results."""
-    given = {
-        "axes": job.axes,
-        "drawn": nominal_parameters(job),
-        "start": nearest_point(job),
-        "result": tuple(item.text for item in job.results),
-        "unit": tuple(item.unit for item in job.results),
-        "degree": tuple(_home(job, item) for item in job.results),
-        "nominal": nominal_results(job),
-        "overlap": 1.0,
-        "status_meaning": STATUS,
-    }
-    if job.ratios:
-        given["response_name"] = tuple(item.text for item in job.ratios)
-        given["response_unit"] = tuple(item.unit for item in job.ratios)
-    if len(job.ratios) < len(job.results):
-        given["mode"] = labels(job.nominal)
-        given["mode_number"] = np.arange(1, len(job.nominal.omega_squared) + 1)
-        given["coordinate"] = job.nominal.coordinate
-    return partial(stored.write_fields, kind=SweepResult, given=given)
-
-
-def _home(job: ParameterSweep, item: Scalar) -> str:
-    return ".".join(job.nominal.home[item.number]) if isinstance(item, Mode) else ""
 
 
 def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
@@ -278,42 +233,56 @@ def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
 
     Without a steady state, responses are NaN unless the job allows it.
     """
-    modes, found = job.nominal, job.compute_designs([parse(job.text)], 1)
+    modes, found = job.nominal, job.compute_designs([job.design], 1)
     rank = np.arange(len(modes.omega_squared))
     return evaluate_results(
         job.results, modes.omega_squared[None], rank[None], found.get("response")
     )[0]
 
 
-def complete(part: Path, job: ParameterSweep) -> None:
-    """Track modes over the grid of a file with all points, and fill in the results."""
-    with h5py.File(part, "r+", locking=False) as file:
-        group: Stored = file["sweep"]
-        squared = rank = None
-        if "shape" in group:
-            stored = group["shape"]
-            shapes = stored[:] if stored.size * 4 <= MAX_BYTES else stored
-            squared = group["omega_squared"][:]
-            rank, overlap = mode_pairing.follow(
-                squared,
-                shapes,
-                has_modes(group["status"][:]),
-                nearest_point(job),
-                job.nominal_shape,
-            )
-            group["rank"][...], group["overlap"][...] = rank, overlap
-            names = {item.text for item in job.results}
-            tracked = [n for n, name in enumerate(labels(job.nominal)) if name in names]
-            least = float(np.fmin.reduce(overlap[..., tracked], axis=None))
-            group.attrs["overlap"] = 1.0 if np.isnan(least) else least
-        group["value"][...] = evaluate_results(
-            job.results, squared, rank, group["response"][:] if "response" in group else None
+def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
+    """Follow the modes over the grid, evaluate the results, and write them."""
+    known, modes = job.on_grid(columns), job.nominal
+    described: dict[str, Any] = {}
+    rank, overlap, least, start = None, None, np.nan, nearest_point(job)
+    if job.has_modes:
+        rank, overlap = mode_pairing.follow(
+            known["omega_squared"],
+            known["shape"],
+            has_modes(known["status"]),
+            start,
+            job.nominal_shape,
         )
-
-
-POINTS = 9
-"""Largest number of points at which models are compared."""
-ONE_MODEL_ONLY = "some points have an equilibrium in only one of the models"
+        tracked = [one.number for one in job.results if isinstance(one, Mode)]
+        least = float(np.fmin.reduce(overlap[..., tracked], axis=None))
+        described |= {
+            "mode": tuple(labels(modes)),
+            "mode_number": np.arange(1, len(modes.omega_squared) + 1),
+            "coordinate": modes.coordinate,
+        }
+    if job.ratios:
+        described["response_name"] = tuple(item.text for item in job.ratios)
+        described["response_unit"] = tuple(item.unit for item in job.ratios)
+    squared, response = known.get("omega_squared"), known.get("response")
+    homes = [modes.home[one.number] if isinstance(one, Mode) else () for one in job.results]
+    record = SweepResult(
+        axes=job.axes,
+        drawn=job.drawn,
+        start=start,
+        result=tuple(item.text for item in job.results),
+        unit=tuple(item.unit for item in job.results),
+        degree=tuple(".".join(home) for home in homes),
+        nominal=nominal_results(job),
+        value=evaluate_results(job.results, squared, rank, response),
+        overlap=1.0 if np.isnan(least) else least,
+        rank=rank,
+        **described,
+        **known,
+    )
+    stored.write(group, record)
+    if overlap is not None:
+        scales = [group[dim_name(axis.name)] for axis in job.axes]
+        add_dataset(group, "overlap", overlap, "1", *scales, group["mode"])
 
 
 def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, str]]:

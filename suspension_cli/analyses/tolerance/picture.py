@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from suspension_cli.analyses.tolerance.quantities import COUPLING, Requirement
-from suspension_cli.analyses.tolerance.statistics import QUANTILES, strongest
-from suspension_cli.analyses.tolerance.summary import Spread, Summary
+from suspension_cli.analyses.tolerance.solve import COUPLING, Requirement
+from suspension_cli.analyses.tolerance.summary import QUANTILES, Spread, Summary, strongest
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
@@ -26,10 +25,8 @@ if TYPE_CHECKING:
 MET, MISSED, CAUSE = PALETTE[0], PALETTE[1], PALETTE[2]
 NAMES = 1.72
 """Width of the margin left of rows, in."""
-MAX_BARS = 8
-"""Largest number of rank correlations or Sobol indices shown."""
-MAX_ROWS = 6
-"""Largest number of modes, and of statics of one unit, shown."""
+MAX_ROWS = 8, 6
+"""Largest number of causes, and of modes or statics of one unit, shown."""
 LITTLE = 0.1
 """Spread over the largest below which a mode or static is not drawn."""
 BAR = 7.0
@@ -48,16 +45,16 @@ KEY = [
 
 def draw(summary: Summary, title: str) -> Figure:
     """Draw the figure of `pendsus tolerance`."""
-    first, *rest = _requirements(summary)
-    rest += [*_causes(summary), *_frequencies(summary), *_statics(summary)]
+    first, *rest = [*_requirements(summary), *_causes(summary), *_varying(summary)]
     first = replace(first, key=KEY, remarks=[*first.remarks, "in brackets: 95 % confidence"])
-    heading = f"{min(summary.good, summary.independent):,} random builds"
+    count = f"{min(summary.good, summary.independent):,}"
+    heading = f"{count} random builds"
     if summary.joint is not None:
-        heading = f"{summary.joint.percent} of {heading.replace('random ', '')} meet all limits"
+        heading = f"{summary.joint.percent} of {count} builds meet all limits"
     return panels.draw(heading, title, [first, *rest])
 
 
-def _requirements(summary: Summary) -> list[Panel]:
+def _requirements(summary: Summary) -> Iterator[Panel]:
     """Make panels of quantities with requirements, and of the coupling."""
     job = summary.job
     limits: dict[str, list[Requirement]] = {COUPLING: []}
@@ -65,23 +62,20 @@ def _requirements(summary: Summary) -> list[Panel]:
     for quantity, limit, met in zip(job.required, job.requirements, summary.yields, strict=True):
         limits.setdefault(quantity.name, []).append(limit)
         lines.setdefault(quantity.name, []).append(f"{met.percent}: {met.name}")
-    marks: list[float] = []
-    if not limits[COUPLING]:  # without requirements the limit is one, else for comparison
-        under = f"{summary.under.percent}: {COUPLING} < {summary.limit:g}"
-        lines[COUPLING].append(f"for comparison: {under}" if job.requirements else under)
-        own = Requirement(COUPLING, -np.inf, summary.limit, magnitude=True)
-        if job.requirements:
-            marks.append(summary.limit)
-        else:
-            limits[COUPLING].append(own)
-    shown = []
     for one in summary.required:
         if one.name != COUPLING:
             label = f"{one.name} ({one.quantity.displayed[0] or 'ratio'})"
-            shown.append(_histogram(one, limits[one.name], label, lines[one.name]))
+            yield _histogram(one, limits[one.name], label, lines[one.name])
+    dashes: LineStyleType = "--"
+    if not limits[COUPLING]:  # without requirements the limit is one, else for comparison
+        limits[COUPLING].append(Requirement(COUPLING, -np.inf, summary.limit, magnitude=True))
+        line = f"{summary.under.percent}: {COUPLING} < {summary.limit:g}"
+        if job.requirements:
+            line, dashes = f"for comparison: {line}", (0, (1, 2))
+        lines[COUPLING].append(line)
     label = f"|{single_line(summary.ratio, 52)}| ({curves.unit_of_ratio(summary.ratio)})"
-    told = [f"{line} at {summary.frequency:g} Hz" for line in lines[COUPLING]]
-    return [*shown, _histogram(summary.coupling, limits[COUPLING], label, told, marks)]
+    said = [f"{line} at {summary.frequency:g} Hz" for line in lines[COUPLING]]
+    yield _histogram(summary.coupling, limits[COUPLING], label, said, dashes)
 
 
 def _histogram(
@@ -89,23 +83,21 @@ def _histogram(
     limits: Sequence[Requirement],
     label: str,
     lines: Sequence[str],
-    marks: Sequence[float] = (),
+    dashes: LineStyleType = "--",
 ) -> Panel:
     """Make the panel of the distribution of a quantity, with builds beyond limits on top.
 
-    `marks` are limits that are no requirements. The coupling is drawn on a logarithmic axis.
+    The coupling is drawn on a logarithmic axis; limits that are not dashed are no requirements.
     """
     logarithmic, per, values = one.name == COUPLING, one.quantity.displayed[1], one.sample
     values = values[np.isfinite(values) & ((values > 0) | (not logarithmic))]
     met, shown = np.ones(len(values), dtype=bool), per * values
     ends: set[float] = set()
     for limit in limits:
-        met &= limit.is_met(values)
+        met &= limit.is_met(values) | (dashes != "--")
         ends |= {limit.low, limit.high}
         if limit.magnitude and (values < 0).any():
             ends |= {-limit.low, -limit.high}
-    places: dict[float, LineStyleType] = dict.fromkeys(marks, (0, (1, 2)))
-    places |= {per * end: "--" for end in sorted(ends) if np.isfinite(end)}
 
     def paint(axes: Axes) -> None:
         axes.yaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2))
@@ -124,18 +116,16 @@ def _histogram(
             linewidth=0,
         )
 
+    rules = [
+        Rule(per * end, f"limit {per * end:.4g}", True, dashes=dashes, is_named=False)
+        for end in sorted(ends)
+        if np.isfinite(end)
+    ]
+    across = Across(label, "log" if logarithmic else "linear")
     return Panel(
-        "builds (%)",
-        height=0.95,
-        title=lines[0],
-        remarks=lines[1:],
-        rules=[
-            Rule(end, f"limit {end:.4g}", True, dashes=dashes, is_named=False)
-            for end, dashes in places.items()
-        ],
-        across=Across(label, "log" if logarithmic else "linear"),
+        "builds (%)", height=0.95, title=lines[0], remarks=lines[1:], rules=rules, across=across,
         paint=paint,
-    )
+    )  # fmt: skip
 
 
 def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], label: str) -> Panel:
@@ -147,74 +137,62 @@ def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], lab
     )  # fmt: skip
 
 
-def _causes(summary: Summary) -> list[Panel]:
+def _causes(summary: Summary) -> Iterator[Panel]:
     """Make the panel of the coupling's significant rank correlations or Sobol indices."""
-    found, rank = summary.coupling.sobol, summary.signed.rank
-    if found is not None:
-        total, first, error = map(np.nan_to_num, (found.total, found.first, found.total_error))
-        top = strongest(np.maximum(total, 0.0), MAX_BARS, 0.005)
-        names, label = [*summary.job.groups], "Sobol index (fraction of variance)"
-        texts = [
-            "Tolerances that cause the spread of the coupling",
-            "green: alone; grey: with others, and its standard error",
-        ]
+    rank, most = summary.signed.rank, MAX_ROWS[0]
+    if summary.indices:
+        found = summary.indices_of(summary.coupling)
+        total, first, error = (found[name] for name in ("total", "first", "total_error"))
+        top = strongest(np.maximum(total, 0.0), most, 0.005)
         lines = panels.stems(0.0, total[top], PALE, BAR)
         lines += panels.stems(0.0, np.maximum(first[top], 0.0), CAUSE, BAR / 2)
         lines += panels.stems(total[top] - error[top], total[top] + error[top], INK, 0.6)
-    else:
-        every = strongest(rank, len(rank), summary.significant)
-        top, more = every[:MAX_BARS], len(every) - MAX_BARS
-        if not top:
-            return []
+        remark = "green: alone; grey: with others, and its standard error"
+        texts = ["Tolerances that cause the spread of the coupling", remark]
+        names = [summary.job.groups[n] for n in top]
+        yield _rows(names, lines, texts, "Sobol index (fraction of variance)")
+    elif every := strongest(rank, len(rank), summary.significant):
+        top, more = every[:most], len(every) - most
         size = abs(rank[top[-1]]) if more > 0 else summary.significant
         rest = f"{more} more are significant" if more > 0 else "no other is significant"
-        names, label = [one.label for one in summary.job.factors], "rank correlation (−1 to 1)"
-        texts = [
-            "Deviations that the coupling depends on most, with their sign",
-            f"{rest} (below {size:.2g} in size)",
-        ]
+        remark = f"{rest} (below {size:.2g} in size)"
+        texts = ["Deviations that the coupling depends on most, with their sign", remark]
+        names = [summary.job.factors[n].label for n in top]
         lines = panels.stems(0.0, rank[top], CAUSE, BAR)
-    return [_rows([names[n] for n in top], lines, texts, label)]
+        yield _rows(names, lines, texts, "rank correlation (−1 to 1)")
 
 
-def _frequencies(summary: Summary) -> list[Panel]:
-    """Make the panel of the modes that vary most, in % of the nominal frequency."""
+def _varying(summary: Summary) -> Iterator[Panel]:
+    """Make panels of the modes, static rotations and displacements that vary most."""
+    modes = summary.job.nominal
     with np.errstate(all="ignore"):
-        change = 100 * (summary.quantiles / summary.nominal[:, None] - 1)
-    names = [f"{name}  {f:.3g} Hz" for name, f in zip(summary.label, summary.nominal, strict=True)]
-    return _spreads("Frequencies", names, change, "frequency from nominal", "%")
-
-
-def _statics(summary: Summary) -> list[Panel]:
-    """Make panels of the static rotations and displacements that vary most."""
-    shown = []
+        change = 100 * (summary.quantiles / modes.frequency[:, None] - 1)
+    names = [f"{name}  {f:.3g} Hz" for name, f in zip(modes.label, modes.frequency, strict=True)]
+    yield from _spreads("Frequencies", names, change, "frequency from nominal", "%")
     for unit, what in (("rad", "rotation"), ("m", "displacement")):
         some = [one for one in summary.static if one.unit == unit]
         names = [one.name.replace(" static ", " ") for one in some]
         name, per = DISPLAYED[unit]
         quantiles = per * np.array([one.quantiles for one in some])
-        shown += _spreads(f"Static {what}s", names, quantiles, f"static {what}", name)
-    return shown
+        yield from _spreads(f"Static {what}s", names, quantiles, f"static {what}", name)
 
 
 def _spreads(
     heading: str, names: list[str], quantiles: Array, label: str, unit: str
-) -> list[Panel]:
+) -> Iterator[Panel]:
     """Make a panel of the quantities that vary most, largest first; count the others."""
     edges = [QUANTILES.index(level) for level in (0.05, 0.25, 0.5, 0.75, 0.95)]
     reach = np.nan_to_num(quantiles[:, edges[-1]] - quantiles[:, edges[0]])
     order = np.argsort(-reach, kind="stable")
     least = max(NEGLIGIBLE[unit], LITTLE * float(reach.max(initial=0.0)))
-    top = order[reach[order] > least][:MAX_ROWS]
+    top = order[reach[order] > least][: MAX_ROWS[1]]
     if not len(top):
-        return []
-    texts = [f"{heading}: 5, 25, 50, 75 and 95 % of builds"]
-    rest = reach[order[len(top) :]]
+        return
+    texts, rest = [f"{heading}: 5, 25, 50, 75 and 95 % of builds"], reach[order[len(top) :]]
     if len(rest):
         texts.append(f"{len(rest)} others: {rest.max():.2g} {unit} or less between 5 and 95 %")
-
     low, q1, middle, q3, high = quantiles[top][:, edges].T
     mark: LineLook = {"linestyle": "none", "marker": "|", "markersize": 6}
     lines = [*panels.stems(low, high, MET, 1.0), *panels.stems(q1, q3, MET, 4.0)]
     lines.append(Line(middle, np.arange(len(top)), "_", "white", mark))
-    return [_rows([names[n] for n in top], lines, texts, f"{label} ({unit})")]
+    yield _rows([names[n] for n in top], lines, texts, f"{label} ({unit})")

@@ -1,44 +1,50 @@
-"""Mode frequencies, cross-coupling and static pose of random builds.
+"""Random builds, their results, and requirements on these by name.
 
-Each nominal mode is paired with the mode of the build whose shape overlaps it most.
+A quantity is the frequency of a mode (by label or number), ``coupling`` (the magnitude of the
+analysis' cross-coupling at its last frequency), a static displacement or rotation such as ``test
+static pitch``, or the magnitude of a named response (`linear.named_results`). A requirement is
+``QUANTITY in LEAST:LARGEST``, or ``QUANTITY < LIMIT`` or ``QUANTITY > LIMIT`` for magnitudes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses.tolerance.quantities import (
-    RATIO,
-    Quantity,
-    Requirement,
-    find,
-    of_modes,
-    of_stages,
-)
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings
-from suspension_cli.errors import gather
-from suspension_cli.linear import batch_modes, eigenmodes, signals
+from suspension_cli.design.faults import suggest
+from suspension_cli.design.paths import DISPLAYED
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import InputError, format_value, gather
+from suspension_cli.linear import batch_modes, eigenmodes, named_results, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
-from suspension_cli.linear.named_results import Ratio, quotient_unit
+from suspension_cli.linear.named_results import Mode, Ratio
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Frequencies, Systems, compare_builds
 from suspension_cli.studies import builds, sampling
-from suspension_cli.studies.builds import OUTCOME, Builds, Column, ColumnValues
+from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.job import Job, nominal_system
-from suspension_cli.studies.sample_points import RANDOM, SamplePoints
+from suspension_cli.studies.run import Columns
+from suspension_cli.studies.sampling import RANDOM, SamplePoints
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.models.choice import Comparison
 
+COUPLING = "coupling"
+"""Name of the cross-coupling of the analysis."""
+STATIC = {"x": "m", "y": "m", "height": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
+"""Units of the static displacements and rotations of a body, in the order of its coordinates."""
+SYNTAX = "write 'QUANTITY in LEAST:LARGEST', 'QUANTITY < LIMIT' or 'QUANTITY > LIMIT', in SI units"
 SEARCHED = 1000
 """First builds from which the extreme ones are taken."""
 EXTREME = 15
@@ -46,25 +52,178 @@ EXTREME = 15
 
 
 @dataclass(frozen=True)
+class Quantity:
+    """One result of every build, in SI units; Hz for modes.
+
+    Its values are at a `place` in the rows of a `column`. A complex result is taken with its sign
+    (see `with_sign`), or by its magnitude.
+    """
+
+    name: str
+    unit: str
+    column: str
+    place: tuple[int, ...]
+    ratio: Ratio | None = None
+    signed: bool = False
+
+    @property
+    def displayed(self) -> tuple[str, float]:
+        """Unit in which values are shown, "" for ratios, and the factor from SI to it."""
+        name, factor = DISPLAYED.get(self.unit, (self.unit, 1.0))
+        return ("" if name == "1" else name), factor
+
+    def read(
+        self, columns: Mapping[str, Any], some: slice = slice(None)
+    ) -> Float[np.ndarray, " build"]:
+        """Read the values in some builds; NaN where a build failed."""
+        values = columns[self.column][(some, *self.place)]
+        if self.signed:
+            return with_sign(values)
+        return np.abs(values) if np.iscomplexobj(values) else values
+
+
+RATIO = Quantity(COUPLING, "1", "ratio", (-1,))
+SIGNED = Quantity("coupling with its sign", "1", "ratio", (-1,), signed=True)
+
+
+def with_sign(ratio: Complex[np.ndarray, " build"]) -> Float[np.ndarray, " build"]:
+    """Parts of complex numbers along the phase in which they vary most; NaN of NaN.
+
+    Small imperfections add up with their signs, which magnitudes hide. Real ratios are unchanged.
+
+    >>> with_sign(np.array([2.0, -1.0, 0.5]) * (1 + 0j))
+    array([ 2. , -1. ,  0.5])
+    """
+    known = ratio[np.isfinite(ratio)]
+    if not len(known):
+        return np.full(len(ratio), np.nan)
+    phase = np.angle(((known - known.mean()) ** 2).sum()) / 2
+    return (ratio * np.exp(-1j * phase)).real
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A requirement on a quantity, by name: least and largest value, SI, or infinite.
+
+    A limit on the magnitude must not be equalled. `key` gave it, for error messages.
+    """
+
+    quantity: str
+    low: float
+    high: float
+    magnitude: bool
+    key: str = field(default="--require", compare=False)
+
+    @property
+    def text(self) -> str:
+        """Text for ``--require``, exact to the last digit."""
+        low, high = self.low, self.high
+        if not self.magnitude:
+            return f"{self.quantity} in {low!r}:{high!r}"
+        return f"{self.quantity} " + (f"< {high!r}" if high < math.inf else f"> {low!r}")
+
+    def describe(self, quantity: Quantity) -> str:
+        """Describe it in usual units, with the unique name of its quantity."""
+        unit, per = quantity.displayed
+        low, high = self.low * per, self.high * per
+        if not self.magnitude:
+            return f"{quantity.name} in {low:g} to {high:g} {unit}".rstrip()
+        name = f"|{quantity.name}|" if quantity.column == "static" else quantity.name
+        limit = f"< {high:g}" if high < math.inf else f"> {low:g}"
+        return f"{name} {limit} {unit}".rstrip()
+
+    def is_met(self, values: Float[np.ndarray, " build"]) -> Bool[np.ndarray, " build"]:
+        """Whether builds with these values meet it; failed builds (NaN) do not."""
+        if self.magnitude:
+            size = np.abs(values)
+            return (size > self.low) & (size < self.high)
+        return (values >= self.low) & (values <= self.high)
+
+
+def requirements(design: Design, options: Sequence[str]) -> tuple[Requirement, ...]:
+    """Parse the requirements of a design and of ``--require``, without looking up quantities."""
+    found = []
+    for n, one in enumerate(design.tolerance.require if design.tolerance else (), 1):
+        low, high = one.band or (one.above or -math.inf, one.below or math.inf)
+        key = f"tolerance.require.{n}.quantity"
+        found.append(Requirement(one.quantity, low, high, one.band is None, key))
+    return tuple(dict.fromkeys((*found, *gather(parse, options))))
+
+
+def parse(text: str) -> Requirement:
+    """Parse one requirement as ``--require`` takes it."""
+
+    def refused(problem: str, remedy: str = SYNTAX) -> InputError:
+        return InputError.of("--require", problem, remedy, format_value(text))
+
+    found = re.fullmatch(r"\s*(.+?)\s+(in)\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
+    found = found or re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
+    if found is None:
+        raise refused("is no requirement")
+    name, sign, *words = found.groups()
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        raise refused("has a limit that is no number") from None
+    if not np.isfinite(numbers).all():
+        raise refused("has a limit that is not finite")
+    if sign == "in":
+        low, high = numbers
+        if not low < high:
+            raise refused("is a reversed or empty band", "give LEAST:LARGEST")
+        return Requirement(name, low, high, magnitude=False)
+    [limit] = numbers
+    if not limit > 0:
+        problem = "limits a magnitude to a value that is not positive"
+        raise refused(problem, "give a positive limit")
+    low, high = (-math.inf, limit) if sign == "<" else (limit, math.inf)
+    return Requirement(name, low, high, magnitude=True)
+
+
+def every_quantity(modes: Modes, stages: Sequence[str]) -> dict[str, Quantity]:
+    """List frequencies of modes, the coupling, static displacements and rotations, by name."""
+    names = named_results.labels(modes)
+    found = [Quantity(name, "Hz", "frequency", (n,)) for n, name in enumerate(names)]
+    found.append(RATIO)
+    for n, stage in enumerate(stages):
+        for i, (dof, unit) in enumerate(STATIC.items()):
+            found.append(Quantity(f"{stage} static {dof}", unit, "static", (n, i)))
+    return {one.name: one for one in found}
+
+
+def find(
+    name: str, key: str, modes: Modes, stages: Sequence[str], known: tuple[str, ...]
+) -> Quantity:
+    """Find a quantity by name; that of a response has no place yet.
+
+    `known` are the bodies with signals; `key` is named in error messages.
+    """
+    name = " ".join(name.split())
+    if name.endswith(" static z"):
+        name = f"{name[:-1]}height"
+    every = every_quantity(modes, stages)
+    if name in every:
+        return every[name]
+    if "/" in name or name.isdigit() or name in modes.label:
+        [found] = named_results.parse([name], modes, known if "/" in name else (), key)
+        if isinstance(found, Mode):
+            return every[found.text]
+        return Quantity(found.text, found.unit, "response", (), found)
+    remedy = suggest(name, [*every])
+    if not remedy.startswith("did you mean"):
+        remedy = (
+            "give a mode's label (pendsus modes lists them), coupling, STAGE static"
+            f" {'|'.join(STATIC)}, or a response OUTPUT/INPUT:FREQUENCY"
+        )
+    raise InputError.of(key, "is no quantity of builds", remedy, format_value(name))
+
+
+@dataclass(frozen=True)
 class RandomBuilds(Job):
     """Random builds of one design with a `[tolerance]` table.
 
-    Attributes
-    ----------
-    count
-        Number of builds.
-    question
-        The cross-coupling; its wire and body are ignored.
-    allow_unstable
-        Whether builds with an unstable equilibrium are valid.
-    level
-        Name of a model that supports imperfect builds.
-    requirements
-        The responses that they name are also computed.
-    method
-        Sampling, see `studies.sample_points`.
-    with_indices
-        Whether builds are drawn for Sobol indices.
+    Wire and body of the `question` are ignored. Responses that requirements name are computed too.
+    `method` is that of `studies.sampling`; builds may be drawn for Sobol indices.
     """
 
     count: int
@@ -76,61 +235,10 @@ class RandomBuilds(Job):
     method: str = RANDOM
     with_indices: bool = False
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of builds."""
-        return (self.count,)
-
-    @property
-    def scales(self) -> tuple[str, ...]:
-        """Name of the dataset of build numbers."""
-        return ("build",)
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Datasets of the file."""
-        ratio = quotient_unit(self.question.over, self.question.under)
-        bodies = len(self.scene.bodies.name)
-        return (
-            Column("build", "u4", (), "1"),
-            Column("frequency", "f8", (len(self.nominal.omega_squared),), "Hz", ("mode",)),
-            Column("ratio", "c16", (len(self.question.frequency),), ratio, ("coupling_frequency",)),
-            Column("static", "f8", (bodies, 6), "{static_unit}", ("stage", "static_dof")),
-            *builds.response_columns(self.ratios),
-            *OUTCOME,
-        )
-
     @cached_property
     def factors(self) -> tuple[sampling.ScatteredNumber, ...]:
         """Numbers of the design that vary between builds."""
         return sampling.factors(self.design, self.scene)
-
-    @cached_property
-    def ratios(self) -> tuple[Ratio, ...]:
-        """Named responses and couplings that requirements limit."""
-        named = [one for one in self.requirements if "/" in one.quantity]
-        found = [one.ratio for one in gather(self.find, named)]
-        return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
-
-    @cached_property
-    def required(self) -> tuple[Quantity, ...]:
-        """Quantity of each requirement; raises `InputError` if the model has none of that name."""
-        return tuple(
-            replace(one, place=(self.ratios.index(one.ratio),)) if one.ratio else one
-            for one in gather(self.find, self.requirements)
-        )
-
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """Quantities whose statistics are computed, each once."""
-        stages = of_stages(self.scene.bodies.name)
-        return tuple(dict.fromkeys((*of_modes(self.nominal), RATIO, *stages, *self.required)))
-
-    def find(self, requirement: Requirement) -> Quantity:
-        """Find the quantity of a requirement; that of a response has no place yet."""
-        known = signals.bodies_with_signals(nominal_system(self.text, registry.STRING.name))
-        stages = self.scene.bodies.name
-        return find(requirement.quantity, requirement.key, self.nominal, stages, known)
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
@@ -141,14 +249,38 @@ class RandomBuilds(Job):
     def points(self) -> SamplePoints:
         """Points of the unit cube from which deviations follow."""
         groups = [self.groups.index(factor.group) for factor in self.factors]
-        return SamplePoints(
-            self.method, self.seed, self.count, tuple(groups) if self.with_indices else ()
-        )
+        given = tuple(groups) if self.with_indices else ()
+        return SamplePoints(self.method, self.seed, self.count, given)
 
     @cached_property
     def nominal(self) -> Modes:
         """Modes without random deviations, but with the design's own perturbations."""
         return eigenmodes.solve(nominal_system(self.text, self.level))
+
+    @cached_property
+    def ratios(self) -> tuple[Ratio, ...]:
+        """Named responses and couplings that requirements limit."""
+        named = [one for one in self.requirements if "/" in one.quantity]
+        found = [one.ratio for one in gather(self._find, named)]
+        return tuple(dict.fromkeys(ratio for ratio in found if ratio is not None))
+
+    @cached_property
+    def required(self) -> tuple[Quantity, ...]:
+        """Quantity of each requirement; raises `InputError` if the model has none of that name."""
+        return tuple(
+            replace(one, place=(self.ratios.index(one.ratio),)) if one.ratio else one
+            for one in gather(self._find, self.requirements)
+        )
+
+    def _find(self, one: Requirement) -> Quantity:
+        known = signals.bodies_with_signals(nominal_system(self.text, registry.STRING.name))
+        return find(one.quantity, one.key, self.nominal, self.scene.bodies.name, known)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Quantities whose statistics are computed, each once."""
+        every = every_quantity(self.nominal, self.scene.bodies.name)
+        return tuple(dict.fromkeys((*every.values(), *self.required)))
 
     def check(self) -> None:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""
@@ -158,13 +290,12 @@ class RandomBuilds(Job):
         """Draw the random deviations of builds start to stop - 1."""
         return sampling.deviations(self.factors, self.points.of(start, stop, len(self.factors)))
 
-    def compute(self, start: int, stop: int) -> ColumnValues:
-        """Compute the `columns` of builds start to stop - 1."""
-        found = self.compute_with(self.deviations(start, stop))
-        return {"build": np.arange(start, stop, dtype=np.uint32), **found}
+    def compute(self, start: int, stop: int) -> Columns:
+        """Compute the results of builds start to stop - 1."""
+        return self.compute_with(self.deviations(start, stop))
 
-    def compute_with(self, deviations: Float[np.ndarray, "build factor"]) -> ColumnValues:
-        """Compute the `columns` but for `build` of builds with these deviations."""
+    def compute_with(self, deviations: Float[np.ndarray, "build factor"]) -> Columns:
+        """Compute frequencies, statics, couplings and responses of builds with these deviations."""
         scene = sampling.imperfect(self.scene, self.factors, deviations)
         found = builds.balance(
             scene, self.design, level=self.level, allow_unstable=self.allow_unstable
@@ -173,22 +304,22 @@ class RandomBuilds(Job):
             nominal = eigenmodes.spectrum(nominal_system(self.text, self.level))
             squared = follow_modes(found, nominal.shape)
             squared = squared if self.allow_unstable else np.maximum(squared, 0.0)
-            result = couplings(found, self.question) | {
-                "frequency": np.sqrt(squared) / (2 * np.pi),
-                "static": found.static,
-                "response": builds.responses(found, self.ratios),
-            }
+            result = couplings(found, self.question)
+            result |= {"frequency": np.sqrt(squared) / (2 * np.pi), "static": found.static}
+            if self.ratios:
+                result["response"] = builds.responses(found, self.ratios)
         for name in ("frequency", "static"):
             result[name][found.status != builds.GOOD] = np.nan
+        del result["over"], result["under"]
         return result
 
 
 def follow_modes(
     found: Builds, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> Float[np.ndarray, "build mode"]:
-    """Solve for omega^2, (rad/s)^2, of every build in the order of the nominal modes.
+    """Solve for omega^2, (rad/s)^2, of every build in the order of nominal modes of these shapes.
 
-    `shapes` are those of the nominal modes, as in `batch_modes.Spectrum`.
+    Each is paired with the mode of the build that overlaps it most.
     """
     solved = batch_modes.solve(found.model)
     overlap = (shapes @ np.swapaxes(solved.shape, -1, -2)) ** 2  # (p, m, m): nominal, build
@@ -207,7 +338,6 @@ def build_change(job: RandomBuilds) -> Comparison:
     """
     systems = Systems(job.design)
     deviations = _extremes(replace(job, method=RANDOM, with_indices=False))
-    named = job.nominal
 
     def solve(model: Model) -> list[tuple[str, np.ndarray]]:
         one = replace(job, level=model.name)
@@ -219,8 +349,8 @@ def build_change(job: RandomBuilds) -> Comparison:
             *((ratio.text, found["response"][:, n]) for n, ratio in enumerate(job.ratios)),
         ]
         if not model.has_wire_mass:
-            places = pair_bodies(named, one.nominal, systems(model))
-            values += zip(named.label, found["frequency"].T[places], strict=True)
+            places = pair_bodies(job.nominal, one.nominal, systems(model))
+            values += zip(job.nominal.label, found["frequency"].T[places], strict=True)
         return values
 
     compared = compare_builds(solve)

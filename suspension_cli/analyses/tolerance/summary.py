@@ -1,71 +1,194 @@
-"""Statistics of random builds, and what their results file holds besides the builds."""
+"""Statistics of random builds, and their results file."""
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
-from numpy.typing import ArrayLike
 
-from suspension_cli.analyses.tolerance.quantities import RATIO, SIGNED, STATIC, Quantity, parse
-from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.analyses.tolerance.statistics import (
-    QUANTILES,
-    RANKED,
-    SIGNIFICANT,
-    SobolIndices,
-    Yield,
-    replicate_interval,
-    slopes,
-    sobol_indices,
-    standard_error,
-    unit_ranks,
-    wilson_interval,
+from suspension_cli.analyses.tolerance.solve import (
+    RATIO,
+    SIGNED,
+    STATIC,
+    Quantity,
+    RandomBuilds,
+    parse,
 )
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.files import stored
-from suspension_cli.files.declared import ATTRIBUTE, TEXT, in_unit
-from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
+from suspension_cli.files.declared import ATTRIBUTE, along, in_unit
 from suspension_cli.linear import signals
+from suspension_cli.linear.named_results import quotient_unit
 from suspension_cli.studies import builds
 from suspension_cli.studies.job import parse as parse_design
-from suspension_cli.studies.sample_points import RANDOM
-from suspension_cli.studies.sweep_file import Fill
+from suspension_cli.studies.run import Columns
+from suspension_cli.studies.sampling import RANDOM
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    import h5py
+    from jaxtyping import Bool, Complex, Float, Int
 
+QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+"""Quantiles that are reported."""
+RANKED = 20_000
+"""Number of first builds for rank correlations, whose error is then below 0.01."""
+LEVEL = 0.95
+"""Probability that an interval contains the true value."""
+SIGNIFICANT = 3.0
+"""Least significant correlation, in standard deviations 1/sqrt(N) of N uncorrelated builds."""
 MAX_POINTS = 4000
 """Most builds in figures."""
+STATIC_UNIT = in_unit("{static_unit}")
 
 
-Table = dict[str, tuple[str, str, ArrayLike]]
-"""Dimensions, unit and values of arrays by path."""
+@dataclass(frozen=True)
+class Yield:
+    """Fraction of builds that meet a requirement, or all, and its 95 % confidence interval."""
+
+    name: str
+    fraction: float
+    interval: tuple[float, float]
+
+    @property
+    def percent(self) -> str:
+        """Fraction and interval as text."""
+        low, high = self.interval
+        return f"{100 * self.fraction:.3g} % ({100 * low:.3g} to {100 * high:.3g})"
+
+
+def unit_ranks(values: Float[np.ndarray, "build column"]) -> Float[np.ndarray, "build column"]:
+    """Ranks in each column, less their mean, as unit vectors; 0 for a constant column.
+
+    Products of two such vectors are Spearman's rank correlations.
+    """
+    if not len(values):
+        return np.zeros(values.shape)
+    from scipy.stats import rankdata  # spearmanr is slower, as it tests significance
+
+    apart = rankdata(values, axis=0) - (len(values) + 1) / 2
+    size = np.sqrt((apart**2).sum(0))
+    return apart / np.where(size > 0, size, 1.0)
+
+
+def slopes(
+    a: Float[np.ndarray, " build"], b: Float[np.ndarray, "build factor"]
+) -> Float[np.ndarray, " factor"]:
+    """Slopes of the least-squares lines of values over the columns of b.
+
+    >>> slopes(np.array([1.0, 3.0, 5.0]), np.array([[0.0], [1.0], [2.0]]))
+    array([2.])
+    """
+    if not len(a):
+        return np.zeros(b.shape[1])
+    apart = b - b.mean(0)
+    square = (apart**2).sum(0)
+    return (a - a.mean()) @ apart / np.where(square > 0, square, 1.0)
+
+
+def strongest(
+    correlation: Float[np.ndarray, " factors"], count: int, least: float = 0.0
+) -> list[int]:
+    """Numbers of the strongest correlations above a least size, strongest first."""
+    order = np.argsort(-np.abs(correlation), kind="stable")[:count]
+    return [int(n) for n in order if abs(correlation[n]) > least]
+
+
+def confidence_interval(
+    met: Bool[np.ndarray, " build"], replicate: Int[np.ndarray, " build"] | None = None
+) -> tuple[float, float]:
+    """Estimate the confidence interval of a fraction of independent builds, or of replicates.
+
+    After Wilson, J. Am. Stat. Assoc. 22, 209 (1927); of replicates Student's t of their fractions,
+    unless all are 0 or 1.
+
+    >>> [round(end, 4) for end in confidence_interval(np.zeros(100, dtype=bool))]
+    [0.0, 0.037]
+    """
+    from scipy.stats import binomtest, sem, t
+
+    count, builds = int(met.sum()), len(met)
+    if builds == 0:
+        return np.nan, np.nan
+    parts = np.empty(0) if replicate is None else _means(met, replicate)
+    if len(parts) < 2 or count in (0, builds):
+        low, high = binomtest(count, builds).proportion_ci(LEVEL, method="wilson")
+    else:
+        low, high = t.interval(LEVEL, len(parts) - 1, count / builds, sem(parts))
+    return max(float(low), 0.0), min(float(high), 1.0)
+
+
+def standard_error(
+    values: Float[np.ndarray, " build"], replicate: Int[np.ndarray, " build"] | None = None
+) -> float:
+    """Estimate the standard error of a mean of independent values or replicates; NaN of one."""
+    parts = values if replicate is None else _means(values, replicate)
+    return float(parts.std(ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.nan
+
+
+def _means(values: np.ndarray, replicate: Int[np.ndarray, " build"]) -> np.ndarray:
+    """Compute the mean of the values of each replicate."""
+    return np.array([values[replicate == number].mean() for number in np.unique(replicate)])
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """Sobol indices of results with respect to groups of numbers; NaN where a result does not vary.
+
+    The first-order one is the fraction of the variance that a group causes alone; the total one
+    that which it causes alone or together with others. Errors are standard errors.
+    """
+
+    first: Float[np.ndarray, "group result"]
+    total: Float[np.ndarray, "group result"]
+    first_error: Float[np.ndarray, "group result"]
+    total_error: Float[np.ndarray, "group result"]
+
+
+def sobol_indices(
+    values: Float[np.ndarray, "group+2 sample result"], replicate: Int[np.ndarray, " sample"]
+) -> SobolIndices:
+    """Estimate Sobol indices from the results by block, see `sampling.SamplePoints`.
+
+    V_i = <f(B) (f(A_B^i) - f(A))> (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), table 2
+    b) and V_Ti = <(f(A) - f(A_B^i))^2>/2 (Jansen, Comput. Phys. Commun. 117, 35 (1999)), over the
+    variance of f in A and B; f less its mean, which only reduces the scatter. Rows in which one of
+    the three failed (NaN) are left out. Errors are from the scatter of the replicates.
+
+    >>> a, b = np.random.default_rng(1).random((2, 4096, 1))
+    >>> found = sobol_indices(np.stack([a, b, b]), np.arange(4096) // 512)
+    >>> found.first.round(1), found.total.round(1)
+    (array([[1.]]), array([[1.]]))
+    """
+    parts = [values, *(values[:, replicate == number] for number in np.unique(replicate))]
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
+        (first, total), *scattered = map(_estimate, parts)
+        errors = np.std(scattered, axis=0, ddof=1) / np.sqrt(len(scattered))
+    return SobolIndices(first, total, *errors)
+
+
+def _estimate(values: Float[np.ndarray, "group+2 sample result"]) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate first-order and total indices."""
+    variance, scale = np.nanvar(values[:2], axis=(0, 1)), np.nanmax(np.abs(values[:2]), (0, 1))
+    # what rounding leaves is no variance
+    variance = np.where(variance > (1e-12 * scale) ** 2, variance, np.nan)
+    values = values - np.nanmean(values[:2], axis=(0, 1))
+    a, b, mixed = values[0], values[1], values[2:]
+    first = np.nanmean(b * (mixed - a), axis=1) / variance
+    return first, np.nanmean((a - mixed) ** 2 / 2, axis=1) / variance
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
     """Distribution of one quantity over the builds, in SI units; Hz for modes.
 
-    Attributes
-    ----------
-    mean, error, deviation
-        Mean, its standard error, and standard deviation.
-    quantiles
-        At `QUANTILES`.
-    rank
-        Rank correlations with the deviations of numbers; of the coupling without sign, with their
-        magnitudes.
-    slope
-        Change per unit of each deviation (least squares).
-    sample
-        Values of some builds, for figures.
-    sobol
-        Sobol indices, if requested, of the groups of the job.
+    Its mean, the standard error of that, standard deviation and quantiles (`QUANTILES`); rank
+    correlations with the deviations of numbers (of the coupling without sign, with their
+    magnitudes); slopes of the least-squares lines over these; and values of some builds.
     """
 
     quantity: Quantity
@@ -76,7 +199,6 @@ class Spread:
     rank: Float[np.ndarray, " factor"]
     slope: Float[np.ndarray, " factor"]
     sample: Float[np.ndarray, " build"]
-    sobol: SobolIndices | None = None
 
     @property
     def name(self) -> str:
@@ -114,6 +236,8 @@ class Summary:
         Fraction of good builds with a coupling below the limit.
     yields, joint
         Of each requirement, and of all together.
+    sobol
+        Sobol indices of `job.quantities` for `job.groups`, if requested.
     """
 
     job: RandomBuilds
@@ -129,21 +253,12 @@ class Summary:
     under: Yield
     yields: tuple[Yield, ...]
     joint: Yield | None
+    sobol: SobolIndices | None
 
     @property
     def independent(self) -> int:
         """Number of first builds in the statistics: all, or two blocks of those for indices."""
         return self.job.points.independent
-
-    @property
-    def label(self) -> tuple[str, ...]:
-        """Labels of the nominal modes."""
-        return tuple(self.job.nominal.label)
-
-    @property
-    def nominal(self) -> Float[np.ndarray, " mode"]:
-        """Frequencies of the nominal modes, Hz."""
-        return self.job.nominal.frequency
 
     @property
     def mean(self) -> Float[np.ndarray, " mode"]:
@@ -163,9 +278,12 @@ class Summary:
     @property
     def indices(self) -> dict[str, Float[np.ndarray, "group result"]]:
         """Sobol indices of `job.quantities` and their errors, by name; empty if not requested."""
-        results = dict.fromkeys((*self.modes, self.coupling, *self.static, *self.required))
-        found = [vars(one.sobol) for one in results if one.sobol is not None]
-        return {name: np.array([one[name] for one in found]).T for name in (found or [{}])[0]}
+        return {} if self.sobol is None else dict(vars(self.sobol))
+
+    def indices_of(self, one: Spread) -> dict[str, Float[np.ndarray, " group"]]:
+        """Sobol indices of one quantity, without NaN."""
+        n = self.job.quantities.index(one.quantity)
+        return {name: np.nan_to_num(values[:, n]) for name, values in self.indices.items()}
 
     @property
     def ratio(self) -> str:
@@ -183,22 +301,22 @@ class Summary:
         return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
 
-def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANKED) -> Summary:
-    """Compute the statistics of the builds in a group of a file, one quantity at a time.
-
-    Rank correlations and slopes are those of the first `ranked` builds.
-    """
+def summarise(
+    columns: Mapping[str, Any], job: RandomBuilds, limit: float, ranked: int = RANKED
+) -> Summary:
+    """Compute the statistics of builds; correlations and slopes of the first `ranked` ones."""
     points, rows = job.points, slice(0, job.points.independent)
-    status = group["status"][:]
+    status = columns["status"][:]
     good = status[rows] == builds.GOOD
     kept = np.flatnonzero(good[:ranked])
     deviations = job.deviations(0, min(ranked, len(good)))[kept]
     signed, sizes = ((some, unit_ranks(some)) for some in (deviations, np.abs(deviations)))
-    replicate = None if points.method == RANDOM else points.replicate(np.flatnonzero(good))
+    every = None if points.method == RANDOM else points.replicate(np.arange(len(good)))
+    replicate = None if every is None else every[good]
 
     def describe(quantity: Quantity) -> Spread:
-        every = quantity.read(group, rows)
-        values, own = every[good], every[kept][:, None]
+        every = quantity.read(columns, rows)
+        values, own = every[good], every[kept]
         moved, ranks = sizes if quantity == RATIO else signed
         known = len(values) > 0
         return Spread(
@@ -207,28 +325,17 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
             error=standard_error(values, replicate),
             deviation=values.std() if known else np.nan,
             quantiles=np.quantile(values, QUANTILES) if known else np.full(len(QUANTILES), np.nan),
-            rank=unit_ranks(own)[:, 0] @ ranks,
-            slope=slopes(own, moved)[0],
+            rank=unit_ranks(own[:, None])[:, 0] @ ranks,
+            slope=slopes(own, moved),
             sample=values[:MAX_POINTS],
-            sobol=indices(quantity) if job.with_indices and not quantity.signed else None,
         )
 
-    def indices(quantity: Quantity) -> SobolIndices:
-        values = quantity.read(group).reshape(points.blocks, points.rows)
-        return sobol_indices(values, points.replicate(np.arange(points.rows)))
+    def fraction(name: str, met: np.ndarray, replicate: np.ndarray | None) -> Yield:
+        share = float(met.mean()) if len(met) else np.nan
+        return Yield(name, share, confidence_interval(met, replicate))
 
-    def fraction(
-        name: str, met: Bool[np.ndarray, " build"], of: Int[np.ndarray, " build"]
-    ) -> Yield:
-        found = (
-            wilson_interval(int(met.sum()), len(met))
-            if points.method == RANDOM
-            else replicate_interval(met, points.replicate(of))
-        )
-        return Yield(name, float(met.mean()) if len(met) else np.nan, found)
-
-    every, required = np.arange(len(good)), zip(job.requirements, job.required, strict=True)
-    met = [(one.describe(own), one.is_met(own.read(group, rows))) for one, own in required]
+    required = zip(job.requirements, job.required, strict=True)
+    met = [(one.describe(own), one.is_met(own.read(columns, rows))) for one, own in required]
     together = np.all([one for _, one in met], axis=0) if met else None
     spreads = {one: describe(one) for one in (*job.quantities, SIGNED)}
     return Summary(
@@ -242,17 +349,25 @@ def summarise(group: Stored, job: RandomBuilds, limit: float, ranked: int = RANK
         required=[spreads[one] for one in dict.fromkeys(job.required)],
         signed=spreads[SIGNED],
         ranked=len(kept),
-        under=fraction("", RATIO.read(group, rows)[good] < limit, np.flatnonzero(good)),
+        under=fraction("", RATIO.read(columns, rows)[good] < limit, replicate),
         yields=tuple(fraction(name, one, every) for name, one in met),
         joint=None if together is None else fraction("all together", together, every),
+        sobol=_indices(columns, job) if job.with_indices else None,
     )
+
+
+def _indices(columns: Mapping[str, Any], job: RandomBuilds) -> SobolIndices:
+    """Estimate the Sobol indices of all quantities."""
+    points, values = job.points, [one.read(columns) for one in job.quantities]
+    blocks = np.stack(values, axis=-1).reshape(points.blocks, points.rows, -1)
+    return sobol_indices(blocks, points.replicate(np.arange(points.rows)))
 
 
 @dataclass(frozen=True)
 class Request:
     """What a results file has of the options, from which its job is made again.
 
-    The seed is a text, since not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
+    The seed is a text, as not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
     """
 
     coupling_frequency: Float[np.ndarray, " coupling_frequency"] = field(metadata=in_unit("Hz"))
@@ -285,80 +400,98 @@ class Request:
         )
 
 
-def load(group: Stored, text: str, level: str) -> Summary:
+def load(group: Any, text: str, level: str) -> Summary:
     """Compute the statistics of a group, given its design and the name of its model."""
     known = stored.read(group, Request)
     return summarise(group, known.job(len(group["status"]), text, level), known.limit)
 
 
-def describe(job: RandomBuilds, limit: float) -> Fill:
-    """Write what a file has besides the builds: options, and names and numbers that vary."""
-    question, nominal, factors = job.question, job.nominal, job.factors
-    request = Request(
-        np.array(question.frequency),
-        question.input.text,
-        question.over.text,
-        question.under.text,
-        str(job.seed),
-        limit,
-        job.method,
-        job.with_indices,
-        tuple(one.text for one in job.requirements) or None,
+@dataclass(frozen=True, kw_only=True)
+class FileContents(Request):
+    """What the results file has: options, what varies, the builds, and statistics."""
+
+    factor: tuple[str, ...]
+    factor_unit: tuple[str, ...] = field(metadata=along("factor"))
+    factor_group: tuple[str, ...] = field(metadata=along("factor"))
+    mode: Int[np.ndarray, " mode"]
+    mode_label: tuple[str, ...] = field(metadata=along("mode"))
+    nominal_frequency: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    stage: tuple[str, ...]
+    static_dof: tuple[str, ...] = tuple(STATIC)
+    static_unit: tuple[str, ...] = field(
+        default=tuple(STATIC.values()), metadata=along("static_dof")
     )
-    table: Table = {
-        "mode": ("mode", "1", np.arange(1, len(nominal.label) + 1)),
-        "mode_label": ("mode", TEXT, nominal.label),
-        "nominal_frequency": ("mode", "Hz", nominal.frequency),
-        "factor": ("factor", TEXT, [one.label for one in factors]),
-        "factor_unit": ("factor", TEXT, [one.unit for one in factors]),
-        "factor_group": ("factor", TEXT, [one.group for one in factors]),
-        "stage": ("stage", TEXT, job.scene.bodies.name),
-        "static_dof": ("static_dof", TEXT, [*STATIC]),
-        "static_unit": ("static_dof", TEXT, [*STATIC.values()]),
-        "interval": ("interval", TEXT, ["low", "high"]),
-        "quantile": ("quantile", "1", QUANTILES),
-    }
+    response_name: tuple[str, ...] | None = None
+    response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
+    build: Int[np.ndarray, " build"]
+    frequency: Float[np.ndarray, "build mode"] = field(metadata=in_unit("Hz"))
+    ratio: Complex[np.ndarray, "build coupling_frequency"]
+    static: Float[np.ndarray, "build stage static_dof"] = field(metadata=STATIC_UNIT)
+    response: Complex[np.ndarray, "build response_name"] | None = field(
+        default=None, metadata=in_unit("{response_unit}")
+    )
+    residual: Float[np.ndarray, " build"]
+    status: Int[np.ndarray, " build"]
+    slack_wire: Int[np.ndarray, " build"]
+    quantile: Float[np.ndarray, " quantile"] = field(default_factory=lambda: np.array(QUANTILES))
+    interval: tuple[str, ...] = ("low", "high")
+    static_mean: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
+    static_mean_error: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
+    static_std: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
+    static_quantiles: Float[np.ndarray, "stage static_dof quantile"] = field(metadata=STATIC_UNIT)
+    yields: Float[np.ndarray, " requirement"] | None = field(
+        default=None, metadata=in_unit("", name="yield")
+    )
+    yield_interval: Float[np.ndarray, "requirement interval"] | None = None
+    yield_of_all: float | None = None
+    yield_of_all_interval: tuple[float, float] | None = None
+    group: tuple[str, ...] | None = None
+    result: tuple[str, ...] | None = None
+    sobol: SobolIndices | None = None
+
+
+def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) -> None:
+    """Write all builds and their statistics."""
+    question, nominal, factors = job.question, job.nominal, job.factors
+    found = summarise(columns, job, limit, ranked=0)
+    more: dict[str, Any] = {}
+    for name, kind in (("mean", "mean"), ("mean_error", "error"), ("std", "deviation")):
+        values = np.array([getattr(one, kind) for one in found.static])
+        more[f"static_{name}"] = values.reshape(-1, len(STATIC))
+    quantiles = np.array([one.quantiles for one in found.static])
     if job.ratios:
-        table["response_name"] = ("response_name", TEXT, [one.text for one in job.ratios])
-        table["response_unit"] = ("response_name", TEXT, [one.unit for one in job.ratios])
-    if job.with_indices:
-        table["group"] = ("group", TEXT, job.groups)
-        table["result"] = ("result", TEXT, [one.name for one in job.quantities])
-
-    def fill(group: h5py.Group) -> None:
-        stored.write(group, request)
-        _write(group, table)
-
-    return fill
-
-
-def complete(path: Path, job: RandomBuilds, limit: float) -> None:
-    """Write the statistics into a file with all builds."""
-    with h5py.File(path, "r+", locking=False) as file:
-        group: Stored = file["tolerance"]
-        found = summarise(group, job, limit, ranked=0)
-        table: Table = {}
-        kinds = ("mean", "mean"), ("mean_error", "error"), ("std", "deviation"), ("quantiles",) * 2
-        for name, kind in kinds:
-            values = np.array([getattr(one, kind) for one in found.static])
-            values = values.reshape(-1, len(STATIC), *values.shape[1:])
-            dims = "stage static_dof quantile" if values.ndim > 2 else "stage static_dof"
-            table[f"static_{name}"] = (dims, "{static_unit}", values)
-        if found.joint is not None:
-            table["yield"] = ("requirement", "1", [one.fraction for one in found.yields])
-            intervals = [one.interval for one in found.yields]
-            table["yield_interval"] = ("requirement interval", "1", intervals)
-            group.attrs["yield_of_all"] = found.joint.fraction
-            group.attrs["yield_of_all_interval"] = found.joint.interval
-        for name, values in found.indices.items():
-            table[f"sobol/{name}"] = ("group result", "1", values)
-        _write(group, table)
-
-
-def _write(group: Stored, table: Table) -> None:
-    """Write arrays; each scale precedes the arrays that it belongs to."""
-    for path, (dims, unit, values) in table.items():
-        if dims == path:
-            add_scale(group, path, values, unit)
-        else:
-            add_dataset(group, path, values, unit, *(group[dim] for dim in dims.split()))
+        more["response_name"] = tuple(one.text for one in job.ratios)
+        more["response_unit"] = tuple(one.unit for one in job.ratios)
+    if found.joint is not None:
+        more["requirement"] = tuple(one.text for one in job.requirements)
+        more["yields"] = np.array([one.fraction for one in found.yields])
+        more["yield_interval"] = np.array([one.interval for one in found.yields])
+        more["yield_of_all"] = found.joint.fraction
+        more["yield_of_all_interval"] = found.joint.interval
+    if found.sobol is not None:
+        more["group"] = job.groups
+        more["result"] = tuple(one.name for one in job.quantities)
+        more["sobol"] = found.sobol
+    record = FileContents(
+        coupling_frequency=np.array(question.frequency),
+        input=question.input.text,
+        over=question.over.text,
+        under=question.under.text,
+        seed=str(job.seed),
+        limit=limit,
+        sampling=job.method,
+        sobol_indices=job.with_indices,
+        factor=tuple(one.label for one in factors),
+        factor_unit=tuple(one.unit for one in factors),
+        factor_group=tuple(one.group for one in factors),
+        mode=np.arange(1, len(nominal.label) + 1),
+        mode_label=tuple(nominal.label),
+        nominal_frequency=nominal.frequency,
+        stage=tuple(job.scene.bodies.name),
+        build=np.arange(job.count, dtype=np.uint32),
+        static_quantiles=quantiles.reshape(-1, len(STATIC), len(QUANTILES)),
+        **more,
+        **columns,
+    )
+    stored.write(group, record)
+    group["ratio"].attrs["units"] = quotient_unit(question.over, question.under)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -106,28 +107,23 @@ class CouplingAnalysis(Analysis):
         from suspension_cli.design.derive import mirror
         from suspension_cli.models import registry
 
-        setting, unstable = run.setting, run.setting["allow_unstable"]
+        setting, source, unstable = run.setting, run.source, run.setting["allow_unstable"]
         strings = registry.STRING.system(run.design)
         requested = solve.parse_request(strings, setting, mirror(run.design))
         if setting["matrix"]:
             return MATRIX.of(run, requested)
         over = axes(setting["sweep"], run.design.analysis.get("xcouple", {}))
-        job = solve.Sweep(run.source.text, over, requested, unstable)
+        job = solve.Sweep(source.text, over, requested, unstable)
         job.check()
-        choice = model_choice.for_builds(
-            run.source,
-            setting["fidelity"],
-            registry.SCENE_MODELS,
-            solve.coupling_change(job),
-            setting["tolerance"],
-        )
-        model_choice.stable_system(run.source, choice, unstable, run.log, bends=True)
+        models, change = registry.SCENE_MODELS, solve.coupling_change(job)
+        wanted, tolerance = setting["fidelity"], setting["tolerance"]
+        choice = model_choice.for_builds(source, wanted, models, change, tolerance)
+        model_choice.stable_system(source, choice, unstable, run.log, bends=True)
         job = dataclasses.replace(job, level=choice.level)
-        result = sweeping.fill(run, self, job, choice, solve.describe(job))
-        failed = result.data.failures.items()
-        if failed:
+        result = sweeping.fill(run, self, job, choice, partial(solve.write, job=job))
+        if failed := result.data.failures:
             whys = "; ".join(
-                f"{count} of {job.count} builds failed: {why}" for why, count in failed
+                f"{count} of {job.count} builds failed: {why}" for why, count in failed.items()
             )
             run.log.warn(f"{whys}; they have no result: sweep smaller imperfections")
         return result
@@ -139,16 +135,13 @@ class CouplingAnalysis(Analysis):
         answer: Coupling = result.data
         single = len(answer.frequency) == 1
         ratio = answer.ratio[..., 0] if single else answer.ratio
+        names = "input", "over", "under", "hold", "failures"
         return {
             "axes": table(answer.axes, "name values"),
             "ratio_real": plain(np.real(ratio)),
             "ratio_imag": plain(np.imag(ratio)),
             "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
-            "input": answer.input,
-            "over": answer.over,
-            "under": answer.under,
-            "hold": answer.hold,
-            "failures": answer.failures,
+            **{name: getattr(answer, name) for name in names},
         }
 
     def text(self, result: Result) -> str:
@@ -156,21 +149,19 @@ class CouplingAnalysis(Analysis):
         import numpy as np
 
         answer: Coupling = result.data
-        size = np.abs(answer.ratio)
-        if not np.isfinite(size).any():
+        if not (worst := answer.worst):
             return f"{result.choice.line}\nno build has an equilibrium on taut wires"
-        where = np.unravel_index(int(np.nanargmax(size)), size.shape)
+        size = np.abs(answer.ratio)
         at = ", ".join(
             f"{axis.name} = {axis.values[n]:.6g} {axis.unit}".removesuffix(" 1")
-            for axis, n in zip(answer.axes, where[:-1], strict=True)
+            for axis, n in zip(answer.axes, worst[:-1], strict=True)
         )
         kept = answer.hold.replace("-", " ")
         of = f": wire {answer.wire} changes, its {kept} is kept" if answer.wire else ""
         return (
-            f"{result.choice.line}\n{size[..., 0].size} builds{of}\n"
-            f"|{answer.over} / {answer.under}| for {answer.input}:"
-            f" largest {np.nanmax(size):.4g} at {at},"
-            f" {answer.frequency[where[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
+            f"{result.choice.line}\n{answer.status.size} builds{of}\n"
+            f"|{answer.over} / {answer.under}| for {answer.input}: largest {size[worst]:.4g} at"
+            f" {at}, {answer.frequency[worst[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
         )
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
@@ -178,7 +169,8 @@ class CouplingAnalysis(Analysis):
         from suspension_cli.analyses.xcouple import picture
 
         data: Coupling = result.data
-        limit = _limit(result.design) if data.axes and _is_longitudinal(data) else None
+        over, under = (name.partition("@")[0][-2:] for name in (data.over, data.under))
+        limit = _limit(result.design) if (over, under) == (".x", ".z") else None
         return {"": picture.draw(data, result.subtitle, limit)}
 
 
@@ -227,8 +219,7 @@ class MatrixAnalysis(Analysis):
         )
         motions = request(model)
         found = response.solve(model, frequency, motions.inputs, motions.outputs)
-        extra = {"observed": f"{body}{at}{point}"}
-        return Result(self, run.source, choice, found, extra, command=run.command)
+        return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
         """Return a matrix for each frequency."""
@@ -246,15 +237,16 @@ class MatrixAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return a table for each frequency."""
         answer: Response = result.data
-        observed = result.extra.get("observed", answer.output[0].rpartition(".")[0])
+        body, _, point = answer.output[0].partition(".x")
         lines = [result.choice.line]
         for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
             rows = [
                 (dof, *("0" if value == 0 else abs(value) for value in row))
                 for dof, row in zip(DOFS, matrix, strict=True)
             ]
+            motions = f"|motion of {body}{point} for motion of the support|"
             lines += [
-                f"|motion of {observed} for motion of the support| at {frequency:.4g} Hz (m, rad)",
+                f"{motions} at {frequency:.4g} Hz (m, rad)",
                 tables.render({"": "", **dict.fromkeys(DOFS, ".3e")}, rows),
             ]
         return "\n".join(lines)
@@ -264,13 +256,6 @@ class MatrixAnalysis(Analysis):
         from suspension_cli.analyses.xcouple import picture
 
         return {"": picture.draw_matrix(result.data, result.subtitle)}
-
-
-def _is_longitudinal(data: Coupling) -> bool:
-    """Whether the coupling is that of vertical to longitudinal motion."""
-    return data.over.partition("@")[0].endswith(".x") and data.under.partition("@")[0].endswith(
-        ".z"
-    )
 
 
 def _limit(design: Design) -> float:
@@ -288,15 +273,15 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.job import Axis, distinct
 
-    result = []
+    result, problem, remedy = [], "", ""
     for part in re.split(r",(?!\s*[-+.\d])", text):  # numbers are further values of a list
         name, equals, values = (piece.strip() for piece in part.partition("="))
         if name not in PARAMETERS and "." not in name:
             problem = f"there is no imperfection {name!r}"
             remedy = suggest(name, list(PARAMETERS)) + " or a dotted path"
-            raise InputError.of("--sweep", problem, remedy, format_value(text))
-        if "." in name and not equals:
+        elif "." in name and not equals:
             problem, remedy = f"{name} has no grid", f"write {name}=start:stop:count"
+        if problem:
             raise InputError.of("--sweep", problem, remedy, format_value(text))
         factor = name in PARAMETERS and PARAMETERS[name][0].relative
         default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,20 +12,13 @@ from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.xcouple.solve import PARAMETERS, Coupling
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.imperfections import AXES
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
 from suspension_cli.drawing.scales import Tints, draw_bar, draw_table
-from suspension_cli.drawing.style import (
-    INK,
-    NOTE,
-    PALETTE,
-    RED,
-    LineLook,
-    format_raised,
-    single_line,
-)
+from suspension_cli.drawing.style import INK, NOTE, PALETTE, RED, format_raised, single_line
 from suspension_cli.linear.response import Response
 from suspension_cli.studies.job import Axis
 
@@ -37,10 +29,13 @@ MOST_CURVES = 9
 """Curves at most; more values of the second axis are thinned out evenly."""
 FINE = 64
 """Points per interval of the first axis, interpolated, so that zeros are sharp."""
-FEW = 15
-"""Number of builds along the first axis up to which they are marked."""
 COLOURS = "viridis"
 """Colour map of the second axis."""
+RANGE = 1e8
+"""Ratio of the largest coupling of a unit to the smallest with a colour."""
+DARK = 1e-3
+"""Fraction of the largest of its unit from which a cell is dark."""
+TINTS = Tints("Blues", LogNorm(1 / RANGE, 1), "of the largest of its unit (ratio)")
 
 
 def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
@@ -50,65 +45,48 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     names the design and the model; `limit` is the largest ratio allowed.
     """
     several = len(coupling.frequency) > 1
-    lines = _lines_over_frequency(coupling) if several else _lines_over_axes(coupling)
-    ratio, size = f"{coupling.over} / {coupling.under}", np.abs(coupling.ratio)
-    unit = curves.unit_of_ratio(ratio)
-    most = float(np.nanmax(size)) if np.isfinite(size).any() else np.nan
+    size, worst = np.abs(coupling.ratio), coupling.worst
+    most = float(size[worst]) if worst else np.nan
     rules = [Rule(limit, f"limit {limit:g}", colour=RED, dashes=(0, (6, 2)))] if limit else []
-    limits, across = None, panels.FREQUENCY
-    if not several:
+    said = [f"coupling: |{coupling.over} / {coupling.under}| for {coupling.input}"]
+    if coupling.wire:
+        said.append(f"wire {coupling.wire}, {coupling.hold.replace('-', ' ')} held")
+    if coupling.failures:
+        said.append("gaps: " + "; ".join(coupling.failures))
+    remarks = [single_line("; ".join(said))]
+    if several:
+        limits, across, lines = None, panels.FREQUENCY, _lines_over_frequency(coupling)
+        if worst and coupling.status.size > 1:
+            at = ", ".join(
+                f"{axis.name} = {_format_value(axis, n)}"
+                for axis, n in zip(coupling.axes, worst[:-1], strict=True)
+            )
+            where = f"{coupling.frequency[worst[-1]]:.3g} Hz: {at}"
+            remarks.append(single_line(f"{coupling.status.size} builds; largest at {where}"))
+    else:
         limits = (0.0, 1.05 * most) if most > 0 else (0.0, 1.0)
-        first = coupling.axes[0]
+        first, lines = coupling.axes[0], _lines_over_axes(coupling)
         across = Across(_label(first), "linear")
+        if len(coupling.axes) > 1:
+            remarks.append(f"lines: {_label(coupling.axes[1])}")
         if first.name in PARAMETERS:
             at = PARAMETERS[first.name][0].neutral
             if min(first.values) < at < max(first.values):
                 rules.append(Rule(at, "as designed", vertical=True))
     panel = Panel(
-        f"coupling ({unit})",
+        f"coupling ({curves.unit_of_ratio(f'{coupling.over} / {coupling.under}')})",
         lines,
         2.5,
         "log" if several else "linear",
         limits,
-        remarks=_conditions(coupling),
+        remarks=remarks,
         ends=True,
         rules=rules,
         empty="no build has an equilibrium",
     )
-    at = "" if several else f" at {coupling.frequency[0]:g} Hz"
-    said = f": at most {format_raised(most)}" if np.isfinite(most) else ""
-    return panels.draw(f"Cross-coupling{at}{said}", title, [panel], across)
-
-
-def _conditions(coupling: Coupling) -> list[str]:
-    """Say what is driven, imperfect and kept."""
-    parts = [f"coupling: |{coupling.over} / {coupling.under}| for {coupling.input}"]
-    if coupling.wire:
-        parts.append(f"wire {coupling.wire}, {coupling.hold.replace('-', ' ')} held")
-    if coupling.failures:
-        parts.append("gaps: " + "; ".join(coupling.failures))
-    lines = [single_line("; ".join(parts))]
-    if len(coupling.frequency) == 1 and len(coupling.axes) > 1:
-        lines.append(f"lines: {_label(coupling.axes[1])}")
-    if len(coupling.frequency) > 1 and coupling.ratio.shape[0] > 1:
-        lines.append(_name_worst(coupling))
-    return lines
-
-
-def _name_worst(coupling: Coupling) -> str:
-    """Name the build and the frequency with the largest ratio."""
-    size = np.abs(coupling.ratio)
-    if not np.isfinite(size).any():
-        return ""
-    *place, at = np.unravel_index(int(np.nanargmax(size)), size.shape)
-    values = (
-        f"{axis.name} = {_format_value(axis, int(n))}"
-        for axis, n in zip(coupling.axes, place, strict=True)
-    )
-    where = f"{coupling.frequency[at]:.3g} Hz"
-    return single_line(
-        f"{np.prod(size.shape[:-1])} builds; largest at {where}: {', '.join(values)}"
-    )
+    heading = "Cross-coupling" + ("" if several else f" at {coupling.frequency[0]:g} Hz")
+    heading += f": at most {format_raised(most)}" if worst else ""
+    return panels.draw(heading, title, [panel], across)
 
 
 def _lines_over_frequency(coupling: Coupling) -> list[Line]:
@@ -122,29 +100,21 @@ def _lines_over_frequency(coupling: Coupling) -> list[Line]:
 
 
 def _lines_over_axes(coupling: Coupling) -> list[Line]:
-    """A curve per value of the second axis, and the builds if they are few."""
-    ratio = coupling.ratio[..., 0]
+    """A curve per value of the second axis."""
+    ratio, x = coupling.ratio[..., 0], coupling.axes[0].displayed
     while ratio.ndim > 2:  # worst case over further axes
         ratio = np.nanmax(np.abs(ratio), axis=-1)
-    x = np.array(coupling.axes[0].values) * coupling.axes[0].displayed_unit[1]
-    columns: list[tuple[Inexact[np.ndarray, " build"], str, str]] = []
     if ratio.ndim == 1:
-        columns.append((ratio, "_only", PALETTE[0]))
-    else:
-        second = coupling.axes[1]
-        values = np.array(second.values)
-        span = float(np.ptp(values)) or 1.0
-        shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values)))
-        for n in np.unique(shown.round().astype(int)):
-            place = 0.88 * (values[n] - values.min()) / span  # the rest is too pale
-            colour = to_hex(matplotlib.colormaps[COLOURS](place))
-            columns.append((ratio[:, n], _format_value(second, int(n)), colour))
-    lines = []
-    for values, name, colour in columns:
-        lines.append(Line(*interpolate(x, values), name, colour, {"linewidth": 1.2}))
-        if len(x) <= FEW:
-            dots: LineLook = {"linestyle": "none", "marker": ".", "markersize": 4}
-            lines.append(Line(x, np.abs(values), "_builds", colour, dots))
+        return [Line(*interpolate(x, ratio), "_only", PALETTE[0], {"linewidth": 1.2})]
+    second, lines = coupling.axes[1], []
+    values = np.array(second.values)
+    span = float(np.ptp(values)) or 1.0
+    shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values)))
+    for n in np.unique(shown.round().astype(int)).tolist():
+        place = 0.88 * (values[n] - values.min()) / span  # the rest is too pale
+        colour = to_hex(matplotlib.colormaps[COLOURS](place))
+        curve = interpolate(x, ratio[:, n])
+        lines.append(Line(*curve, _format_value(second, n), colour, {"linewidth": 1.2}))
     return lines
 
 
@@ -181,33 +151,21 @@ def _format_value(axis: Axis, n: int) -> str:
     return sign + axis.describe(axis.values[n])
 
 
-RANGE = 1e8
-"""Ratio of the largest coupling of a kind to the smallest with a colour."""
-DARK = 1e-3
-"""Fraction of the largest of its kind from which a cell is dark."""
-TINTS = Tints("Blues", LogNorm(1 / RANGE, 1), "of the largest of its unit (ratio)")
-
-
 def draw_matrix(response: Response, title: str) -> Figure:
     """Draw a coloured table for each frequency; couplings forbidden by symmetry are white zeros.
 
     Colours compare couplings of one unit: m/m, m/rad, rad/m and rad/rad.
     """
     units = np.array(response.unit)
-    inputs, under = _shorten(response.input)
-    outputs, over = _shorten(response.output)
-    columns = [
-        f"{name}\n({unit.partition('/')[2]})" for name, unit in zip(inputs, units[0], strict=True)
-    ]
-    rows = [
-        f"{name} ({unit.partition('/')[0]})"
-        for name, unit in zip(outputs, units[:, 0], strict=True)
-    ]
-    whose = f", {over} (rows) per {under} (columns)" if over and under else ""
+    under = [unit.partition("/")[2] for unit in units[0]]
+    columns = [f"{dof}\n({unit})" for dof, unit in zip(DOFS, under, strict=True)]
+    over = [unit.partition("/")[0] for unit in units[:, 0]]
+    rows = [f"{dof} ({unit})" for dof, unit in zip(DOFS, over, strict=True)]
+    body, _, point = response.output[0].partition(".x")
     across, shown = Across(" \n ", "linear"), []
     for value, at in zip(np.abs(response.value), response.frequency, strict=True):
         paint = partial(_draw_table, value=value, units=units, columns=columns)
-        head = f"at {at:g} Hz{whose}"
+        head = f"at {at:g} Hz, {body}{point} (rows) per support (columns)"
         shown.append(Panel(height=2.6, title=head, across=across, rows=rows, paint=paint))
     bar = Panel(height=0.12, left=0.24 + widest(rows), paint=partial(draw_bar, tints=TINTS))
     heading = "Couplings: motion per motion of the support"
@@ -215,7 +173,7 @@ def draw_matrix(response: Response, title: str) -> Figure:
 
 
 def _draw_table(
-    axes: Axes, value: Float[np.ndarray, "output input"], units: np.ndarray, columns: Sequence[str]
+    axes: Axes, value: Float[np.ndarray, "output input"], units: np.ndarray, columns: list[str]
 ) -> None:
     """Draw the cells with their numbers, and white lines between the blocks of one unit."""
     largest = np.ones(value.shape)
@@ -226,25 +184,8 @@ def _draw_table(
     draw_table(axes, np.where(value > 0, np.maximum(part, 1 / RANGE), np.nan), TINTS)
     for (row, column), size in np.ndenumerate(value):
         colour = "white" if part[row, column] > DARK else INK if size else NOTE
-        axes.text(
-            column, row, format_raised(size), ha="center", va="center", fontsize=7.5, color=colour
-        )
-    for edge in np.flatnonzero((units[1:] != units[:-1]).any(1)):
-        axes.axhline(edge + 0.5, color="white", linewidth=4)
-    for edge in np.flatnonzero((units[:, 1:] != units[:, :-1]).any(0)):
-        axes.axvline(edge + 0.5, color="white", linewidth=4)
-    axes.set_xticks(range(len(columns)), [*columns])
-
-
-def _shorten(names: Sequence[str]) -> tuple[list[str], str]:
-    """Separate the names of motions from a common body and point, or support, if any.
-
-    >>> _shorten(["test.x@0,0,0.001", "test.roll"])
-    (['x', 'roll'], 'test@0,0,0.001')
-    """
-    bodies = {name.partition("@")[0].rpartition(".")[0] for name in names}
-    points = {name.partition("@")[2] for name in names} - {""}
-    if len(bodies) > 1 or len(points) > 1:
-        return [*names], ""
-    short = [name.partition("@")[0].rpartition(".")[2] for name in names]
-    return short, "@".join([*bodies, *points])
+        text, look = format_raised(size), {"ha": "center", "va": "center", "fontsize": 7.5}
+        axes.text(column, row, text, color=colour, **look)
+    axes.axhline(2.5, color="white", linewidth=4)
+    axes.axvline(2.5, color="white", linewidth=4)
+    axes.set_xticks(range(len(columns)), columns)

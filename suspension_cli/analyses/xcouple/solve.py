@@ -7,7 +7,6 @@ motion for vertical motion of the support. It is computed on grids of any number
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,11 +27,12 @@ from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling, variants
-from suspension_cli.studies.builds import OUTCOME, Builds, Column, ColumnValues
-from suspension_cli.studies.job import Axis, Product, ends_and_middle
-from suspension_cli.studies.sweep_file import Fill
+from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.job import Axis, Grid, ends_and_middle
+from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
+    import h5py
     from jaxtyping import Complex, Float, Int
 
     from suspension_cli.models.choice import Comparison
@@ -49,20 +49,10 @@ ROUNDING = 1e-17
 
 @dataclass(frozen=True)
 class CouplingRequest:
-    """Cross-coupling to compute for every build.
+    """Cross-coupling to compute for every build: `over` by `under` for an `input`, at Hz.
 
-    Attributes
-    ----------
-    wire
-        Number of the imperfect wire, from 0; -1 if there is none.
-    body
-        Number of the imperfect body, from 1.
-    hold
-        What is kept when the wire changes, see `scene.imperfections.wire`.
-    input, over, under
-        The coupling is the ratio of `over` to `under` for a motion or force `input`.
-    frequency
-        Hz.
+    The imperfect wire is numbered from 0 (-1: none), the imperfect body from 1; `hold` is what is
+    kept when the wire changes.
     """
 
     wire: int
@@ -78,8 +68,6 @@ def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> Coupli
     """Interpret the options of a cross-coupling: imperfect wire and body, signals, frequencies.
 
     Any `model` of the design knows the names of wires and bodies; `mirror` is the default body.
-
-    Raises `InputError` if an option names no wire, stage or signal.
     """
     known, labels = signals.bodies_with_signals(model), list(model.wire)
     wire = setting.get("wire") or next(
@@ -106,13 +94,10 @@ def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> Coupli
 
 
 @dataclass(frozen=True)
-class Sweep(Product):
+class Sweep(Grid):
     """Grid of imperfections (see `PARAMETERS`) or dotted paths.
 
-    Attributes
-    ----------
-    allow_unstable
-        Whether a build with an unstable equilibrium counts as valid.
+    If `allow_unstable`, builds with an unstable equilibrium are valid.
     """
 
     question: CouplingRequest
@@ -127,39 +112,24 @@ class Sweep(Product):
             problem = f"{of_wire[0]} changes a wire, but the mirror hangs on none"
             raise InputError.of("--wire", problem, "name a wire, or sweep mass, com or a path")
         paths = [axis for axis in self.axes if axis.name not in PARAMETERS]
-        self.check_designs("--sweep", paths, expand, every=True)
+        self.check_designs("--sweep", paths, expand)
         self.compute(0, 1)
 
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Datasets of the file: ratio, both motions per input, and the status of each build."""
-        ask, count = self.question, (len(self.question.frequency),)
-        axes = ("frequency",)
-        return (
-            Column("ratio", "c16", count, named_results.quotient_unit(ask.over, ask.under), axes),
-            Column("over", "c16", count, named_results.quotient_unit(ask.over, ask.input), axes),
-            Column("under", "c16", count, named_results.quotient_unit(ask.under, ask.input), axes),
-            *OUTCOME,
-        )
-
-    def compute(self, start: int, stop: int) -> ColumnValues:
-        """Compute the `columns` of builds start to stop - 1."""
-        values = self.values(start, stop)
+    def compute(self, start: int, stop: int) -> Columns:
+        """Compute the couplings of builds start to stop - 1, see `couplings`."""
+        count, values = stop - start, self.values(start, stop)
         paths = {name: value for name, value in values.items() if name not in PARAMETERS}
-        result = {column.name: column.blank(stop - start) for column in self.columns}
-        parts = [(self.scene, self.design, np.arange(stop - start))]
+        parts = [(self.scene, self.design, np.arange(count))]
+        spectrum, number = ("c16", (len(self.question.frequency),)), ("f8", ())
+        motions = {"ratio": spectrum, "over": spectrum, "under": spectrum}
+        outcome = {"residual": number, "status": ("u1", ()), "slack_wire": ("i2", ())}
+        result = builds.blank(count, **motions, **outcome)
         for scene, design, here in (
             variants.scenes(self.text, paths, self.level) if paths else parts
         ):
-            imperfections = {
-                name: value[here] for name, value in values.items() if name in PARAMETERS
-            }
-            found = builds.balance(
-                impose(scene, imperfections, self.question),
-                design,
-                level=self.level,
-                allow_unstable=self.allow_unstable,
-            )
+            swept = {name: own[here] for name, own in values.items() if name in PARAMETERS}
+            imperfect, unstable = impose(scene, swept, self.question), self.allow_unstable
+            found = builds.balance(imperfect, design, level=self.level, allow_unstable=unstable)
             for name, value in couplings(found, self.question).items():
                 result[name][here] = value
         return result
@@ -168,10 +138,7 @@ class Sweep(Product):
 def impose(
     scene: Scene, values: dict[str, Float[np.ndarray, " build"]], question: CouplingRequest
 ) -> Scene:
-    """Impose swept imperfections, by name (see `PARAMETERS`), on a scene.
-
-    The scene has no batch axes, or the builds along its first axis.
-    """
+    """Impose swept imperfections, by name (see `PARAMETERS`), on a scene or a batch of scenes."""
     changes: list[sampling.Change] = []
     for part, number in (("wire", question.wire), ("body", question.body)):
         for name, value in values.items():
@@ -181,20 +148,13 @@ def impose(
     return sampling.impose(scene, changes)
 
 
-def couplings(found: Builds, question: CouplingRequest) -> ColumnValues:
-    """Compute the coupling (`Sweep.columns`) of balanced builds."""
+def couplings(found: Builds, question: CouplingRequest) -> Columns:
+    """Compute the coupling, and both motions per input, of balanced builds, and their status."""
     outputs = builds.transfer(
         found, np.array(question.frequency), [question.input], [question.over, question.under]
     )[..., 0]
     over, under = outputs[..., 0], outputs[..., 1]
-    return {
-        "ratio": builds.divide(over, under),
-        "over": over,
-        "under": under,
-        "residual": found.residual,
-        "status": found.status,
-        "slack_wire": found.wire,
-    }
+    return {"ratio": builds.divide(over, under), "over": over, "under": under, **found.outcome}
 
 
 @dataclass(frozen=True)
@@ -208,9 +168,13 @@ class Coupling:
     ratio
         Motion `over` per motion `under`; NaN where a build failed.
     status
-        See `builds.STATUS`.
+        See `status_meaning`.
     wire, hold
         Label of the imperfect wire, and what is kept when it changes.
+    over_input, under_input
+        Both motions per `input`.
+    residual, slack_wire
+        As in `studies.builds.Builds`.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -223,37 +187,56 @@ class Coupling:
     over: str
     under: str
     status_meaning: tuple[str, ...] = field(default=builds.STATUS, metadata=ATTRIBUTE)
+    over_input: Complex[np.ndarray, "*axes frequency"] | None = field(
+        default=None, metadata=in_unit("", name="over")
+    )
+    under_input: Complex[np.ndarray, "*axes frequency"] | None = field(
+        default=None, metadata=in_unit("", name="under")
+    )
+    residual: Float[np.ndarray, "*axes"] | None = None
+    slack_wire: Int[np.ndarray, "*axes"] | None = None
 
     @property
     def failures(self) -> dict[str, int]:
         """Number of failed builds by reason."""
         return builds.count_failures(self.status)
 
+    @property
+    def worst(self) -> tuple[int, ...]:
+        """Place of the largest ratio; empty if no build has one."""
+        size = np.abs(self.ratio)
+        if not np.isfinite(size).any():
+            return ()
+        return tuple(int(n) for n in np.unravel_index(np.nanargmax(size), size.shape))
 
-def describe(job: Sweep) -> Fill:
-    """Write what a results file has besides the columns: axes, frequencies, wire and signals."""
-    question, wires = job.question, job.scene.wires
-    return partial(
-        stored.write_fields,
-        kind=Coupling,
-        given={
-            "axes": job.axes,
-            "frequency": np.array(question.frequency),
-            "wire": wires.label[question.wire] if question.wire >= 0 else "",
-            "hold": question.hold,
-            **{name: getattr(question, name).text for name in ("input", "over", "under")},
-            "status_meaning": builds.STATUS,
-        },
+
+def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
+    """Write the couplings of all builds of a job."""
+    ask, wires, known = job.question, job.scene.wires, job.on_grid(columns)
+    motions = {f"{name}_input": known.pop(name) for name in ("over", "under")}
+    record = Coupling(
+        axes=job.axes,
+        frequency=np.array(ask.frequency),
+        wire=wires.label[ask.wire] if ask.wire >= 0 else "",
+        hold=ask.hold,
+        input=ask.input.text,
+        over=ask.over.text,
+        under=ask.under.text,
+        **motions,
+        **known,
     )
+    stored.write(group, record)
+    pairs = {"ratio": (ask.over, ask.under)}
+    pairs |= {"over": (ask.over, ask.input), "under": (ask.under, ask.input)}
+    for name, (over, under) in pairs.items():
+        group[name].attrs["units"] = named_results.quotient_unit(over, under)
 
 
 def coupling_change(job: Sweep) -> Comparison:
     """The change of a sweep's couplings, as `model_choice.for_builds` takes it.
 
-    Couplings are compared at the corners and middles of the swept space. Only their sizes are: a
-    sweep at one frequency has no axis along which a shifted resonance would show. A resonance that
-    is met only between the compared builds is not seen; the estimate then holds at the frequencies
-    compared.
+    Couplings are compared at the corners and middles of the swept space. A resonance that is met
+    only between the compared builds or frequencies is not seen.
     """
     frequency = job.question.frequency
     count = min(FREQUENCIES, len(frequency))

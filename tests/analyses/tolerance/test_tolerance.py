@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.analyses.tolerance.statistics import strongest, unit_ranks
+from suspension_cli.analyses.tolerance.summary import strongest, unit_ranks
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.design.imperfections import named
 from suspension_cli.design.schema import Distribution
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
-from suspension_cli.studies import builds, sample_points, sampling
+from suspension_cli.studies import builds, sampling
 from tests.support import scenes
 from tests.support.golden import CONFIGS
 from tests.support.paper import table_1
@@ -49,7 +49,7 @@ def scattering(*spreads):
 
 def drawn_by(chosen, seed, start, stop):
     """Deviations of random builds."""
-    return sampling.deviations(chosen, sample_points.uniforms(seed, start, stop, len(chosen)))
+    return sampling.deviations(chosen, sampling.uniforms(seed, start, stop, len(chosen)))
 
 
 def job_of(raw, count=100, seed=1, **more):

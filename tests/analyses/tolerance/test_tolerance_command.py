@@ -14,8 +14,8 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 import suspension_cli as sus
-from suspension_cli.analyses.tolerance import report
-from suspension_cli.analyses.tolerance.statistics import QUANTILES
+from suspension_cli.analyses.tolerance import command
+from suspension_cli.analyses.tolerance.summary import QUANTILES
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.rotations import rotation_minus_identity, rotation_vector
 from tests.analyses.tolerance.test_tolerance import job_of
@@ -128,7 +128,7 @@ def test_changes_are_per_step_of_the_unit(unit, change):
     summary = SimpleNamespace(job=SimpleNamespace(factors=(factor,)), significant=0.1)
     quantity = SimpleNamespace(displayed=("Hz", 1.0))
     results = SimpleNamespace(quantity=quantity, rank=np.array([1.0]), slope=np.array([2.0]))
-    found = report._causes(summary, results, 1)  # pyright: ignore
+    found = command._causes(summary, results, 1)  # pyright: ignore
     assert found == f"test n +1.00 ({change})"
 
 
