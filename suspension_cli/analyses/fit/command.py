@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -139,9 +138,8 @@ class FitAnalysis(Analysis):
         from suspension_cli.models import registry
 
         given: Measured = run.inputs["measured"]
-        runs: list[Run] = run.inputs["runs"]
+        sources = [one.source for one in run.inputs["runs"]]
         file, joint = run.inputs["file"], given.experiment is not None
-        sources = [one.source for one in runs]
         designs = [one.file for one in sources]
         if not given.parameter:
             run.log.say(
@@ -156,18 +154,16 @@ class FitAnalysis(Analysis):
                 designs,
                 run.inputs.get("functions", ()),
                 level=choices[0].level,
-                starts=run.setting["starts"],
-                seed=run.setting["seed"],
-                explain=run.setting["explain"],
+                **{name: run.setting[name] for name in ("starts", "seed", "explain")},
                 tell=bar,
             )
-        choice = max(choices, key=lambda one: -1.0 if math.isnan(one.error) else one.error)
         for source, one in zip(sources, choices, strict=True):
             model_choice.warn_of_neglected(source, one, run.log, (registry.BEAM,))
+        choice = max(choices, key=lambda one: -1.0 if math.isnan(one.error) else one.error)
         name = Path(file).stem if joint else found.experiment[0]
         data = dataclasses.replace(
             found,
-            design_before=tuple(one.source.text for one in runs),
+            design_before=tuple(one.text for one in sources),
             measurements=run.inputs["text"],
             title=(given.title if joint else run.design.design.title) or name,
         )
@@ -213,9 +209,8 @@ class FitAnalysis(Analysis):
 
         extra, paths = result.extra, []
         measured = Path(extra["measured_file"]).name
-        for n, (name, file) in enumerate(
-            zip(result.data.experiment, extra["designs"], strict=True)
-        ):
+        pairs = zip(result.data.experiment, extra["designs"], strict=True)
+        for n, (name, file) in enumerate(pairs):
             stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
             paths.append(path.with_name(f"{stem}-fitted.toml"))
             made = text.fitted_design(result.data, n, Path(file).name, measured, result.command)
@@ -252,20 +247,19 @@ def _choose_models(wanted: str, sources: Sequence[Source], measured: Measured) -
     model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
     each = [registry.most_complete(source.design, massless=True) for source in sources]
     common = min(each, key=registry.MODELS.index)
-
-    def request(system: LinearSystem, labels: set[str | None]) -> Several:
-        """Request the modes of these labels, or all if a mode has no label."""
-        found = eigenmodes.solve(system.constant)
-        names = enumerate(named_results.labels(found))
-        every = [named_results.Mode(name, n) for n, name in names]
-        some = [mode for mode in every if None in labels or mode.text in labels]
-        return Several(tuple(some or every), found)
-
     found = []
     for source, modes in zip(sources, measured.modes, strict=True):
-        ask = functools.partial(request, labels={mode.label for mode in modes})
+        labels = {mode.label for mode in modes}
+
+        def request(system: LinearSystem, labels: set[str | None] = labels) -> Several:
+            """Request the modes of these labels, or all if a mode has no label."""
+            solved = eigenmodes.solve(system.constant)
+            every = [*enumerate(named_results.labels(solved))]
+            some = [] if None in labels else [item for item in every if item[1] in labels]
+            return Several(tuple(named_results.Mode(name, n) for n, name in some or every), solved)
+
         with attribute_faults_to(source.file):
-            found.append(model_choice.choose(source, wanted, ask, candidates=[common])[0])
+            found.append(model_choice.choose(source, wanted, request, candidates=[common])[0])
     return found
 
 
@@ -282,17 +276,16 @@ def _designs(
     if designs:
         problem, remedy = "names its designs itself", "write pendsus fit MEASURED"
         raise InputError([Fault("experiment", problem, remedy, format_value(designs[0]))], file)
-    runs, bad = [], {}
+    runs, bad = [], dict[str, InputError]()
     for n, item in enumerate(given.experiment, 1):
-        design, own = str(Path(file).parent / item.design), tuple(item.set)
         try:
-            runs.append(ask(design, own))
+            runs.append(ask(str(Path(file).parent / item.design), tuple(item.set)))
         except InputError as error:
-            theirs = {format_value(text) for text in own}
+            overrides = {format_value(text) for text in item.set}
             moved = [
-                Fault(f"experiment.{n}.set", fault.problem, fault.remedy, fault.value)
+                dataclasses.replace(fault, key=f"experiment.{n}.set")
                 for fault in error.faults
-                if fault.value in theirs
+                if fault.value in overrides
             ]
             reported = InputError(moved, file) if moved else error
             bad[str(reported)] = reported

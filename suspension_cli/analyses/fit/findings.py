@@ -1,6 +1,6 @@
-"""What a fit says: determined parameters, single changes that explain the data, next measurements.
+"""What a fit says: determined parameters and next measurements.
 
-All follow from the Jacobian J of the weighted residuals at the end of the fit.
+Both follow from the Jacobian J of the weighted residuals at the end of the fit.
 """
 
 from __future__ import annotations
@@ -21,15 +21,11 @@ if TYPE_CHECKING:
 
     from suspension_cli.scene.arrays import Array
 
-UNDETERMINED = 1e-10
-"""Singular value relative to the largest, below which the data do not determine a combination."""
 WEAK = 10.0
 """Factor on the typical changes of parameters, to weaken their priors."""
-KNOWN = 0.3
+KNOWN, UNKNOWN = 0.3, 0.8
 """Standard deviation over that of the prior, or over the value if there is none, below which a
-parameter is determined by the data."""
-UNKNOWN = 0.8
-"""The same ratio above which the data do not determine a parameter."""
+parameter is determined by the data, and above which it is not."""
 TOGETHER = 0.2
 """Standard deviation of a combination over the smallest of its members' below which only the
 combination is determined."""
@@ -49,43 +45,6 @@ IMPROVES = 0.7
 """Factor on a standard deviation below which a measurement is an improvement."""
 LISTED = 6
 """Most candidates that are reported."""
-
-
-def covariance(problem: Problem, z: Array, slope: Array) -> Float[np.ndarray, "unknown unknown"]:
-    """Compute (J^T J)^-1; infinite where not determined, NaN at a bound."""
-    _, _, low, high, _, _, scale = problem.unknowns
-    size = np.where(z != 0, np.abs(z), scale)
-    inner = (np.abs(z - low) > 1e-8 * size) & (np.abs(z - high) > 1e-8 * size)
-    result = np.full((len(z), len(z)), np.nan)
-    if not inner.any():
-        return result
-    scaled = slope[:, inner] * scale[inner]
-    norm = np.sqrt((scaled**2).sum(0))
-    norm[norm == 0] = 1.0
-    _, singular, direction = np.linalg.svd(np.linalg.qr(scaled / norm, mode="r"))
-    whole = np.zeros(inner.sum())
-    whole[: len(singular)] = singular
-    good = whole > UNDETERMINED * whole.max()
-    inverse = (direction[good].T / whole[good] ** 2) @ direction[good]
-    lost = (np.abs(direction[~good]) > 1e-6).any(0)
-    inverse[lost, :] = inverse[:, lost] = 0.0
-    inverse[lost, lost] = np.inf
-    result[np.ix_(inner, inner)] = inverse * np.outer(*2 * [scale[inner] / norm])
-    return result
-
-
-def data_rows(problem: Problem, slope: Array) -> Float[np.ndarray, "row parameter"]:
-    """Derivatives of the weighted data by the parameters, all other unknowns fitted to them.
-
-    The columns of the other unknowns, with their priors, are projected out (Golub and Pereyra, SIAM
-    J. Numer. Anal. 10, 413 (1973)).
-    """
-    p, known = problem.count, np.isfinite(problem.unknowns.sigma)
-    first = len(slope) - int(known.sum())
-    rows = np.delete(slope, first + np.arange(known[:p].sum()), axis=0)
-    own, others = rows[:, :p], rows[:, p:]
-    basis = np.linalg.qr(others * problem.unknowns.scale[p:])[0]
-    return own - basis @ (basis.T @ own)
 
 
 def change_unit(name: str, value: float) -> tuple[str, float]:
@@ -115,7 +74,7 @@ def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     p, free = problem.count, np.isinf(fitted.prior_sigma)
     # of parameters without prior: the value itself
     scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
-    rows = data_rows(problem, slope) * scale
+    rows = problem.data_rows(slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))
     names = [short(name) for name in fitted.parameters]
@@ -123,21 +82,19 @@ def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     lengths = [unit == "mm" for unit, _ in units]
     covariance = spread * np.outer(scale, scale)
     lines, taken = combinations(names, lengths, fitted.value, covariance, sigma > KNOWN)
-    alone = ~np.isin(np.arange(p), [*taken])
-
-    def words(some: Bool[np.ndarray, " parameter"]) -> str:
-        sizes = [(names[n], sigma[n] * scale[n], *units[n]) for n in np.flatnonzero(some)]
-        return ", ".join(f"{name} (to {by * one:.2g} {unit})" for name, by, unit, one in sizes)
-
-    good, poor = alone & (sigma <= KNOWN), alone & (sigma > KNOWN) & (sigma < UNKNOWN)
-    rest = ", ".join(names[n] for n in np.flatnonzero(alone & (sigma >= UNKNOWN)))
-    said = [
-        ("determined: ", words(good)),
-        *(("", line) for line in lines),
-        ("hardly determined: ", words(poor)),
-        ("not determined by these data, so their values are from priors or the design: ", rest),
-    ]
-    return tuple(head + text for head, text in said if text)
+    said: dict[str, list[str]] = {
+        "determined: ": [],
+        "hardly determined: ": [],
+        "not determined by these data, so their values are from priors or the design: ": [],
+    }
+    good, poor, no = said.values()
+    for n in (n for n in range(p) if n not in taken):
+        unit, factor = units[n]
+        known = f"{names[n]} (to {sigma[n] * scale[n] * factor:.2g} {unit})"
+        some = good if sigma[n] <= KNOWN else poor
+        (some if sigma[n] < UNKNOWN else no).append(known if sigma[n] < UNKNOWN else names[n])
+    first, *others = (head + ", ".join(some) if some else "" for head, some in said.items())
+    return tuple(line for line in (first, *lines, *others) if line)
 
 
 def combinations(
@@ -151,13 +108,7 @@ def combinations(
 
     Sums of lengths, or products of powers; `spread` is the covariance of the parameters. The
     coefficients are those of the smallest principal axis of the members' covariance, rounded.
-
-    Returns
-    -------
-    list of str
-        A sentence about each combination.
-    set of int
-        All members.
+    Returns a sentence about each combination, and all members.
     """
     found = []
     left = np.flatnonzero(uncertain).tolist()
@@ -174,8 +125,7 @@ def combinations(
         error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
         relative = error / float(np.abs(weight).max() * np.sqrt(np.diag(own)).min())
         if relative < TOGETHER:
-            terms = [*zip(weight.tolist(), (names[n] for n in group), strict=True)]
-            line = _describe_sum(terms, error) if summed else _describe_product(terms, error)
+            line = _describe_combination([names[n] for n in group], weight, error, summed)
             found.append((len(group), relative, {*group}, line))
     lines, taken = list[str](), set[int]()
     for _, _, members, line in sorted(found, key=lambda item: item[:2]):
@@ -185,27 +135,26 @@ def combinations(
     return lines, taken
 
 
-def _describe_sum(terms: list[tuple[float, str]], error: float) -> str:
-    (_, first), (second, last), *more = terms
-    if more:
-        parts = " ".join(f"{'+' if w > 0 else '-'} {name}" for w, name in terms)
-        what = parts.removeprefix("+ ")
+def _describe_combination(names: list[str], weight: Array, error: float, summed: bool) -> str:
+    """Say that only a sum of lengths, or a product of powers, is known."""
+    below = (weight < 0).any()
+    if summed and len(names) == 2:
+        what = f"{'difference' if below else 'sum'} of {names[0]} and {names[1]}"
+    elif summed:
+        terms = zip(weight, names, strict=True)
+        what = "sum " + " ".join(f"{'+' if w > 0 else '-'} {name}" for w, name in terms)[2:]
     else:
-        what = f"the {'sum' if second > 0 else 'difference'} of {first} and {last}"
-    return f"only {what} is known (to {1e3 * error:.2g} mm)"
-
-
-def _describe_product(terms: list[tuple[float, str]], error: float) -> str:
-    parts = [(w, name if abs(w) == 1 else f"{name}^{abs(w):g}") for w, name in terms]
-    above = " x ".join(part for w, part in parts if w > 0)
-    below = "".join(f" / {part}" for w, part in parts if w < 0)
-    kind = "ratio" if below and len(terms) == 2 else "product"
-    return f"only the {kind} {above}{below} is known (to {100 * error:.2g} %)"
+        powers = zip(np.abs(weight), names, strict=True)
+        parts = np.array([name if size == 1 else f"{name}^{size:g}" for size, name in powers])
+        kind = "ratio" if below and len(names) == 2 else "product"
+        what = " / ".join([f"{kind} {' x '.join(parts[weight > 0])}", *parts[weight < 0]])
+    size = f"{1e3 * error:.2g} mm" if summed else f"{100 * error:.2g} %"
+    return f"only the {what} is known (to {size})"
 
 
 def next_measurements(
     problem: Problem, z: Array, slope: Array
-) -> tuple[int | None, tuple[Candidate, ...]]:
+) -> tuple[str, tuple[Candidate, ...]]:
     """Find the drives, sensors and bands that would determine a little known parameter best.
 
     The parameter is the first of the least known ones that a measurement improves by `IMPROVES`,
@@ -217,11 +166,11 @@ def next_measurements(
     scaled = slope * scale
     whole = scaled.T @ scaled
     spread = np.linalg.inv(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))
-    at_bound = np.isnan(np.diag(covariance(problem, z, slope)))
+    at_bound = np.isnan(np.diag(problem.covariance(z, slope)))
     order = np.argsort(-np.diag(spread)[:p], kind="stable")
     least = [int(n) for n in order if not at_bound[n]][:LEAST]
     if not least:
-        return None, ()
+        return "", ()
     plant = problem.experiment[0].plant(z[:p])
     known, body = signals.bodies_with_signals(plant.system), plant.system.body
     drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
@@ -237,7 +186,7 @@ def next_measurements(
     noise = [item.uncertainty / np.maximum(np.abs(item.value), 1e-300) for item in functions]
     relative = float(np.clip(np.median(np.concatenate(noise)), 1e-4, 1.0))
     part, own = spread[np.ix_(places, places)], np.diag(spread)[least]
-    found: list[tuple[Array, str, str, int]] = []
+    found: list[tuple[Float[np.ndarray, " least"], str, str, int]] = []
     for band in range(len(bands)):
         span = slice(band * PER_BAND, (band + 1) * PER_BAND)
         typical = np.median(np.abs(value[span]), axis=0)
@@ -260,4 +209,4 @@ def next_measurements(
         if (drive, sensor) not in best and len(best) < LISTED:
             sigma = scale[least[chosen]] * float(np.sqrt(max(variance[chosen], 0.0)))
             best[drive, sensor] = Candidate(drive, sensor, (BANDS[band], BANDS[band + 1]), sigma)
-    return least[chosen], tuple(best.values())
+    return problem.free[least[chosen]].name, tuple(best.values())

@@ -41,52 +41,47 @@ def first_lines(found: Fit) -> list[str]:
         far = ", ".join(f"{short(name)} ({pull:+.3g} sigma)" for name, pull in found.far[:LISTED])
         more = f", and {len(found.far) - LISTED} more" if len(found.far) > LISTED else ""
         lines.append(f"far from the priors: {far}{more}")
-    return lines + (corrections(found.responses) if found.responses is not None else [])
+    for one in found.responses.corrections if found.responses is not None else ():
+        lines.append(
+            f"{'CHANNEL: ' if one.known else ''}{one.text}; the fit includes this (without this"
+            f" chi^2 is {one.chi_squared:.4g})"
+        )
+    return lines
 
 
 def _remedy(found: Fit) -> str:
     """Say what may remove a misfit."""
-    if found.exchange is not None:
-        first, second = found.exchange.labels
-        several = len(found.experiment) > 1
-        where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
-        return (
-            f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
-            f" {found.exchange.chi_squared:.4g}"
-        )
-    tried, more = "exchange of two labels", "or check designs, labels and uncertainties"
-    if found.responses is not None:
-        tried, more = "exchange or sign of channels", "give sensors and actuators gain_uncertainty"
-        more += " or mix_uncertainty, or check uncertainties"
-    return f"no {tried} removes the misfit: free more parameters, {more}"
-
-
-def corrections(found: ResponseFit) -> list[str]:
-    """Describe wrong channels, which no geometry explains, with their effect on chi^2."""
-    return [
-        f"{'CHANNEL: ' if one.known else ''}{one.text}; the fit includes this (without this chi^2"
-        f" is {one.chi_squared:.4g})"
-        for one in found.corrections
-    ]
+    if found.exchange is None:
+        channels = ", or give channels gain_uncertainty or mix_uncertainty"
+        more = channels if found.responses is not None else ""
+        return f"free more parameters{more}, or check designs, labels and uncertainties"
+    first, second = found.exchange.labels
+    several = len(found.experiment) > 1
+    where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
+    return (
+        f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
+        f" {found.exchange.chi_squared:.4g}"
+    )
 
 
 def report(found: Fit) -> str:
     """Return the text below the line on the model."""
-    parts = [first_lines(found), [_parameters(found)], [_modes(found)] if found.label else []]
-    responses = found.responses
+    responses, parts = found.responses, [first_lines(found), [_parameters(found)]]
+    if found.label:
+        parts.append([_modes(found)])
     if responses is not None:
         parts += [[text] for text in _response_tables(responses)]
         parts.append(_explanations(found, responses))
     if found.determined:
         parts.append(["What these data say, without the priors:", *found.determined])
-    if responses is not None:
+    if responses is not None and responses.least:
         parts.append(_next(found, responses))
-    ends = [f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"]
+    end = f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
     if len(found.ends) > 1:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
         rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
-        ends.append(f"{same} of {len(found.ends)} searches ended there{rest}")
-    return "\n\n".join("\n".join(lines) for lines in [*parts, ends] if lines)
+        end += f"\n{same} of {len(found.ends)} searches ended there{rest}"
+    return "\n\n".join("\n".join(lines) for lines in [*parts, [end]] if lines)
 
 
 def format_uncertainty(found: Fit, n: int) -> str:
@@ -99,11 +94,9 @@ def format_uncertainty(found: Fit, n: int) -> str:
 
 def _parameters(found: Fit) -> str:
     sigmas = [format_uncertainty(found, n) for n in range(len(found.name))]
-    rows = zip(
-        found.parameters, found.parameter_unit, found.start, found.value, sigmas, strict=True
-    )
+    numbers = found.parameter_unit, found.start, found.value
     columns = {"parameter": "", "unit": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}
-    return tables.render(columns, [*rows])
+    return tables.render(columns, zip(found.parameters, *numbers, sigmas, strict=True))
 
 
 def _modes(found: Fit) -> str:
@@ -113,10 +106,8 @@ def _modes(found: Fit) -> str:
     )
     columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
     columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
-    rows = zip(
-        found.measured, found.uncertainty, *modelled, found.residual, found.modes, strict=True
-    )
-    return tables.render(columns, rows)
+    numbers = found.measured, found.uncertainty, *modelled, found.residual
+    return tables.render(columns, zip(*numbers, found.modes, strict=True))
 
 
 def _response_tables(found: ResponseFit) -> list[str]:
@@ -127,20 +118,22 @@ def _response_tables(found: ResponseFit) -> list[str]:
         columns |= {"measured\nQ": ".3g", "in\nfunctions": ".0f", "resonance": ""}
         hz, _, before, after, q, functions = found.resonance.T
         moves = (100 * (before / hz - 1), 100 * (after / hz - 1))
-        made.append(
-            tables.render(columns, [*zip(hz, *moves, q, functions, found.mode, strict=True)])
-        )
-    points = np.maximum(found.points, 1)
-    before, after = found.chi_squared_of(found.before) / points, found.chi_squared / points
-    rows = [*zip(before, after, points / 2, found.function, found.output, found.input, strict=True)]
+        made.append(tables.render(columns, zip(hz, *moves, q, functions, found.mode, strict=True)))
+    before, after = (
+        chi / np.maximum(2 * found.points, 1)
+        for chi in (found.chi_squared_of(found.before), found.chi_squared)
+    )
+    names = found.function, found.output, found.input
     columns = {"chi^2 per value\nbefore": ".3g", "\nafter": ".3g", "frequencies\n": ".0f"}
     columns |= {"function": "", "output": "", "input": ""}
+    rows = [*zip(before, after, found.points, *names, strict=True)]
     made.append(_worst(columns, rows, after, "functions that fit better"))
     if found.nuisance:
         values = found.nuisance_value, found.nuisance_sigma, found.nuisance_prior
+        units = {"gain": ("%", 100.0), "delay": ("ms", 1e3)}
         rows = []
         for name, *sizes in zip(found.nuisance, *values, strict=True):
-            unit, by = nuisance_unit(name)
+            unit, by = units.get(name.rpartition(".")[2], ("SI", 1.0))
             rows.append((*(by * size for size in sizes), unit, name))
         columns = {"change": "+.3g", "+-": ".2g", "expected +-": ".2g", "unit": ""}
         columns |= {"sensor or actuator": ""}
@@ -156,18 +149,8 @@ def _worst(columns: dict[str, str], rows: list, by: np.ndarray, more: str) -> st
     return text + (f"\nand {len(rows) - LISTED} {more}" if len(rows) > LISTED else "")
 
 
-def nuisance_unit(name: str) -> tuple[str, float]:
-    """Printed unit of a property of a sensor or an actuator, and the factor to it.
-
-    >>> nuisance_unit("sensor.osem-x.gain")
-    ('%', 100.0)
-    """
-    if name.endswith(".gain"):
-        return "%", 100.0
-    return ("ms", 1e3) if name.endswith(".delay") else ("SI", 1.0)
-
-
 def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
+    """List the single changes that explain the measurements."""
     before = responses.chi_squared_before
     if not math.isfinite(before):
         return []
@@ -189,13 +172,12 @@ def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
 
 
 def _next(found: Fit, responses: ResponseFit) -> list[str]:
-    if not responses.candidates or not responses.least:
-        return []
+    """List the measurements that would determine the least known parameter."""
     n = found.name.index(responses.least)
     unit, factor = change_unit(responses.least, float(found.value[n]))
-    known = found.sigma[n] / found.scale * factor
-    head = f"To learn more about {short(responses.least)}, now known to {known:.2g} {unit},"
-    return [f"{head} measure next:"] + [
+    known = f"{found.sigma[n] / found.scale * factor:.2g} {unit}"
+    head = f"To learn more about {short(responses.least)}, now known to {known}, measure next:"
+    return [head] + [
         f"  drive {one.input}, sense {one.output}, {one.band[0]:.2g} to {one.band[1]:.2g} Hz:"
         f" to {one.sigma * factor:.2g} {unit}"
         for one in responses.candidates
@@ -258,9 +240,6 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
 
 
 def _response_document(found: ResponseFit) -> Document:
-    functions = table(found, "name=function output input frequencies=points chi_squared")
-    for row in functions:
-        row["frequencies"] //= 2
     values = "change=nuisance_value sigma=nuisance_sigma prior_sigma=nuisance_prior"
     keys = ("measured_hz", "uncertainty_hz", "before_hz", "after_hz", "q", "functions")
     columns = "kind side factor claimed_otherwise=known also"
@@ -268,7 +247,9 @@ def _response_document(found: ResponseFit) -> Document:
     for row, one in zip(wrong, found.corrections, strict=True):
         row |= {"side": TABLES[one.side], "channels": [*one.channel], "also": one.also or None}
     return {
-        "transfer_functions": functions,
+        "transfer_functions": table(
+            found, "name=function output input frequencies=points chi_squared"
+        ),
         "channels": table(found, f"name=nuisance {values}"),
         "resonances": [
             {"label": name} | dict(zip(keys, (*plain(row[:5]), int(row[5])), strict=True))

@@ -55,7 +55,7 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
     order = [n for n in np.argsort(-largest, kind="stable").tolist() if matters[n]]
     rows, left_out = order[:MAX_ROWS], largest[order[MAX_ROWS:]]
     columns = np.sort(np.argsort(-np.abs(change).max(0, initial=0.0), kind="stable")[:MAX_COLUMNS])
-    cells = change[np.ix_(rows, columns)]
+    cells = change[rows][:, columns]
     dots = np.argwhere(~relative[columns] & (cells != 0))
     shown = np.where(relative[columns] & (np.abs(cells) >= LEAST), cells, np.nan)
     top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), LARGEST)

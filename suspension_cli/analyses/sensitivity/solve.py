@@ -135,5 +135,5 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
         result=tuple(item.text for item in results),
         unit=tuple(item.unit for item in results),
         nominal=np.array(nominal)[columns],
-        derivative=rates[np.ix_(kept, columns)],
+        derivative=rates[kept][:, columns],
     )
