@@ -13,8 +13,8 @@ import suspension_cli as sus
 from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses.fit import findings, picture, text
 from suspension_cli.analyses.fit import solve as fit
-from suspension_cli.analyses.fit.start import default_parameters
 from suspension_cli.analyses.fit.result import name_factor
+from suspension_cli.analyses.fit.start import default_parameters
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.measured import Free, Measured, Transducer
 from suspension_cli.drawing.panels import COLUMN
