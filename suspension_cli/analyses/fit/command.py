@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.result import Fit
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
-    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.measurements.transfer_function import MeasuredResponse
     from suspension_cli.models.registry import Choice
 
@@ -146,7 +145,7 @@ class FitAnalysis(Analysis):
                 "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
                 " with priors of usual building errors"
             )
-        choices = _choose_models(run.setting["fidelity"], sources, given)
+        choices = _choose_models(run.setting["fidelity"], sources)
         with attribute_faults_to(file), run.log.progress() as bar:
             found = fit.solve(
                 [one.text for one in sources],
@@ -233,33 +232,22 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
     return result
 
 
-def _choose_models(wanted: str, sources: Sequence[Source], measured: Measured) -> list[Choice]:
+def _choose_models(wanted: str, sources: Sequence[Source]) -> list[Choice]:
     """Choose the most complete model without wire mass that is valid for every design of a fit.
 
     Raises `InputError` if a model is wanted that cannot model imperfect builds, or has wire mass.
     """
     from suspension_cli.analyses import model_choice
-    from suspension_cli.linear import eigenmodes, named_results
     from suspension_cli.models import registry
-    from suspension_cli.models.choice import Several
 
     models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
     model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
     each = [registry.most_complete(source.design, massless=True) for source in sources]
-    common = min(each, key=registry.MODELS.index)
+    common, modes = min(each, key=registry.MODELS.index), model_choice.named_results([])
     found = []
-    for source, modes in zip(sources, measured.modes, strict=True):
-        labels = {mode.label for mode in modes}
-
-        def request(system: LinearSystem, labels: set[str | None] = labels) -> Several:
-            """Request the modes of these labels, or all if a mode has no label."""
-            solved = eigenmodes.solve(system.constant)
-            every = [*enumerate(named_results.labels(solved))]
-            some = [] if None in labels else [item for item in every if item[1] in labels]
-            return Several(tuple(named_results.Mode(name, n) for n, name in some or every), solved)
-
+    for source in sources:
         with attribute_faults_to(source.file):
-            found.append(model_choice.choose(source, wanted, request, candidates=[common])[0])
+            found.append(model_choice.choose(source, wanted, modes, candidates=[common])[0])
     return found
 
 

@@ -142,15 +142,6 @@ class Experiment:
         with attribute_faults_to(self.file):
             return [change is not None for change in _changes(self.at(x))]
 
-    def slopes(self, x: Array) -> Float[np.ndarray, "mode parameter"]:
-        """Differentiate `frequencies` by the free parameters; 0 for an unstable mode."""
-        modes, order = self.plant(x).modes, self.order(x)
-        rates = [
-            derivatives.frequency_rates(modes, one.of_modes(modes))[order]
-            for one in self.changes(x)
-        ]
-        return np.nan_to_num(np.array(rates).reshape(-1, len(order)).T)
-
     @cached_property
     def allowed(self) -> Bool[np.ndarray, "measured mode"]:
         """Whether a measurement may be of a nominal mode, by its label or its directions."""
@@ -169,6 +160,16 @@ class Experiment:
             taken |= numbers
             rows.append([mode in numbers for mode in range(len(modes.home))])
         return np.array(rows, dtype=bool).reshape(len(self.mode), len(modes.home))
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
+        modes, places = self.plant(x).modes, self.order(x)[self.assign_modes(x)]
+        rates = [
+            derivatives.frequency_rates(modes, one.of_modes(modes))[places]
+            for one in self.changes(x)
+        ]
+        slopes = np.array(rates).reshape(-1, len(places)).T
+        return np.nan_to_num(modes.frequency[places]), np.nan_to_num(slopes)
 
     def assign_modes(self, x: Array) -> Int[np.ndarray, " measured"]:
         """Assign a mode to each measurement.
@@ -321,10 +322,10 @@ class Problem:
         rows, slopes = [np.zeros(0)], [np.zeros((0, self.count))]
         for item, own in zip(self.experiment, self.shared.T, strict=True):
             if item.mode:
-                places = item.assign_modes(x[own])
-                rows.append(np.nan_to_num(item.frequencies(x[own])[places]))
-                slopes.append(np.zeros((len(places), self.count)))
-                slopes[-1][:, own] = item.slopes(x[own])[places]
+                frequency, slope = item.predict(x[own])
+                rows.append(frequency)
+                slopes.append(np.zeros((len(frequency), self.count)))
+                slopes[-1][:, own] = slope
         return np.concatenate(rows), np.concatenate(slopes)
 
     @cached_property

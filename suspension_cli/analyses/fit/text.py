@@ -100,13 +100,9 @@ def _parameters(found: Fit) -> str:
 
 
 def _modes(found: Fit) -> str:
-    modelled = (
-        [value if math.isfinite(value) else "unstable" for value in values]
-        for values in (found.before, found.after)
-    )
     columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
     columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
-    numbers = found.measured, found.uncertainty, *modelled, found.residual
+    numbers = found.measured, found.uncertainty, found.before, found.after, found.residual
     return tables.render(columns, zip(*numbers, found.modes, strict=True))
 
 
