@@ -132,8 +132,8 @@ class FitAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Fit all designs together."""
         from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.fit import findings
         from suspension_cli.analyses.fit import solve as fit
-        from suspension_cli.analyses.fit import text
         from suspension_cli.models import registry
 
         given: Measured = run.inputs["measured"]
@@ -168,7 +168,7 @@ class FitAnalysis(Analysis):
         )
         _warn(data, choice, run.log)
         if run.setting.get("as_json", True):  # printed in the text
-            for line in text.first_lines(data):
+            for line in findings.first_lines(data):
                 run.log.warn(line)
         stem = run.source.stem(name)
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
@@ -176,16 +176,16 @@ class FitAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return fitted parameters and modes; an uncertainty is null if infinite or at a bound."""
-        from suspension_cli.analyses.fit import text
+        from suspension_cli.analyses.fit import findings
 
         found: Fit = result.data
-        return text.document(found, result.extra.get("designs", [None] * len(found.experiment)))
+        return findings.document(found, result.extra.get("designs", [None] * len(found.experiment)))
 
     def text(self, result: Result) -> str:
         """Return fitted parameters, modes, and combinations that the data determine."""
-        from suspension_cli.analyses.fit import text
+        from suspension_cli.analyses.fit import findings
 
-        return f"{result.choice.line}\n\n{text.report(result.data)}"
+        return f"{result.choice.line}\n\n{findings.report(result.data)}"
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and fitted numbers."""
@@ -203,7 +203,7 @@ class FitAnalysis(Analysis):
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
-        from suspension_cli.analyses.fit import text
+        from suspension_cli.analyses.fit import findings
         from suspension_cli.files.atomic import write_bytes
 
         extra, paths = result.extra, []
@@ -212,7 +212,7 @@ class FitAnalysis(Analysis):
         for n, (name, file) in enumerate(pairs):
             stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
             paths.append(path.with_name(f"{stem}-fitted.toml"))
-            made = text.fitted_design(result.data, n, Path(file).name, measured, result.command)
+            made = findings.fitted_design(result.data, n, Path(file).name, measured, result.command)
             write_bytes(paths[-1], made.encode())
         return paths
 
