@@ -48,7 +48,8 @@ UNDETERMINED = 1e-10
 """Singular value relative to the largest, below which the data do not determine a combination."""
 
 
-class State(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Build:
     """A design (TOML) on a model, with its free parameters (dotted paths) at x."""
 
     text: str
@@ -56,7 +57,7 @@ class State(NamedTuple):
     free: tuple[str, ...]
     x: tuple[float, ...]
 
-    @property
+    @cached_property
     def document(self) -> Document:
         """Parsed TOML of the design."""
         raw = tomllib.loads(self.text)
@@ -64,24 +65,27 @@ class State(NamedTuple):
         reader.apply_overrides(raw, paths.symmetric_settings(settings))
         return raw
 
+    @cached_property
+    def plant(self) -> Plant:
+        """The design, solved."""
+        return Plant.of(reader.convert(self.document), self.level)
 
-@functools.lru_cache(maxsize=16)
-def _plant(state: State) -> Plant:
-    return Plant.of(reader.convert(state.document), state.level)
+    @cached_property
+    def changes(self) -> list[Matrices | None]:
+        """Derivatives of the matrices; None for a parameter that cannot change alone."""
+        return self.plant.changes(self.free)
 
 
-@functools.lru_cache(maxsize=3)
-def _changes(state: State) -> list[Matrices | None]:
-    return _plant(state).changes(state.free)
+_build = functools.lru_cache(maxsize=16)(Build)
 
 
 @functools.lru_cache(maxsize=3)
 def _respond(
-    state: State, signals: readings.Signals, grids: tuple[bytes, ...], damping: bytes
+    build: Build, signals: readings.Signals, grids: tuple[bytes, ...], damping: bytes
 ) -> list[Responses]:
     outputs, inputs = signals
     return [
-        _plant(state).respond(np.frombuffer(grid), inputs, outputs, np.frombuffer(damping))
+        build.plant.respond(np.frombuffer(grid), inputs, outputs, np.frombuffer(damping))
         for grid in grids
     ]
 
@@ -112,14 +116,14 @@ class Experiment:
         """Labels of the nominal modes."""
         return named_results.labels(self.nominal.modes)
 
-    def at(self, x: Array) -> State:
+    def at(self, x: Array) -> Build:
         """Put the free parameters into the design."""
-        return State(self.text, self.level, self.free, tuple(x.tolist()))
+        return _build(self.text, self.level, self.free, tuple(x.tolist()))
 
     def plant(self, x: Array) -> Plant:
         """Solve the design with the free parameters x."""
         with attribute_faults_to(self.file):
-            return _plant(self.at(x))
+            return self.at(x).plant
 
     def order(self, x: Array) -> Int[np.ndarray, " mode"]:
         """Mode of the plant at x for each nominal mode."""
@@ -135,12 +139,7 @@ class Experiment:
         system = self.plant(x).system
         nothing = np.zeros((system.size, system.size))
         still = Matrices(*4 * [nothing], np.zeros((len(system.body) + 1, 3, 3)))
-        return [change or still for change in _changes(self.at(x))]
-
-    def can_change(self, x: Array) -> list[bool]:
-        """Whether each free parameter can change alone, without unbalancing the suspension."""
-        with attribute_faults_to(self.file):
-            return [change is not None for change in _changes(self.at(x))]
+        return [change or still for change in self.at(x).changes]
 
     @cached_property
     def allowed(self) -> Bool[np.ndarray, "measured mode"]:
@@ -281,8 +280,8 @@ class Problem:
         if not grids:
             return []
         with attribute_faults_to(one.file):
-            state = one.at(z[self.parts[0]])
-            return _respond(state, self.signals, tuple(grids), self.damping(z).tobytes())
+            build = one.at(z[self.parts[0]])
+            return _respond(build, self.signals, tuple(grids), self.damping(z).tobytes())
 
     def damping(self, z: Array) -> Float[np.ndarray, " mode"]:
         """Added damping 1/Q of each mode of the plant."""

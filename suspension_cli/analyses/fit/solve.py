@@ -330,10 +330,10 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
     """Collect the result of a fit. Parameters at a bound have NaN in the covariance."""
     problem, p, every = found.problem, found.problem.count, found.problem.experiment
     value = found.z[:p]
-    states = [one.at(value[here]) for one, here in zip(every, problem.shared.T, strict=True)]
+    builds = [one.at(value[here]) for one, here in zip(every, problem.shared.T, strict=True)]
     labels = [
-        [one.labels[mode] for mode in one.assign_modes(np.array(state.x))] if one.mode else []
-        for one, state in zip(every, states, strict=True)
+        [one.labels[mode] for mode in one.assign_modes(np.array(build.x))] if one.mode else []
+        for one, build in zip(every, builds, strict=True)
     ]
     before, after = (problem.predict_modes(x)[0] for x in (problem.base, value))
     spread = problem.covariance(found.z, slope)
@@ -368,7 +368,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         freedom=freedom,
         singular=singular,
         direction=direction,
-        design=tuple(reader.write_toml(state.document) for state in states),
+        design=tuple(reader.write_toml(build.document) for build in builds),
         design_before=(),
         ends=ends,
     )

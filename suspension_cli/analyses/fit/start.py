@@ -157,8 +157,9 @@ def _check_start(one: Experiment, numbers: Int[np.ndarray, " free"]) -> None:
         if bad:
             raise InputError(list(dict.fromkeys(bad))) from None
         return  # the design itself is at fault, which is reported where it is solved
-    for name, alone in zip(one.free, one.can_change(one.start), strict=True):
-        if not alone:
+    one.plant(one.start)
+    for name, change in zip(one.free, one.at(one.start).changes, strict=True):
+        if change is None:
             problem = "a change of this number alone unbalances the suspension"
             raise InputError.of(f"parameter {name}", problem, "fit another number")
 
