@@ -63,7 +63,7 @@ def draw(found: Fit, title: str) -> Figure:
     if found.name:
         with np.errstate(invalid="ignore", divide="ignore"):
             moved = ((found.value - found.start) / found.sigma)[:, None]
-        names = [single_line(short(name), LONGEST) for name in found.parameters]
+        names = [single_line(_name(found, n), LONGEST) for n in range(len(found.name))]
         texts = [_number(found, n) for n in range(len(names))]
         label = "(fitted − start) / uncertainty"
         shown.append(_rows(names, moved, [AFTER], "Fitted numbers", label, texts))
@@ -72,6 +72,13 @@ def draw(found: Fit, title: str) -> Figure:
 
 def _count(count: int, thing: str) -> str:
     return f"1 {thing}" if count == 1 else f"{count} {thing}s"
+
+
+def _name(found: Fit, n: int) -> str:
+    """Shorten the path of a number; its first experiment follows unless all share it."""
+    whose = np.array(found.experiment)[found.shared[n]]
+    who = f" ({whose[0]}{' …' if len(whose) > 1 else ''})"
+    return short(found.name[n]) + who * (not found.shared[n].all())
 
 
 def _rows(
