@@ -98,8 +98,10 @@ def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     for n in (n for n in range(p) if n not in taken):
         unit, factor = units[n]
         known = f"{names[n]} (to {sigma[n] * scale[n] * factor:.2g} {unit})"
-        some = good if sigma[n] <= KNOWN else poor
-        (some if sigma[n] < UNKNOWN else no).append(known if sigma[n] < UNKNOWN else names[n])
+        if sigma[n] >= UNKNOWN:
+            no.append(names[n])
+        else:
+            (good if sigma[n] <= KNOWN else poor).append(known)
     first, *others = (head + ", ".join(some) if some else "" for head, some in said.items())
     return tuple(line for line in (first, *lines, *others) if line)
 
