@@ -138,7 +138,8 @@ class Experiment:
         """Differentiate the matrices by the free parameters; 0 where one cannot change alone."""
         system = self.plant(x).system
         nothing = np.zeros((system.size, system.size))
-        still = Matrices(*4 * [nothing], np.zeros((len(system.body) + 1, 3, 3)))
+        turn = np.zeros((len(system.body) + 1, 3, 3))
+        still = Matrices(nothing, nothing, nothing, nothing, turn)
         return [change or still for change in self.at(x).changes]
 
     @cached_property

@@ -36,12 +36,15 @@ from suspension_cli.studies.response_matrix import Plant
 if TYPE_CHECKING:
     from jaxtyping import Bool, Int
 
-ABSOLUTE: dict[str, float] = (
-    dict.fromkeys(("d", "d_upper", "l"), 1e-3)
-    | dict.fromkeys(("s", "s_upper", "s_lower"), 0.3e-3)
-    | dict.fromkeys(("t1", "t2", "upper", "lower"), 0.5e-3)
-    | dict.fromkeys(("com_offset", "upper_offset", "lower_offset"), 0.5e-3)
-)
+ABSOLUTE = {
+    key: sigma
+    for sigma, keys in (
+        (1e-3, "d d_upper l"),
+        (0.3e-3, "s s_upper s_lower"),
+        (0.5e-3, "t1 t2 upper lower com_offset upper_offset lower_offset"),
+    )
+    for key in keys.split()
+}
 """Usual errors of careful building, m, of keys: prior standard deviations of default parameters."""
 RELATIVE = {
     "mass": 0.002,
