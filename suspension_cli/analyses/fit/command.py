@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.fit.result import Fit
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
-    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.measurements.transfer_function import MeasuredResponse
     from suspension_cli.models.registry import Choice
 
@@ -134,21 +132,20 @@ class FitAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Fit all designs together."""
         from suspension_cli.analyses import model_choice
+        from suspension_cli.analyses.fit import findings
         from suspension_cli.analyses.fit import solve as fit
-        from suspension_cli.analyses.fit import text
         from suspension_cli.models import registry
 
         given: Measured = run.inputs["measured"]
-        runs: list[Run] = run.inputs["runs"]
+        sources = [one.source for one in run.inputs["runs"]]
         file, joint = run.inputs["file"], given.experiment is not None
-        sources = [one.source for one in runs]
         designs = [one.file for one in sources]
         if not given.parameter:
             run.log.say(
                 "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
                 " with priors of usual building errors"
             )
-        choices = _choose_models(run.setting["fidelity"], sources, given)
+        choices = _choose_models(run.setting["fidelity"], sources)
         with attribute_faults_to(file), run.log.progress() as bar:
             found = fit.solve(
                 [one.text for one in sources],
@@ -156,24 +153,22 @@ class FitAnalysis(Analysis):
                 designs,
                 run.inputs.get("functions", ()),
                 level=choices[0].level,
-                starts=run.setting["starts"],
-                seed=run.setting["seed"],
-                explain=run.setting["explain"],
+                **{name: run.setting[name] for name in ("starts", "seed", "explain")},
                 tell=bar,
             )
-        choice = max(choices, key=lambda one: -1.0 if math.isnan(one.error) else one.error)
         for source, one in zip(sources, choices, strict=True):
             model_choice.warn_of_neglected(source, one, run.log, (registry.BEAM,))
+        choice = max(choices, key=lambda one: -1.0 if math.isnan(one.error) else one.error)
         name = Path(file).stem if joint else found.experiment[0]
         data = dataclasses.replace(
             found,
-            design_before=tuple(one.source.text for one in runs),
+            design_before=tuple(one.text for one in sources),
             measurements=run.inputs["text"],
             title=(given.title if joint else run.design.design.title) or name,
         )
         _warn(data, choice, run.log)
         if run.setting.get("as_json", True):  # printed in the text
-            for line in text.first_lines(data):
+            for line in findings.first_lines(data):
                 run.log.warn(line)
         stem = run.source.stem(name)
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
@@ -181,16 +176,16 @@ class FitAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return fitted parameters and modes; an uncertainty is null if infinite or at a bound."""
-        from suspension_cli.analyses.fit import text
+        from suspension_cli.analyses.fit import findings
 
         found: Fit = result.data
-        return text.document(found, result.extra.get("designs", [None] * len(found.experiment)))
+        return findings.document(found, result.extra.get("designs", [None] * len(found.experiment)))
 
     def text(self, result: Result) -> str:
         """Return fitted parameters, modes, and combinations that the data determine."""
-        from suspension_cli.analyses.fit import text
+        from suspension_cli.analyses.fit import findings
 
-        return f"{result.choice.line}\n\n{text.report(result.data)}"
+        return f"{result.choice.line}\n\n{findings.report(result.data)}"
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and fitted numbers."""
@@ -208,17 +203,16 @@ class FitAnalysis(Analysis):
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
-        from suspension_cli.analyses.fit import text
+        from suspension_cli.analyses.fit import findings
         from suspension_cli.files.atomic import write_bytes
 
         extra, paths = result.extra, []
         measured = Path(extra["measured_file"]).name
-        for n, (name, file) in enumerate(
-            zip(result.data.experiment, extra["designs"], strict=True)
-        ):
+        pairs = zip(result.data.experiment, extra["designs"], strict=True)
+        for n, (name, file) in enumerate(pairs):
             stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
             paths.append(path.with_name(f"{stem}-fitted.toml"))
-            made = text.fitted_design(result.data, n, Path(file).name, measured, result.command)
+            made = findings.fitted_design(result.data, n, Path(file).name, measured, result.command)
             write_bytes(paths[-1], made.encode())
         return paths
 
@@ -238,34 +232,22 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
     return result
 
 
-def _choose_models(wanted: str, sources: Sequence[Source], measured: Measured) -> list[Choice]:
+def _choose_models(wanted: str, sources: Sequence[Source]) -> list[Choice]:
     """Choose the most complete model without wire mass that is valid for every design of a fit.
 
     Raises `InputError` if a model is wanted that cannot model imperfect builds, or has wire mass.
     """
     from suspension_cli.analyses import model_choice
-    from suspension_cli.linear import eigenmodes, named_results
     from suspension_cli.models import registry
-    from suspension_cli.models.choice import Several
 
     models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
     model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
     each = [registry.most_complete(source.design, massless=True) for source in sources]
-    common = min(each, key=registry.MODELS.index)
-
-    def request(system: LinearSystem, labels: set[str | None]) -> Several:
-        """Request the modes of these labels, or all if a mode has no label."""
-        found = eigenmodes.solve(system.constant)
-        names = enumerate(named_results.labels(found))
-        every = [named_results.Mode(name, n) for n, name in names]
-        some = [mode for mode in every if None in labels or mode.text in labels]
-        return Several(tuple(some or every), found)
-
+    common, modes = min(each, key=registry.MODELS.index), model_choice.named_results([])
     found = []
-    for source, modes in zip(sources, measured.modes, strict=True):
-        ask = functools.partial(request, labels={mode.label for mode in modes})
+    for source in sources:
         with attribute_faults_to(source.file):
-            found.append(model_choice.choose(source, wanted, ask, candidates=[common])[0])
+            found.append(model_choice.choose(source, wanted, modes, candidates=[common])[0])
     return found
 
 
@@ -282,17 +264,16 @@ def _designs(
     if designs:
         problem, remedy = "names its designs itself", "write pendsus fit MEASURED"
         raise InputError([Fault("experiment", problem, remedy, format_value(designs[0]))], file)
-    runs, bad = [], {}
+    runs, bad = [], dict[str, InputError]()
     for n, item in enumerate(given.experiment, 1):
-        design, own = str(Path(file).parent / item.design), tuple(item.set)
         try:
-            runs.append(ask(design, own))
+            runs.append(ask(str(Path(file).parent / item.design), tuple(item.set)))
         except InputError as error:
-            theirs = {format_value(text) for text in own}
+            overrides = {format_value(text) for text in item.set}
             moved = [
-                Fault(f"experiment.{n}.set", fault.problem, fault.remedy, fault.value)
+                dataclasses.replace(fault, key=f"experiment.{n}.set")
                 for fault in error.faults
-                if fault.value in theirs
+                if fault.value in overrides
             ]
             reported = InputError(moved, file) if moved else error
             bad[str(reported)] = reported

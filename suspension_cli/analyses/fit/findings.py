@@ -1,35 +1,38 @@
-"""What a fit says: determined parameters, single changes that explain the data, next measurements.
+"""What a fit says: determined parameters, next measurements; its text and JSON.
 
-All follow from the Jacobian J of the weighted residuals at the end of the fit.
+What is determined follows from the Jacobian J of the weighted residuals at the end of the fit.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses import tables
+from suspension_cli.analyses.analysis import Document, plain, table
 from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
-from suspension_cli.analyses.fit.result import Candidate, Fit
+from suspension_cli.analyses.fit.result import SAME, Candidate, Fit, ResponseFit
 from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.errors import escape_unprintable
 from suspension_cli.linear import signals
+from suspension_cli.measurements.transfer_function import TABLES
 from suspension_cli.studies.parameters import natural_step
+from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
     from suspension_cli.scene.arrays import Array
 
-UNDETERMINED = 1e-10
-"""Singular value relative to the largest, below which the data do not determine a combination."""
 WEAK = 10.0
 """Factor on the typical changes of parameters, to weaken their priors."""
-KNOWN = 0.3
+KNOWN, UNKNOWN = 0.3, 0.8
 """Standard deviation over that of the prior, or over the value if there is none, below which a
-parameter is determined by the data."""
-UNKNOWN = 0.8
-"""The same ratio above which the data do not determine a parameter."""
+parameter is determined by the data, and above which it is not."""
 TOGETHER = 0.2
 """Standard deviation of a combination over the smallest of its members' below which only the
 combination is determined."""
@@ -47,45 +50,8 @@ LEAST = 8
 """Number of the least known parameters for which measurements are sought."""
 IMPROVES = 0.7
 """Factor on a standard deviation below which a measurement is an improvement."""
-LISTED = 6
-"""Most candidates that are reported."""
-
-
-def covariance(problem: Problem, z: Array, slope: Array) -> Float[np.ndarray, "unknown unknown"]:
-    """Compute (J^T J)^-1; infinite where not determined, NaN at a bound."""
-    _, _, low, high, _, _, scale = problem.unknowns
-    size = np.where(z != 0, np.abs(z), scale)
-    inner = (np.abs(z - low) > 1e-8 * size) & (np.abs(z - high) > 1e-8 * size)
-    result = np.full((len(z), len(z)), np.nan)
-    if not inner.any():
-        return result
-    scaled = slope[:, inner] * scale[inner]
-    norm = np.sqrt((scaled**2).sum(0))
-    norm[norm == 0] = 1.0
-    _, singular, direction = np.linalg.svd(np.linalg.qr(scaled / norm, mode="r"))
-    whole = np.zeros(inner.sum())
-    whole[: len(singular)] = singular
-    good = whole > UNDETERMINED * whole.max()
-    inverse = (direction[good].T / whole[good] ** 2) @ direction[good]
-    lost = (np.abs(direction[~good]) > 1e-6).any(0)
-    inverse[lost, :] = inverse[:, lost] = 0.0
-    inverse[lost, lost] = np.inf
-    result[np.ix_(inner, inner)] = inverse * np.outer(*2 * [scale[inner] / norm])
-    return result
-
-
-def data_rows(problem: Problem, slope: Array) -> Float[np.ndarray, "row parameter"]:
-    """Derivatives of the weighted data by the parameters, all other unknowns fitted to them.
-
-    The columns of the other unknowns, with their priors, are projected out (Golub and Pereyra, SIAM
-    J. Numer. Anal. 10, 413 (1973)).
-    """
-    p, known = problem.count, np.isfinite(problem.unknowns.sigma)
-    first = len(slope) - int(known.sum())
-    rows = np.delete(slope, first + np.arange(known[:p].sum()), axis=0)
-    own, others = rows[:, :p], rows[:, p:]
-    basis = np.linalg.qr(others * problem.unknowns.scale[p:])[0]
-    return own - basis @ (basis.T @ own)
+LISTED, LINES = 6, 10
+"""Most candidates, and most functions, channels and priors that are printed, the worst first."""
 
 
 def change_unit(name: str, value: float) -> tuple[str, float]:
@@ -115,7 +81,7 @@ def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     p, free = problem.count, np.isinf(fitted.prior_sigma)
     # of parameters without prior: the value itself
     scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
-    rows = data_rows(problem, slope) * scale
+    rows = problem.data_rows(slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))
     names = [short(name) for name in fitted.parameters]
@@ -123,21 +89,21 @@ def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     lengths = [unit == "mm" for unit, _ in units]
     covariance = spread * np.outer(scale, scale)
     lines, taken = combinations(names, lengths, fitted.value, covariance, sigma > KNOWN)
-    alone = ~np.isin(np.arange(p), [*taken])
-
-    def words(some: Bool[np.ndarray, " parameter"]) -> str:
-        sizes = [(names[n], sigma[n] * scale[n], *units[n]) for n in np.flatnonzero(some)]
-        return ", ".join(f"{name} (to {by * one:.2g} {unit})" for name, by, unit, one in sizes)
-
-    good, poor = alone & (sigma <= KNOWN), alone & (sigma > KNOWN) & (sigma < UNKNOWN)
-    rest = ", ".join(names[n] for n in np.flatnonzero(alone & (sigma >= UNKNOWN)))
-    said = [
-        ("determined: ", words(good)),
-        *(("", line) for line in lines),
-        ("hardly determined: ", words(poor)),
-        ("not determined by these data, so their values are from priors or the design: ", rest),
-    ]
-    return tuple(head + text for head, text in said if text)
+    said: dict[str, list[str]] = {
+        "determined: ": [],
+        "hardly determined: ": [],
+        "not determined by these data, so their values are from priors or the design: ": [],
+    }
+    good, poor, no = said.values()
+    for n in (n for n in range(p) if n not in taken):
+        unit, factor = units[n]
+        known = f"{names[n]} (to {sigma[n] * scale[n] * factor:.2g} {unit})"
+        if sigma[n] >= UNKNOWN:
+            no.append(names[n])
+        else:
+            (good if sigma[n] <= KNOWN else poor).append(known)
+    first, *others = (head + ", ".join(some) if some else "" for head, some in said.items())
+    return tuple(line for line in (first, *lines, *others) if line)
 
 
 def combinations(
@@ -151,13 +117,7 @@ def combinations(
 
     Sums of lengths, or products of powers; `spread` is the covariance of the parameters. The
     coefficients are those of the smallest principal axis of the members' covariance, rounded.
-
-    Returns
-    -------
-    list of str
-        A sentence about each combination.
-    set of int
-        All members.
+    Returns a sentence about each combination, and all members.
     """
     found = []
     left = np.flatnonzero(uncertain).tolist()
@@ -174,8 +134,7 @@ def combinations(
         error = float(np.sqrt(max(weight @ own @ weight, 0.0)))
         relative = error / float(np.abs(weight).max() * np.sqrt(np.diag(own)).min())
         if relative < TOGETHER:
-            terms = [*zip(weight.tolist(), (names[n] for n in group), strict=True)]
-            line = _describe_sum(terms, error) if summed else _describe_product(terms, error)
+            line = _describe_combination([names[n] for n in group], weight, error, summed)
             found.append((len(group), relative, {*group}, line))
     lines, taken = list[str](), set[int]()
     for _, _, members, line in sorted(found, key=lambda item: item[:2]):
@@ -185,27 +144,26 @@ def combinations(
     return lines, taken
 
 
-def _describe_sum(terms: list[tuple[float, str]], error: float) -> str:
-    (_, first), (second, last), *more = terms
-    if more:
-        parts = " ".join(f"{'+' if w > 0 else '-'} {name}" for w, name in terms)
-        what = parts.removeprefix("+ ")
+def _describe_combination(names: list[str], weight: Array, error: float, summed: bool) -> str:
+    """Say that only a sum of lengths, or a product of powers, is known."""
+    below = (weight < 0).any()
+    if summed and len(names) == 2:
+        what = f"{'difference' if below else 'sum'} of {names[0]} and {names[1]}"
+    elif summed:
+        terms = zip(weight, names, strict=True)
+        what = "sum " + " ".join(f"{'+' if w > 0 else '-'} {name}" for w, name in terms)[2:]
     else:
-        what = f"the {'sum' if second > 0 else 'difference'} of {first} and {last}"
-    return f"only {what} is known (to {1e3 * error:.2g} mm)"
-
-
-def _describe_product(terms: list[tuple[float, str]], error: float) -> str:
-    parts = [(w, name if abs(w) == 1 else f"{name}^{abs(w):g}") for w, name in terms]
-    above = " x ".join(part for w, part in parts if w > 0)
-    below = "".join(f" / {part}" for w, part in parts if w < 0)
-    kind = "ratio" if below and len(terms) == 2 else "product"
-    return f"only the {kind} {above}{below} is known (to {100 * error:.2g} %)"
+        powers = zip(np.abs(weight), names, strict=True)
+        parts = np.array([name if size == 1 else f"{name}^{size:g}" for size, name in powers])
+        kind = "ratio" if below and len(names) == 2 else "product"
+        what = " / ".join([f"{kind} {' x '.join(parts[weight > 0])}", *parts[weight < 0]])
+    size = f"{1e3 * error:.2g} mm" if summed else f"{100 * error:.2g} %"
+    return f"only the {what} is known (to {size})"
 
 
 def next_measurements(
     problem: Problem, z: Array, slope: Array
-) -> tuple[int | None, tuple[Candidate, ...]]:
+) -> tuple[str, tuple[Candidate, ...]]:
     """Find the drives, sensors and bands that would determine a little known parameter best.
 
     The parameter is the first of the least known ones that a measurement improves by `IMPROVES`,
@@ -217,11 +175,11 @@ def next_measurements(
     scaled = slope * scale
     whole = scaled.T @ scaled
     spread = np.linalg.inv(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))
-    at_bound = np.isnan(np.diag(covariance(problem, z, slope)))
+    at_bound = np.isnan(np.diag(problem.covariance(z, slope)))
     order = np.argsort(-np.diag(spread)[:p], kind="stable")
     least = [int(n) for n in order if not at_bound[n]][:LEAST]
     if not least:
-        return None, ()
+        return "", ()
     plant = problem.experiment[0].plant(z[:p])
     known, body = signals.bodies_with_signals(plant.system), plant.system.body
     drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
@@ -237,7 +195,7 @@ def next_measurements(
     noise = [item.uncertainty / np.maximum(np.abs(item.value), 1e-300) for item in functions]
     relative = float(np.clip(np.median(np.concatenate(noise)), 1e-4, 1.0))
     part, own = spread[np.ix_(places, places)], np.diag(spread)[least]
-    found: list[tuple[Array, str, str, int]] = []
+    found: list[tuple[Float[np.ndarray, " least"], str, str, int]] = []
     for band in range(len(bands)):
         span = slice(band * PER_BAND, (band + 1) * PER_BAND)
         typical = np.median(np.abs(value[span]), axis=0)
@@ -260,4 +218,244 @@ def next_measurements(
         if (drive, sensor) not in best and len(best) < LISTED:
             sigma = scale[least[chosen]] * float(np.sqrt(max(variance[chosen], 0.0)))
             best[drive, sensor] = Candidate(drive, sensor, (BANDS[band], BANDS[band + 1]), sigma)
-    return least[chosen], tuple(best.values())
+    return problem.free[least[chosen]].name, tuple(best.values())
+
+
+def first_lines(found: Fit) -> list[str]:
+    """Return lines on a misfit, on wrong channels, and on values far from their priors."""
+    lines = []
+    if found.unlikely:
+        lines.append(
+            f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom, so"
+            " these parameters do not explain the measurements; uncertainties are given"
+            f" {found.scale:.3g} times as large"
+        )
+        lines.append(_remedy(found))
+    if found.unlikely_priors:
+        count = len(found.pulls)
+        lines.append(
+            f"MISFIT: chi^2 of the {f'{count} priors' if count > 1 else 'prior'} alone is"
+            f" {found.prior_chi_squared:.4g}, so the measurements contradict the priors: a part is"
+            " not as designed, these parameters absorb something that the model lacks (a spring, a"
+            " cable, a stop), or the priors are too narrow"
+        )
+    if found.far:
+        far = ", ".join(f"{short(name)} ({pull:+.3g} sigma)" for name, pull in found.far[:LINES])
+        more = f", and {len(found.far) - LINES} more" if len(found.far) > LINES else ""
+        lines.append(f"far from the priors: {far}{more}")
+    for one in found.responses.corrections if found.responses is not None else ():
+        lines.append(
+            f"{'CHANNEL: ' if one.known else ''}{one.text}; the fit includes this (without this"
+            f" chi^2 is {one.chi_squared:.4g})"
+        )
+    return lines
+
+
+def _remedy(found: Fit) -> str:
+    """Say what may remove a misfit."""
+    if found.exchange is None:
+        channels = ", or give channels gain_uncertainty or mix_uncertainty"
+        more = channels if found.responses is not None else ""
+        return f"free more parameters{more}, or check designs, labels and uncertainties"
+    first, second = found.exchange.labels
+    several = len(found.experiment) > 1
+    where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
+    return (
+        f'two labels may be exchanged: with "{first}" and "{second}" exchanged{where}, chi^2 is'
+        f" {found.exchange.chi_squared:.4g}"
+    )
+
+
+def report(found: Fit) -> str:
+    """Return the text below the line on the model."""
+    responses, parts = found.responses, [first_lines(found), [_parameters(found)]]
+    if found.label:
+        parts.append([_modes(found)])
+    if responses is not None:
+        parts += [[text] for text in _response_tables(responses)]
+        parts.append(_explanations(found, responses))
+    if found.determined:
+        parts.append(["What these data say, without the priors:", *found.determined])
+    if responses is not None and responses.least:
+        parts.append(_next(found, responses))
+    end = f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
+    if len(found.ends) > 1:
+        same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
+        rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
+        end += f"\n{same} of {len(found.ends)} searches ended there{rest}"
+    return "\n\n".join("\n".join(lines) for lines in [*parts, [end]] if lines)
+
+
+def format_uncertainty(found: Fit, n: int) -> str:
+    """Format the standard deviation of parameter n, or say why there is none."""
+    if found.at_bound[n]:
+        return "at its bound"
+    sigma = found.sigma[n]
+    return f"+- {sigma:.2g}" if math.isfinite(sigma) else "not determined by these data"
+
+
+def _parameters(found: Fit) -> str:
+    sigmas = [format_uncertainty(found, n) for n in range(len(found.name))]
+    numbers = found.parameter_unit, found.start, found.value
+    columns = {"parameter": "", "unit": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}
+    return tables.render(columns, zip(found.parameters, *numbers, sigmas, strict=True))
+
+
+def _modes(found: Fit) -> str:
+    columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
+    columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
+    numbers = found.measured, found.uncertainty, found.before, found.after, found.residual
+    return tables.render(columns, zip(*numbers, found.modes, strict=True))
+
+
+def _response_tables(found: ResponseFit) -> list[str]:
+    """Tables of resonances, of functions, and of properties of sensors and actuators."""
+    made = []
+    if len(found.mode):
+        columns = {"measured\nHz": "#.5g", "model before\n%": "+.2f", "model after\n%": "+.3f"}
+        columns |= {"measured\nQ": ".3g", "in\nfunctions": ".0f", "resonance": ""}
+        hz, _, before, after, q, functions = found.resonance.T
+        moves = (100 * (before / hz - 1), 100 * (after / hz - 1))
+        made.append(tables.render(columns, zip(hz, *moves, q, functions, found.mode, strict=True)))
+    before, after = (
+        chi / np.maximum(2 * found.points, 1)
+        for chi in (found.chi_squared_of(found.before), found.chi_squared)
+    )
+    names = found.function, found.output, found.input
+    columns = {"chi^2 per value\nbefore": ".3g", "\nafter": ".3g", "frequencies\n": ".0f"}
+    columns |= {"function": "", "output": "", "input": ""}
+    rows = [*zip(before, after, found.points, *names, strict=True)]
+    made.append(_worst(columns, rows, after, "functions that fit better"))
+    if found.nuisance:
+        values = found.nuisance_value, found.nuisance_sigma, found.nuisance_prior
+        units = {"gain": ("%", 100.0), "delay": ("ms", 1e3)}
+        rows = []
+        for name, *sizes in zip(found.nuisance, *values, strict=True):
+            unit, by = units.get(name.rpartition(".")[2], ("SI", 1.0))
+            rows.append((*(by * size for size in sizes), unit, name))
+        columns = {"change": "+.3g", "+-": ".2g", "expected +-": ".2g", "unit": ""}
+        columns |= {"sensor or actuator": ""}
+        far = np.abs(found.nuisance_value) / found.nuisance_prior
+        made.append(_worst(columns, rows, far, "more, nearer to their expected values"))
+    return made
+
+
+def _worst(columns: dict[str, str], rows: list, by: np.ndarray, more: str) -> str:
+    """Table of the rows with the largest values; the number of others follows."""
+    order = np.argsort(-by, kind="stable")[:LINES]
+    text = tables.render(columns, [rows[n] for n in order])
+    return text + (f"\nand {len(rows) - LINES} {more}" if len(rows) > LINES else "")
+
+
+def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
+    """List the single changes that explain the measurements."""
+    before = responses.chi_squared_before
+    if not math.isfinite(before):
+        return []
+    if not responses.changes or before < found.chi_squared + 4 * len(found.name):
+        return [
+            f"The design as given explains the measurements: chi^2 is {before:.4g} with only"
+            f" sensors, actuators and losses fitted, {found.chi_squared:.4g} with all parameters"
+            " and their priors"
+        ]
+    lines = [
+        "Single changes that explain most, with sensors, actuators and losses fitted; chi^2 with"
+        f" all parameters and their priors is {found.chi_squared:.4g}:"
+    ]
+    for one in responses.changes:
+        unit, factor = change_unit(one.name, one.start)
+        change = f"{short(one.name)} {one.change * factor:+.3g} {unit}"
+        lines.append(f"  {change}: chi^2 {before:.4g} -> {one.chi_squared:.4g}")
+    return lines
+
+
+def _next(found: Fit, responses: ResponseFit) -> list[str]:
+    """List the measurements that would determine the least known parameter."""
+    n = found.name.index(responses.least)
+    unit, factor = change_unit(responses.least, float(found.value[n]))
+    known = f"{found.sigma[n] / found.scale * factor:.2g} {unit}"
+    head = f"To learn more about {short(responses.least)}, now known to {known}, measure next:"
+    return [head] + [
+        f"  drive {one.input}, sense {one.output}, {one.band[0]:.2g} to {one.band[1]:.2g} Hz:"
+        f" to {one.sigma * factor:.2g} {unit}"
+        for one in responses.candidates
+    ]
+
+
+def fitted_design(found: Fit, number: int, file: str, measured: str, command: str) -> str:
+    """Return the fitted design of an experiment (from 0), headed by comments on its origin."""
+    others = ", ".join(name for n, name in enumerate(found.experiment) if n != number)
+    together = f" together with {others}" if others else ""
+    head = [f"{file}, fitted to {measured}{together} by pendsus {__version__}:"]
+    head += ["MISFIT: these parameters do not explain the measurements"] * found.unlikely
+    head += ["MISFIT: these parameters contradict their priors"] * found.unlikely_priors
+    if found.responses is not None:
+        head += [one.text for one in found.responses.corrections]
+    head += [f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
+    for n in np.flatnonzero(found.shared[:, number]).tolist():
+        sigma = format_uncertainty(found, n)
+        value = f"{float(found.value[n])!r}{', ' if sigma.startswith('not') else ' '}{sigma}"
+        head.append(f"  {found.name[n]} = {value}, from {found.start[n]:.6g}")
+    lines = "".join(f"# {escape_unprintable(line)}\n" for line in head)
+    return f"{lines}\n{found.design[number]}"
+
+
+def document(found: Fit, files: Sequence[str | None]) -> Document:
+    """Return the JSON document; an uncertainty is null if it is infinite or at a bound."""
+    who = np.array(found.experiment)
+    parameters = table(found, "name start value sigma prior prior_sigma at_bound")
+    for row, shared in zip(parameters, found.shared, strict=True):
+        row["experiments"] = who[shared].tolist()
+        if row["prior_sigma"] is None:
+            row["prior"] = None
+    columns = "label measured_hz=measured uncertainty_hz=uncertainty before_hz=before"
+    modes = table(found, f"experiment=of {columns} after_hz=after residual")
+    for row in modes:
+        row["experiment"] = found.experiment[row["experiment"]]
+    exchange = None
+    if found.exchange is not None:
+        one = found.exchange
+        exchange = {"experiment": found.experiment[one.experiment], "labels": [*one.labels]}
+        exchange["chi_squared"] = one.chi_squared
+    pairs = zip(found.experiment, files, strict=True)
+    return {
+        "experiments": [{"name": name, "design": file} for name, file in pairs],
+        "parameters": parameters,
+        "covariance": plain(found.covariance),
+        "modes": modes,
+        "chi_squared": found.chi_squared,
+        "chi_squared_of_starts": found.ends.tolist(),
+        "degrees_of_freedom": found.freedom,
+        "chi_squared_of_priors": found.prior_chi_squared,
+        "far_from_priors": [{"name": name, "sigmas": plain(by)} for name, by in found.far],
+        "misfit": found.misfit,
+        "sigma_scale": found.scale,
+        "exchange": exchange,
+        "singular_values": found.singular.tolist(),
+        "directions": found.direction.tolist(),
+        "determined": list(found.determined),
+    } | (_response_document(found.responses) if found.responses is not None else {})
+
+
+def _response_document(found: ResponseFit) -> Document:
+    values = "change=nuisance_value sigma=nuisance_sigma prior_sigma=nuisance_prior"
+    keys = ("measured_hz", "uncertainty_hz", "before_hz", "after_hz", "q", "functions")
+    columns = "kind side factor claimed_otherwise=known also"
+    wrong = table(found.corrections, f"{columns} chi_squared_without=chi_squared text")
+    for row, one in zip(wrong, found.corrections, strict=True):
+        row |= {"side": TABLES[one.side], "channels": [*one.channel], "also": one.also or None}
+    return {
+        "transfer_functions": table(
+            found, "name=function output input frequencies=points chi_squared"
+        ),
+        "channels": table(found, f"name=nuisance {values}"),
+        "resonances": [
+            {"label": name} | dict(zip(keys, (*plain(row[:5]), int(row[5])), strict=True))
+            for name, row in zip(found.mode, found.resonance, strict=True)
+        ],
+        "wrong_channels": wrong,
+        "chi_squared_before": plain(found.chi_squared_before),
+        "single_changes": table(found.changes, "name start change chi_squared"),
+        "least_known": found.least or None,
+        "measure_next": table(found.candidates, "input output band_hz=band sigma"),
+    }

@@ -14,39 +14,30 @@ from suspension_cli.analyses.fit.result import Fit, ResponseFit
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
-from suspension_cli.drawing.style import (
-    NOTE,
-    PALE,
-    PALETTE,
-    LineLook,
-    single_line,
-)
+from suspension_cli.drawing.style import NOTE, PALE, PALETTE, LineLook, single_line
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Float
 
 INTERVAL = 1.959964
 """Half width of a 95 % interval of a normal distribution, standard deviations."""
-HOLLOW: LineLook = {"markerfacecolor": "white"}
-BEFORE = Line(
-    [], [], "before", PALETTE[1],
-    {"linestyle": "none", "marker": "o", "markersize": 3.5, "zorder": 4, **HOLLOW},
-)  # fmt: skip
-AFTER = Line(
-    [], [], "after", PALETTE[0],
-    {"linestyle": "none", "marker": "D", "markersize": 3.5, "zorder": 4},
-)  # fmt: skip
+MARK: LineLook = {"linestyle": "none", "markersize": 3.5, "zorder": 4}
+HOLLOW: LineLook = {**MARK, "marker": "o", "markerfacecolor": "white"}
+BEFORE = Line([], [], "before", PALETTE[1], HOLLOW)
+AFTER = Line([], [], "after", PALETTE[0], {**MARK, "marker": "D"})
 """Marks of the design as given and as fitted."""
 LONGEST = 30
 """Longest names of modes and numbers, characters."""
 SHOWN = 6
 """Most functions that are drawn."""
-POINTS = 1000
-"""Frequencies at which a model is drawn."""
 
 
 def draw(found: Fit, title: str) -> Figure:
-    """Draw the figure of `pendsus fit`."""
+    """Draw the figure of `pendsus fit`.
+
+    Residuals are those of modes; else those of resonances read off the peaks of transfer functions,
+    which are not fitted themselves.
+    """
     verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
     if found.misfit:
         wide = f"uncertainties {found.scale:.3g} times as large"
@@ -56,9 +47,19 @@ def draw(found: Fit, title: str) -> Figure:
     if found.responses is not None:
         what.append(_count(len(found.responses.function), "transfer function"))
     said = f"{_count(len(found.name), 'number')} fitted to {' and '.join(what)}"
-    names, residuals, source = _residuals(found)
+    remarks = [""] * len(found.label)
+    table = np.stack([found.measured, found.uncertainty, found.before, found.after], axis=1)
+    names, source = found.modes, "measured"
+    if not found.label and found.responses is not None:
+        table, names, source = found.responses.resonance, found.responses.mode, "peak read off"
+        remarks = [f", Q {q:.3g}" for q in table[:, 4]]
+    rows = [
+        f"{single_line(name, LONGEST)}  {hz:.4g} Hz{remark}"
+        for name, hz, remark in zip(names, table[:, 0], remarks, strict=True)
+    ]
+    residuals = (table[:, 2:4] - table[:, :1]) / table[:, 1:2]
     label = f"(model − {source}) / uncertainty"
-    shown = [_rows(names, residuals, [BEFORE, AFTER], verdict, label)]
+    shown = [_rows(rows, residuals, [BEFORE, AFTER], verdict, label)]
     if found.name:
         with np.errstate(invalid="ignore", divide="ignore"):
             moved = ((found.value - found.start) / found.sigma)[:, None]
@@ -80,32 +81,12 @@ def _name(found: Fit, n: int) -> str:
     return short(found.name[n]) + who * (not found.shared[n].all())
 
 
-def _residuals(found: Fit) -> tuple[list[str], Float[np.ndarray, "row 2"], str]:
-    """Labels, residuals before and after, and what they refer to.
-
-    Residuals are those of modes, in standard deviations; else those of resonances read off the
-    peaks of transfer functions, which are not fitted themselves.
-    """
-    if found.label or found.responses is None:
-        table = np.stack([found.measured, found.uncertainty, found.before, found.after], axis=1)
-        names, remarks, source = found.modes, [""] * len(table), "measured"
-    else:
-        table, names, source = found.responses.resonance, found.responses.mode, "peak read off"
-        remarks = [f", Q {q:.3g}" for q in table[:, 4]]
-    rows = [
-        f"{single_line(name, LONGEST)}  {f:.4g} Hz{remark}"
-        for name, f, remark in zip(names, table[:, 0], remarks, strict=True)
-    ]
-    return rows, (table[:, 2:4] - table[:, :1]) / table[:, 1:2], source
-
-
 def _rows(
     names: Sequence[str], values: Float[np.ndarray, "row mark"], marks: Sequence[Line],
     title: str, label: str, beside: Sequence[str] = (),
 ) -> Panel:  # fmt: skip
     """Make a panel of named rows with marks at multiples of a standard deviation."""
     most = float(np.abs(values[np.isfinite(values)]).max(initial=2.5))
-
     rows = np.arange(len(names))
     lines = [Line(column, rows, one.name, one.colour, one.look)
              for column, one in zip(values.T, marks, strict=True)]  # fmt: skip
@@ -134,18 +115,15 @@ def _number(found: Fit, n: int) -> str:
 
 def draw_responses(found: ResponseFit, title: str) -> Figure:
     """Draw magnitudes measured, before and after the fit, and residuals."""
-    ratio = found.chi_squared / np.maximum(found.points, 1)
+    ratio = found.chi_squared / np.maximum(2 * found.points, 1)
     order = np.argsort(-ratio, kind="stable")[:SHOWN]
-    shown = []
-    for n in order:
-        unit = f" ({found.unit[n]})" if found.unit[n] else ""
-        shown += _function(found, int(n), float(ratio[n]), f"|reading / drive|{unit}")
+    shown = [panel for n in order for panel in _function(found, int(n), float(ratio[n]))]
     left = len(found.function) - len(order)
     which = f", the {len(order)} of {len(found.function)} that fit worst" if left else ""
     return panels.draw(f"Fitted transfer functions{which}", title, shown)
 
 
-def _function(found: ResponseFit, n: int, ratio: float, label: str) -> list[Panel]:
+def _function(found: ResponseFit, n: int, ratio: float) -> list[Panel]:
     """Make the panels of a transfer function and of its residuals."""
     own = found.of == n
     frequency, size = found.frequency[own], np.abs(found.measured[own])
@@ -153,12 +131,13 @@ def _function(found: ResponseFit, n: int, ratio: float, label: str) -> list[Pane
     lines = [Line(frequency, size, "measured", NOTE, dots)]
     for value, mark in ((found.before, BEFORE), (found.after, AFTER)):
         if np.abs(value[own]).max() > 1e-6 * size.max():
-            at, seen = interpolate(frequency, value[own])
-            lines.append(Line(at, np.abs(seen), mark.name, mark.colour, {"linewidth": 0.9}))
+            modelled = np.abs(value[own])
+            lines.append(Line(frequency, modelled, mark.name, mark.colour, {"linewidth": 0.9}))
     low, high = size[size > 0].min(initial=np.inf), size.max()
     limits = (float(low / 3), float(high * 3)) if low < high else None
     name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 46)
     title = rf"{name}, $\chi^2$ per value {ratio:.3g}"
+    label = "|reading / drive|" + (f" ({found.unit[n]})" if found.unit[n] else "")
     off = (found.after[own] - found.measured[own]) / found.uncertainty[own]
     largest = max(4.0, 1.1 * float(np.abs([off.real, off.imag]).max()))
     cross: LineLook = {"linestyle": "none", "marker": "x", "markersize": 2.5}
@@ -166,35 +145,11 @@ def _function(found: ResponseFit, n: int, ratio: float, label: str) -> list[Pane
         Line(frequency, off.real, "residual, real", PALETTE[3], {**dots, "markersize": 3}),
         Line(frequency, off.imag, "imaginary", PALETTE[2], cross),
     ]
-
-    key = [*parts, Line([], [], "±2σ", PALE, {"linewidth": 6})]
     return [
         Panel(label, lines, 1.4, "log", limits, title),
         Panel(
-            "residual (σ)", parts, 0.65, limits=(-largest, largest), key=key, across=Across(),
+            "residual (σ)", parts, 0.65, limits=(-largest, largest), across=Across(),
+            key=[*parts, Line([], [], "±2σ", PALE, {"linewidth": 6})],
             rules=[Rule(-2.0, colour=PALE, to=2.0)],
         ),
     ]  # fmt: skip
-
-
-def interpolate(
-    frequency: Float[np.ndarray, " frequency"], value: Complex[np.ndarray, " frequency"]
-) -> tuple[Float[np.ndarray, " finer"], Complex[np.ndarray, " finer"]]:
-    """Interpolate a computed response by a rational function, to draw its peaks between points.
-
-    A response is a rational function but for slow factors of delays and losses (AAA algorithm;
-    Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494 (2018)). If the points are too
-    few for that, they are returned.
-
-    >>> f = np.linspace(0.5, 2.0, 16)
-    >>> response = 1 / (1.03**2 - f**2 + 0.01j * f)
-    >>> [round(float(abs(some).max())) for some in (response, interpolate(f, response)[1])]
-    [16, 97]
-    """
-    from scipy.interpolate import AAA
-
-    model = AAA(frequency, value, rtol=1e-9, max_terms=max(len(frequency) // 2, 1))
-    if model.errors[-1] > 1e-6 * np.abs(value).max():
-        return frequency, value
-    at = np.union1d(frequency, np.geomspace(frequency[0], frequency[-1], POINTS))
-    return at, model(at)

@@ -8,7 +8,8 @@ and imaginary parts of predicted less measured transfer functions; and priors.
 
 from __future__ import annotations
 
-import itertools
+import functools
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,48 +18,185 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from suspension_cli.analyses import readings
-from suspension_cli.analyses.fit.experiment import Experiment
+from suspension_cli.analyses.analysis import Document
 from suspension_cli.design import paths, reader
-from suspension_cli.design.faults import suggest
-from suspension_cli.design.measured import Free, Measured, Mode
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.design.measured import Free, Mode
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.linear import named_results
+from suspension_cli.linear.mode_pairing import pair_by_overlap
+from suspension_cli.measurements.resonances import Peak
 from suspension_cli.measurements.transfer_function import GAIN, Channels
-from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies import derivatives, parameters
-from suspension_cli.studies.response_matrix import LOSSES, Plant, Responses
+from suspension_cli.studies import derivatives
+from suspension_cli.studies.response_matrix import Matrices, Plant, Responses
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+FORBIDDEN = 1e6
+"""Cost of assigning a measurement to a mode that it cannot belong to; others cost the square of
+ln(measured / computed)."""
 DAMPING = 1e-3
 """Prior median of the added damping 1/Q of a mode."""
 DAMPING_SIGMA = 2.5
 """Standard deviation of its logarithm: a factor of 12 either way."""
-STEP = 1e-4
-"""Relative step of differences for parameters that change only frequency-dependent losses."""
 TYPICAL = 0.1
 """Typical change of a parameter without prior, relative to its value."""
 CONVERGED = 1e-9
 """Relative change of chi^2, unknowns and gradient at which a search ends."""
+UNDETERMINED = 1e-10
+"""Singular value relative to the largest, below which the data do not determine a combination."""
 
-ABSOLUTE = {
-    1e-3: ("d", "d_upper", "l"),
-    0.3e-3: ("s", "s_upper", "s_lower"),
-    0.5e-3: ("t1", "t2", "upper", "lower", "com_offset", "upper_offset", "lower_offset"),
-}
-"""Usual errors of careful building, m, of keys: prior standard deviations of default parameters."""
-RELATIVE = {
-    "mass": 0.002,
-    "density": 0.005,
-    "inertia": 0.02,
-    "stiffness": 0.03,
-    "uncoupled_frequency": 0.015,
-    "thickness": 0.01,
-    "youngs_modulus": 0.02,
-    "k": 0.02,
-}
-"""The same of masses and bought materials, relative to the value."""
+
+@dataclass(frozen=True, eq=False)
+class Build:
+    """A design (TOML) on a model, with its free parameters (dotted paths) at x."""
+
+    text: str
+    level: str
+    free: tuple[str, ...]
+    x: tuple[float, ...]
+
+    @cached_property
+    def document(self) -> Document:
+        """Parsed TOML of the design."""
+        raw = tomllib.loads(self.text)
+        settings = dict(zip(self.free, self.x, strict=True))
+        reader.apply_overrides(raw, paths.symmetric_settings(settings))
+        return raw
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The design, solved."""
+        return Plant.of(reader.convert(self.document), self.level)
+
+    @cached_property
+    def changes(self) -> list[Matrices | None]:
+        """Derivatives of the matrices; None for a parameter that cannot change alone."""
+        return self.plant.changes(self.free)
+
+
+_build = functools.lru_cache(maxsize=16)(Build)
+
+
+@functools.lru_cache(maxsize=3)
+def _respond(
+    build: Build, signals: readings.Signals, grids: tuple[bytes, ...], damping: bytes
+) -> list[Responses]:
+    outputs, inputs = signals
+    return [
+        build.plant.respond(np.frombuffer(grid), inputs, outputs, np.frombuffer(damping))
+        for grid in grids
+    ]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A design (TOML) on a model that supports derivatives, with measured modes.
+
+    `free` are dotted paths of the free parameters, `start` their starting values (SI), `where` is
+    the prefix of the key paths of the modes, and `file` that of the design, in errors.
+    """
+
+    text: str
+    level: str
+    mode: list[Mode]
+    free: tuple[str, ...]
+    start: Array
+    where: str
+    file: str
+
+    @cached_property
+    def nominal(self) -> Plant:
+        """The design where the search starts; measurements refer to the labels of its modes."""
+        return self.plant(self.start)
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """Labels of the nominal modes."""
+        return named_results.labels(self.nominal.modes)
+
+    def at(self, x: Array) -> Build:
+        """Put the free parameters into the design."""
+        return _build(self.text, self.level, self.free, tuple(x.tolist()))
+
+    def plant(self, x: Array) -> Plant:
+        """Solve the design with the free parameters x."""
+        with attribute_faults_to(self.file):
+            return self.at(x).plant
+
+    def order(self, x: Array) -> Int[np.ndarray, " mode"]:
+        """Mode of the plant at x for each nominal mode."""
+        overlap = self.nominal.modes.shape @ self.plant(x).modal_forces.T
+        return pair_by_overlap(overlap**2)
+
+    def frequencies(self, x: Array) -> Float[np.ndarray, " mode"]:
+        """Frequencies in the order of the nominal modes, Hz; NaN for an unstable mode."""
+        return self.plant(x).modes.frequency[self.order(x)]
+
+    def changes(self, x: Array) -> list[Matrices]:
+        """Differentiate the matrices by the free parameters; 0 where one cannot change alone."""
+        system = self.plant(x).system
+        nothing = np.zeros((system.size, system.size))
+        turn = np.zeros((len(system.body) + 1, 3, 3))
+        still = Matrices(nothing, nothing, nothing, nothing, turn)
+        return [change or still for change in self.at(x).changes]
+
+    @cached_property
+    def allowed(self) -> Bool[np.ndarray, "measured mode"]:
+        """Whether a measurement may be of a nominal mode, by its label or its directions."""
+        modes, rows, taken = self.nominal.modes, [], set[int]()
+        for n, item in enumerate(self.mode, 1):
+            if item.label is None:
+                rows.append([item.dof is None or dof in item.dof for _, dof in modes.home])
+                continue
+            where = f"{self.where}mode.{n}.label"
+            found = named_results.parse([item.label], modes, (), where)
+            numbers = {one.number for one in found if isinstance(one, named_results.Mode)}
+            if len(numbers) != 1 or numbers & taken:
+                problem = "does not name exactly one mode, or names that of another measurement"
+                remedy = f"list labels with pendsus modes --fidelity {self.level}"
+                raise InputError([Fault(where, problem, remedy, format_value(item.label))])
+            taken |= numbers
+            rows.append([mode in numbers for mode in range(len(modes.home))])
+        return np.array(rows, dtype=bool).reshape(len(self.mode), len(modes.home))
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
+        modes, places = self.plant(x).modes, self.order(x)[self.assign_modes(x)]
+        rates = [
+            derivatives.frequency_rates(modes, one.of_modes(modes))[places]
+            for one in self.changes(x)
+        ]
+        slopes = np.array(rates).reshape(-1, len(places)).T
+        return np.nan_to_num(modes.frequency[places]), np.nan_to_num(slopes)
+
+    def assign_modes(self, x: Array) -> Int[np.ndarray, " measured"]:
+        """Assign a mode to each measurement.
+
+        Measurements without a label share the modes left by the others such that the sum of
+        ln(measured / computed)^2 is smallest.
+        """
+        from scipy.optimize import linear_sum_assignment
+
+        measured = np.array([item.frequency for item in self.mode]).reshape(-1, 1)
+        frequency = self.frequencies(x)
+        cost = np.log(measured / np.where(frequency > 0, frequency, np.nan)) ** 2
+        cost[[item.label is not None for item in self.mode]] = 0.0
+        cost = np.where(self.allowed & np.isfinite(cost), cost, FORBIDDEN)
+        spare = max(len(cost) - len(frequency), 0)
+        cost = np.pad(cost, ((0, 0), (0, spare)), constant_values=FORBIDDEN)
+        rows, columns = linear_sum_assignment(cost)
+        for n in np.flatnonzero(cost[rows, columns] == FORBIDDEN):
+            directions, where = self.mode[n].dof, f"{self.where}mode"
+            if directions is None:
+                problem = f"the design has only {len(frequency)} modes, fewer than were measured"
+                raise InputError.of(where, problem, "remove measurements of other modes")
+            problem = "no unassigned mode moves mainly in these degrees of freedom"
+            remedy = f"list modes with pendsus modes --fidelity {self.level}"
+            fault = Fault(f"{where}.{n + 1}.dof", problem, remedy, format_value(directions))
+            raise InputError([fault])
+        return columns
 
 
 class Unknowns(NamedTuple):
@@ -81,17 +219,9 @@ class Unknowns(NamedTuple):
 class Problem:
     """Measured designs and the unknowns of a fit.
 
-    Attributes
-    ----------
-    shared
-        Whether a parameter belongs to an experiment.
-    base
-        Starting values of the parameters.
-    channels, signals
-        Sensors, actuators and measured functions of the one design, and its signals in them; none
-        if only modes were measured.
-    damped
-        Nominal modes with an added damping.
+    `shared` says whether a parameter belongs to an experiment, `base` are starting values. Measured
+    functions are those of the one experiment: their channels, its signals in these, the resonances
+    of each function, and nominal modes with an added damping (`damped`).
     """
 
     experiment: list[Experiment]
@@ -100,6 +230,7 @@ class Problem:
     base: Array
     channels: Channels = field(default_factory=Channels)
     signals: readings.Signals = ((), ())
+    peaks: Sequence[list[Peak]] = ()
     damped: Int[np.ndarray, " damped"] = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     @property
@@ -127,33 +258,31 @@ class Problem:
         for mode in self.damped:
             limits = np.log(1e-9), 0.0
             rows.append((f"damping.{mode}", damping, *limits, damping, DAMPING_SIGMA))
-        names = tuple(row[0] for row in rows)
         columns = np.array([row[1:] for row in rows], dtype=float).reshape(-1, 5).T
         start, low, high, prior, sigma = columns
-        scale = np.where(np.isfinite(sigma), sigma, typical_change(start))
-        return Unknowns(names, start, low, high, prior, sigma, scale)
+        typical = np.where(start != 0, TYPICAL * np.abs(start), 1e-3)
+        scale = np.where(np.isfinite(sigma), sigma, typical)
+        return Unknowns(tuple(row[0] for row in rows), start, low, high, prior, sigma, scale)
 
-    def of_modes(self, modes: list[Mode]) -> Problem:
-        """Set up the problem of the one design with these measured modes instead."""
-        one = replace(self.experiment[0], mode=modes)
-        return Problem([one], self.free, self.shared, self.base)
-
-    def restricted(self, names: list[str], values: dict[str, float]) -> Problem:
+    def restricted(self, names: Sequence[str], values: dict[str, float]) -> Problem:
         """Set up the problem of the one design with other free parameters, without priors."""
         base = np.array([values[name] for name in names])
-        one = replace(self.experiment[0], free=tuple(names), start=base, latest=[])
+        one = replace(self.experiment[0], free=tuple(names), start=base)
         free, shared = [Free(name=name) for name in names], np.ones((len(names), 1), dtype=bool)
         return replace(self, experiment=[one], free=free, shared=shared, base=base)
-
-    def solve_responses(self, z: Array) -> list[Responses]:
-        """Solve for the responses of all signals on each grid."""
-        grids = [grid for grid, _ in self.channels.grids]
-        x, one = z[self.parts[0]], self.experiment[0]
-        return one.respond(x, self.signals, grids, self.damping(z)) if grids else []
 
     def residues(self, plant: Plant) -> Inexact[np.ndarray, "function mode"]:
         """Compute the residues of the measured functions (`readings.residues`)."""
         return readings.residues(self.channels, self.signals, plant.system, plant.modes)
+
+    def solve_responses(self, z: Array) -> list[Responses]:
+        """Solve for the responses of all signals on each grid."""
+        one, grids = self.experiment[0], [grid.tobytes() for grid, _ in self.channels.grids]
+        if not grids:
+            return []
+        with attribute_faults_to(one.file):
+            build = one.at(z[self.parts[0]])
+            return _respond(build, self.signals, tuple(grids), self.damping(z).tobytes())
 
     def damping(self, z: Array) -> Float[np.ndarray, " mode"]:
         """Added damping 1/Q of each mode of the plant."""
@@ -167,12 +296,9 @@ class Problem:
     ) -> Complex[np.ndarray, "unknown frequency output input"]:
         """Differentiate responses by parameters and dampings."""
         one, x = self.experiment[0], z[self.parts[0]]
-        order, damping = one.order(x), np.exp(z[self.parts[2]])
         rows = [found.derivative(change) for change in one.changes(x)]
-        rows += [
-            size * found.damping_derivative(int(mode))
-            for mode, size in zip(order[self.damped], damping, strict=True)
-        ]
+        dampings = zip(one.order(x)[self.damped], np.exp(z[self.parts[2]]), strict=True)
+        rows += [size * found.damping_derivative(int(mode)) for mode, size in dampings]
         return np.array(rows, dtype=complex).reshape(-1, *found.value.shape)
 
     def readings(self, z: Array) -> list[Complex[np.ndarray, " frequency"]]:
@@ -189,25 +315,17 @@ class Problem:
             rows = now.combine(self.state_derivatives(found, z), grid)
             own = self.channels.differentiate(found.value, grid, values)
             grids.append(np.concatenate([rows[: self.count], own, rows[self.count :]]))
-        result = now.by_function(grids)
-        one = self.experiment[0]
-        for n, name in enumerate(one.free if registry.by_name(one.level).bends_wires else ()):
-            if set(name.split(".")) & {*LOSSES}:
-                move = STEP * (abs(z[n]) or self.unknowns.scale[n]) * np.eye(len(z))[n]
-                pairs = zip(self.readings(z + move), self.readings(z - move), strict=True)
-                for rows, (above, below) in zip(result, pairs, strict=True):
-                    rows[n] = (above - below) / (2 * move[n])
-        return result
+        return now.by_function(grids)
 
     def predict_modes(self, x: Array) -> tuple[Array, Array]:
         """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
         rows, slopes = [np.zeros(0)], [np.zeros((0, self.count))]
         for item, own in zip(self.experiment, self.shared.T, strict=True):
             if item.mode:
-                places = item.assign_modes(x[own])
-                rows.append(np.nan_to_num(item.frequencies(x[own])[places]))
-                slopes.append(np.zeros((len(places), self.count)))
-                slopes[-1][:, own] = item.slopes(x[own])[places]
+                frequency, slope = item.predict(x[own])
+                rows.append(frequency)
+                slopes.append(np.zeros((len(frequency), self.count)))
+                slopes[-1][:, own] = slope
         return np.concatenate(rows), np.concatenate(slopes)
 
     @cached_property
@@ -237,6 +355,41 @@ class Problem:
         for change, item in zip(self.differentiate(z), self.channels.function, strict=True):
             rows.append(stack_parts((change / item.uncertainty).T))
         return np.concatenate([*rows, np.diag(1 / self.unknowns.sigma)[known]])
+
+    def data_rows(self, slope: Array) -> Float[np.ndarray, "row parameter"]:
+        """Derivatives of the weighted data by the parameters, all other unknowns fitted to them.
+
+        The columns of the other unknowns, with their priors, are projected out (Golub and Pereyra,
+        SIAM J. Numer. Anal. 10, 413 (1973)).
+        """
+        p, known = self.count, np.isfinite(self.unknowns.sigma)
+        first = len(slope) - int(known.sum())
+        rows = np.delete(slope, first + np.arange(known[:p].sum()), axis=0)
+        own, others = rows[:, :p], rows[:, p:]
+        basis = np.linalg.qr(others * self.unknowns.scale[p:])[0]
+        return own - basis @ (basis.T @ own)
+
+    def covariance(self, z: Array, slope: Array) -> Float[np.ndarray, "unknown unknown"]:
+        """Compute (J^T J)^-1; infinite where not determined, NaN at a bound."""
+        _, _, low, high, _, _, scale = self.unknowns
+        size = np.where(z != 0, np.abs(z), scale)
+        inner = (np.abs(z - low) > 1e-8 * size) & (np.abs(z - high) > 1e-8 * size)
+        result = np.full((len(z), len(z)), np.nan)
+        if not inner.any():
+            return result
+        scaled = slope[:, inner] * scale[inner]
+        norm = np.sqrt((scaled**2).sum(0))
+        norm[norm == 0] = 1.0
+        _, singular, direction = np.linalg.svd(np.linalg.qr(scaled / norm, mode="r"))
+        whole = np.zeros(inner.sum())
+        whole[: len(singular)] = singular
+        good = whole > UNDETERMINED * whole.max()
+        inverse = (direction[good].T / whole[good] ** 2) @ direction[good]
+        lost = (np.abs(direction[~good]) > 1e-6).any(0)
+        inverse[lost, :] = inverse[:, lost] = 0.0
+        inverse[lost, lost] = np.inf
+        result[np.ix_(inner, inner)] = inverse * np.outer(*2 * [scale[inner] / norm])
+        return result
 
     def minimise(
         self, start: Array, *, loss: str = "linear", steps: int = 200, tolerance: float = CONVERGED
@@ -285,120 +438,3 @@ class Problem:
 def stack_parts(rows: Array) -> Array:
     """Stack real parts over imaginary parts, to make complex equations real."""
     return np.concatenate([np.real(rows), np.imag(rows)])
-
-
-def typical_change(value: Array) -> Array:
-    """Typical change of parameters without prior."""
-    return np.where(value != 0, TYPICAL * np.abs(value), 1e-3)
-
-
-def default_parameters(text: str, level: str = registry.STRING.name) -> list[Free]:
-    """List parameters of a design that are uncertain in a build, with priors around its values.
-
-    >>> [item.name for item in default_parameters(text)]  # doctest: +SKIP
-    ['stage.test.body.mass', 'stage.test.body.inertia.1', ..., 'materials.steel302.youngs_modulus']
-    """
-    found = [item for item in parameters.every(text, level) if default_sigma(item.name, item.value)]
-    around = derivatives.differentiate(reader.parse(text), found, level)
-    return [
-        Free(name=item.name, prior=item.value, uncertainty=default_sigma(item.name, item.value))
-        for item, matters in zip(found, around.balanced & around.matters, strict=True)
-        if matters
-    ]
-
-
-def default_sigma(name: str, value: float) -> float | None:
-    """Prior standard deviation of a parameter, SI; None for one that is not free by default.
-
-    >>> default_sigma("stage.test.wires.d", 0.002), default_sigma("stage.test.body.mass", 10.0)
-    (0.001, 0.02)
-    """
-    keys = [key for key in name.split(".") if not key.isdigit()]
-    if keys[0] not in ("stage", "perturbation", "materials"):
-        return None
-    lengths = [sigma for sigma, some in ABSOLUTE.items() if keys[-1] in some]
-    return lengths[0] if lengths else RELATIVE.get(keys[-1], 0.0) * abs(value) or None
-
-
-def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level: str) -> Problem:
-    """Set up the problem of one or several measured designs, without transfer functions.
-
-    Raises
-    ------
-    InputError
-        If a design does not give a parameter, or a starting value lies outside its bounds.
-    """
-    free = measured.parameter
-    rows = [measured.shares(n) for n in range(len(free))]
-    shared = np.array(rows, dtype=bool).reshape(len(free), len(texts))
-    start = _start(texts, measured, shared, level)
-    _, _, low, high, *_ = Problem([], free, shared, start).unknowns
-    for n in np.flatnonzero((start < low) | (start > high))[:1]:
-        bounds = f"{low[n]:g} to {high[n]:g}"
-        problem = f"the design's value {start[n]:g} lies outside the bounds {bounds}"
-        remedy = "give a start between them, or widen them"
-        raise InputError([Fault(f"parameter.{n + 1}", problem, remedy)])
-    experiments = [
-        Experiment(
-            text, modes, tuple(item.name for item, here in zip(free, own, strict=True) if here),
-            start[own], measured.where(n), file, level,
-        )
-        for n, (text, modes, own, file) in enumerate(
-            zip(texts, measured.modes, shared.T, files, strict=True)
-        )
-    ]  # fmt: skip
-    _check_starts(experiments, shared)
-    return Problem(experiments, free, shared, start)
-
-
-def _start(
-    texts: Sequence[str],
-    measured: Measured,
-    shared: Bool[np.ndarray, "parameter experiment"],
-    level: str,
-) -> Array:
-    """Choose starting values: requested ones, else those of the designs, else the priors."""
-    known = [{item.name: item.value for item in parameters.every(text, level)} for text in texts]
-    names, found, bad = measured.names, [], []
-    for n, (item, own) in enumerate(zip(measured.parameter, shared, strict=True), 1):
-        mine, where = np.flatnonzero(own), f"parameter.{n}.name"
-        given = {known[e].get(item.name, item.prior) for e in mine}
-        given = given if item.start is None else {item.start}
-        problem, remedy = "", "give a start"
-        if None in given:
-            missing = next(e for e in mine if item.name not in known[e])
-            problem = (
-                f"the design{' of ' * bool(names[missing])}{names[missing]} gives no such number"
-            )
-            if any(item.name in known[e] for e in mine):
-                remedy += ", or list only experiments whose designs give it"
-            else:
-                member = item.name.rpartition(".")[2].isdigit()  # of a list that is missing
-                also = suggest(item.name, list(known[missing]))
-                remedy = also if member else f"{remedy}; {also}"
-        elif len(given) > 1:
-            problem = "has different values in the designs that share it"
-        if problem:
-            bad.append(Fault(where, problem, remedy, format_value(item.name)))
-        found.append(next(iter(given)))
-    if bad:
-        raise InputError(bad)
-    return np.array(found, dtype=float)
-
-
-def _check_starts(
-    experiments: list[Experiment], shared: Bool[np.ndarray, "parameter experiment"]
-) -> None:
-    """Attribute errors in starting values to the file of measurements that gives them."""
-    bad: dict[Fault, None] = {}
-    for experiment, own in zip(experiments, shared.T, strict=True):
-        try:
-            reader.convert(experiment.document(experiment.start))
-        except InputError as error:
-            numbers = zip(np.flatnonzero(own), experiment.free, experiment.start, strict=True)
-            for (n, name, x), fault in itertools.product(numbers, error.faults):
-                if fault.key in paths.twins(name) or (fault.value or "").startswith(f'"{name}='):
-                    problem = f"{name}: {fault.problem}"
-                    bad[Fault(f"parameter.{n + 1}", problem, fault.remedy, f"{x:g}")] = None
-    if bad:
-        raise InputError(list(bad))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.fit.wrong_channels import Correction
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import SI, along, derived, in_unit, scale_of
+from suspension_cli.measurements.transfer_function import TABLES, Channels
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -20,6 +21,77 @@ SAME = 1e-3
 """Relative difference of chi^2 below which two searches found the same minimum."""
 FAR = 3.0
 """Standard deviations of a prior beyond which a value is listed as far from it."""
+SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
+KNOWN_FACTORS = (
+    (1e6, "micro against SI units"),
+    (1e3, "milli against SI units"),
+    (180 / math.pi, "degrees against radians"),
+    (math.sqrt(10), "the root of 10: a missing calibration, or 10 dB"),
+    (10.0, "20 dB"),
+    (2 * math.pi, "2 pi: Hz against rad/s"),
+    (4.0, "4"),
+    (2.0, "2: peak to peak, or one of two coils"),
+    (math.sqrt(2), "the root of 2: peak against rms"),
+)
+"""Usual errors of calibrations."""
+NEAR_FACTOR = 0.06
+"""Difference of ln to one of these up to which it is named."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A change of one channel (`side` 0: a sensor, 1: an actuator), or of two that are exchanged.
+
+    `kind` is ``"sign"``, ``"exchange"`` or ``"factor"``, `factor` that on the gain. `known` says
+    whether the file of measurements claims otherwise, `also` names another channel whose change
+    explains the data as well. `chi_squared` is that of the fitted parameters without this change.
+    """
+
+    kind: str
+    side: int
+    channel: tuple[str, ...]
+    factor: float = 1.0
+    known: bool = True
+    also: str = ""
+    chi_squared: float = math.nan
+
+    def apply(self, channels: Channels, *, undo: bool = False) -> Channels:
+        """Make the change, or undo it."""
+        if self.kind == EXCHANGE:
+            return channels.with_exchange(self.side, *self.channel)
+        name = self.channel[0]
+        factor = 1 / self.factor if undo else self.factor
+        gain = channels.transducer[self.side][name].gain * factor
+        return channels.with_transducer(self.side, name, gain=gain)
+
+    @property
+    def what(self) -> str:
+        """The channels in words."""
+        return f"{TABLES[self.side]}{'s' * (len(self.channel) - 1)} {' and '.join(self.channel)}"
+
+    @property
+    def text(self) -> str:
+        """The change in words."""
+        if self.kind == EXCHANGE:
+            other = f" (or {self.also})" if self.also else ""
+            return f"{self.what} are exchanged{other}"
+        what = f"{self.what} (or of {self.also})" if self.also else self.what
+        if self.kind == SIGN:
+            return f"the sign of {what} is {'wrong' if self.known else 'negative'}"
+        return f"the gain of {what} is {name_factor(self.factor)} times the one given"
+
+
+def name_factor(factor: float) -> str:
+    """Name a factor and its usual cause.
+
+    >>> name_factor(3.15)
+    '3.15 (the root of 10: a missing calibration, or 10 dB)'
+    """
+    for value, name in KNOWN_FACTORS:
+        for known, form in ((value, name), (1 / value, f"inverse of {name}")):
+            if abs(math.log(abs(factor) / known)) < NEAR_FACTOR:
+                return f"{factor:.3g} ({form})"
+    return f"{factor:.3g}"
 
 
 @dataclass(frozen=True)
@@ -33,15 +105,7 @@ class Exchange:
 
 @dataclass(frozen=True)
 class SingleChange:
-    """Fit with one parameter of the design free, and the properties of channels.
-
-    Attributes
-    ----------
-    name
-        Dotted path of the parameter.
-    start, change
-        Value in the design and its change, SI.
-    """
+    """Fit with one parameter of the design free (its path, value and change, SI)."""
 
     name: str
     start: float
@@ -147,8 +211,8 @@ class ResponseFit:
 
     @property
     def points(self) -> Int[np.ndarray, " function"]:
-        """Number of residuals of each function: two per value."""
-        return 2 * np.bincount(self.of, minlength=len(self.function))
+        """Number of frequencies of each function."""
+        return np.bincount(self.of, minlength=len(self.function))
 
 
 @dataclass(frozen=True)
@@ -259,8 +323,8 @@ class Fit:
     def pulls(self) -> list[tuple[str, float]]:
         """Priors of parameters and channels, and the distance of the fit in standard deviations."""
         pull = (self.value - self.prior) / self.prior_sigma
-        found = [*zip(self.parameters, pull.tolist(), strict=True)]
-        found = [one for one, sigma in zip(found, self.prior_sigma, strict=True) if sigma < np.inf]
+        known = np.isfinite(self.prior_sigma)
+        found = [(self.parameters[n], float(pull[n])) for n in np.flatnonzero(known)]
         if self.responses is not None:
             channels = self.responses.nuisance_value / self.responses.nuisance_prior
             found += zip(self.responses.nuisance, channels.tolist(), strict=True)
@@ -306,9 +370,8 @@ class Fit:
         """Labels of the measured modes, preceded by the experiment if there are several."""
         if len(self.experiment) == 1:
             return self.label
-        return tuple(
-            f"{self.experiment[n]}: {label}" for n, label in zip(self.of, self.label, strict=True)
-        )
+        pairs = zip(self.of, self.label, strict=True)
+        return tuple(f"{self.experiment[n]}: {label}" for n, label in pairs)
 
 
 def is_unlikely(chi_squared: float, freedom: int) -> bool:

@@ -3,11 +3,10 @@
 The fit minimises chi^2, the sum of squares of `problem.residual`: of measured modes, transfer
 functions and priors.
 
-1. Exchanged, scaled and inverted channels are found (`wrong_channels`).
-2. The parameters are fitted to the resonances (`resonances`), then all unknowns to the complex
-   values and to modes.
-3. While that is a misfit, the search starts again: with every exchange and sign that reduces chi^2
-   at the fitted parameters, and from the single change of the design that explains most.
+1. Exchanged, scaled and inverted channels are found (`start`).
+2. The parameters are fitted to the resonances, then all unknowns to the complex values and to
+   modes. In a misfit, channels are compared again with the fitted parameters.
+3. While that is a misfit, the search starts again from the single change that explains most.
 
 Modes alone need one search. Uncertainties are those of the linear problem at the end: the
 covariance is (J^T J)^-1.
@@ -26,23 +25,24 @@ import numpy as np
 
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import findings, resonances, wrong_channels
-from suspension_cli.analyses.fit.problem import CONVERGED, Problem, build, default_parameters
+from suspension_cli.analyses.fit import findings, start
+from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.analyses.fit.result import (
+    FACTOR,
     SAME,
+    Correction,
     Exchange,
     Fit,
     ResponseFit,
     SingleChange,
     is_unlikely,
 )
-from suspension_cli.analyses.fit.wrong_channels import Correction
 from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import signals
-from suspension_cli.measurements.resonances import Peak, find_peaks
+from suspension_cli.measurements.resonances import find_peaks
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models import registry
 from suspension_cli.studies import parameters
@@ -52,22 +52,19 @@ if TYPE_CHECKING:
 
 BEYOND = 1.5
 """Factor by which the band of modes with added damping exceeds the measured one."""
-BETTER = 0.5
-"""Fraction of chi^2 below which a change of channels is made after a fit."""
+FACTOR_KNOWN = 0.5
+"""Relative uncertainty of a gain that is off by a factor."""
 ROUNDS = 3
-"""Most corrections, and most restarts from single changes, after a fit."""
-ROUGH, STEPS = 1e-5, 40
-"""Relative change of chi^2 at which a search for transfer functions ends, and its most steps. In a
-misfit of narrow resonances chi^2 creeps along a curved valley; only the best search goes on to its
-end."""
-MAX_DRAWS = 100
-"""Attempts at drawing random parameters that give a valid design."""
-MAX_REFITS = 3
-"""Most exchanges of labels that are fitted again."""
+"""Most comparisons of channels, and most restarts from single changes."""
+ROUGH: dict[str, Any] = {"tolerance": 1e-5, "steps": 40}
+"""End of a search for transfer functions. In a misfit of narrow resonances chi^2 creeps along a
+curved valley; only the best search goes on to its end."""
+QUICK: dict[str, Any] = {"tolerance": 1e-4, "steps": 12}
+"""The same for single changes."""
+REFITTED = 3, 5
+"""Most exchanges of labels, and most single changes, that are fitted."""
 WORTH_REPORTING = 0.1
 """Fraction of chi^2 below which an exchange of labels is reported."""
-REFITTED = 5
-"""Most single changes that are fitted."""
 WORTH = 0.02
 """Fraction of the fit's decrease of chi^2 that a single change must reach to be reported."""
 
@@ -77,7 +74,6 @@ class Solution:
     """End of a search: the problem with corrected channels, and its unknowns z."""
 
     problem: Problem
-    peaks: list[list[Peak]]
     z: Array
     chi_squared: float = np.inf
     corrections: tuple[Correction, ...] = ()
@@ -88,24 +84,17 @@ class Solution:
         freedom = len(self.problem.residual(self.z)) - len(self.z)
         return is_unlikely(self.chi_squared, freedom)
 
-    def descend(self, z: Array, tolerance: float = CONVERGED, **how: Any) -> Solution:
+    def descend(self, z: Array, **how: Any) -> Solution:
         """Fit all values from z on."""
-        z, chi_squared = self.problem.minimise(z, tolerance=tolerance, **how)
+        z, chi_squared = self.problem.minimise(z, **how)
         return replace(self, z=z, chi_squared=chi_squared)
 
-    def refine(self, *, quick: bool = False) -> Solution:
-        """Fit to the resonances, then all values; in a misfit also all values from here on.
-
-        Transfer functions only until chi^2 changes little (`ROUGH`, `STEPS`). A `quick` fit takes
-        fewer steps and is not repeated.
-        """
-        if not self.peaks:
+    def refine(self, how: dict[str, Any] = ROUGH) -> Solution:
+        """Fit to the resonances, then all values; in a misfit also all values from here on."""
+        if not self.problem.peaks:
             return self.descend(self.z)
-        how: dict[str, Any] = {"steps": STEPS, "tolerance": ROUGH}
-        if quick:
-            how = {"steps": 12, "tolerance": 1e-4}
-        found = self.descend(resonances.search(self.problem, self.z, self.peaks), **how)
-        if found.misfit and not quick:
+        found = self.descend(start.fit_resonances(self.problem, self.z), **how)
+        if found.misfit and how is ROUGH:
             found = _best([found, self.descend(self.z, **how)])
         return found
 
@@ -115,13 +104,19 @@ class Solution:
         Unknowns that are new begin at their start.
         """
         known = dict(zip(self.problem.unknowns.name, self.z, strict=True)) | (values or {})
-        names, start, *_ = problem.unknowns
-        z = [known.get(name, first) for name, first in zip(names, start, strict=True)]
+        names, first, *_ = problem.unknowns
+        z = [known.get(name, value) for name, value in zip(names, first, strict=True)]
         return replace(self, problem=problem, z=np.array(z))
 
-    def corrected(self, corrections: Sequence[Correction], made: Channels) -> Solution:
-        """Change the channels."""
-        found = self.carry(replace(self.problem, channels=made))
+    def corrected(self, corrections: Sequence[Correction]) -> Solution:
+        """Change channels; gains that are off by a factor are free."""
+        channels = self.problem.channels
+        for one in corrections:
+            channels = one.apply(channels)
+            if one.kind == FACTOR:
+                wide = {"gain_uncertainty": FACTOR_KNOWN}
+                channels = channels.with_transducer(one.side, one.channel[0], **wide)
+        found = self.carry(replace(self.problem, channels=channels))
         return replace(found, corrections=tuple(corrections))
 
 
@@ -143,83 +138,77 @@ def solve(
 ) -> Fit:
     """Fit parameters of designs to measured modes, and of one design to transfer functions.
 
-    Parameters
-    ----------
-    texts
-        The design of each experiment as TOML.
-    measured
-        Free parameters (`default_parameters` if there are none), modes, sensors and actuators.
-    files
-        Files of the designs, for errors.
-    level
-        Name of a model that supports derivatives, ``string`` or ``beam``.
-    starts, seed
-        Number of searches, of which the best is returned, and the seed of the random parameters
-        where all but the first start.
-    explain
-        Whether to rank single changes and further measurements, for transfer functions.
-    tell
-        Called with (done, all, rate per second) after each search.
-
-    Raises
-    ------
-    InputError
-        If a design has no such parameter, mode or signal, or a function no uncertainty. It names no
-        file if the measurements are at fault.
+    `texts` are the designs (TOML) and `files` their files, for errors; `level` is a model that
+    supports derivatives. Of `starts` searches, all but the first from random parameters, the best
+    is returned; `tell` is called with (done, all, rate per second) after each. If `explain`, single
+    changes and further measurements are ranked, for transfer functions. Raises `InputError`, which
+    names no file if the measurements are at fault.
     """
-    _check_uncertainties(functions)
     if functions and not measured.parameter:
-        free = default_parameters(texts[0], level)
+        free = start.default_parameters(texts[0], level)
         measured = msgspec.structs.replace(measured, parameter=free)
-    problem = build(texts, measured, files or [""] * len(texts), level)
+    problem = start.build(texts, measured, files or [""] * len(texts), level)
     if functions:
-        plant = problem.experiment[0].nominal
-        made = Channels.of(measured, functions)
-        # motions of the ground beside the support are not fitted
-        known = [name for name in signals.bodies_with_signals(plant.system) if name != GROUND]
-        problem = replace(
-            problem, channels=made, signals=readings.parse(made, measured, tuple(known))
-        )
-        every, hz = np.concatenate([f.frequency for f in functions]), plant.modes.frequency
-        inside = (hz > every.min() / BEYOND) & (hz < every.max() * BEYOND)
-        seen = (problem.residues(plant) != 0).any(0)
-        problem = replace(problem, damped=np.flatnonzero(inside & seen))
-    peaks = [[peak for peak in find_peaks(item) if peak.sigma >= 0] for item in functions]
+        problem = _with_functions(problem, measured, functions)
     ends, started = list[Solution](), time.monotonic()
     for x in _starts(problem, starts, seed):
         z = np.concatenate([x, problem.unknowns.start[problem.count :]])
-        ends.append(_search(Solution(problem, peaks, z)))
+        try:
+            ends.append(_search(Solution(problem, z)))
+        except InputError:
+            if not ends:
+                raise
+            continue  # an invalid random design
         if tell is not None:
             tell(len(ends), starts, len(ends) / (time.monotonic() - started))
-    found, changes = _best(ends), None
-    if functions and (explain or found.misfit):
-        found, changes = _restart(found)
+    found, before, changes = _best(ends), np.nan, ()
     if functions:
+        if explain or found.misfit:
+            found, before, changes = _restart(found)
         found = found.descend(found.z)
     slope = found.problem.jacobian(found.z)
     others = np.sort([end.chi_squared for end in ends])[1:]
     result = _collect(found, slope, measured, np.append(found.chi_squared, others))
-    if functions:
-        return replace(result, responses=_responses(found, slope, changes if explain else None))
-    return replace(result, exchange=_find_exchange(found)) if result.misfit else result
+    if not functions:
+        return replace(result, exchange=_find_exchange(found)) if result.misfit else result
+    responses = _responses(found, slope)
+    if explain:
+        least, candidates = findings.next_measurements(found.problem, found.z, slope)
+        responses = replace(
+            responses,
+            chi_squared_before=before,
+            changes=changes,
+            least=least,
+            candidates=candidates,
+        )
+    return replace(result, responses=responses)
 
 
-def _check_uncertainties(functions: Sequence[MeasuredResponse]) -> None:
+def _with_functions(
+    problem: Problem, measured: Measured, functions: Sequence[MeasuredResponse]
+) -> Problem:
+    """Add measured functions to the problem of one design."""
     bad = []
     for n, item in enumerate(functions, 1):
         sigma = np.asarray(item.uncertainty, dtype=float)
         if not (np.isfinite(sigma) & (sigma > 0)).all():
-            problem = (
-                f"{item.name} gives no uncertainty at some frequencies, without which values have"
-                " no weight"
-            )
+            what = f"{item.name} gives no uncertainty at some frequencies, so they have no weight"
             remedy = (
                 "give uncertainty (a column, or 0.05 for 5 %), or coherence and averages; or fit"
                 " with --relative-uncertainty 0.05"
             )
-            bad.append(Fault(f"transfer_function.{n}", problem, remedy))
+            bad.append(Fault(f"transfer_function.{n}", what, remedy))
     if bad:
         raise InputError(bad)
+    plant, made = problem.experiment[0].nominal, Channels.of(measured, functions)
+    # motions of the ground beside the support are not fitted
+    known = [name for name in signals.bodies_with_signals(plant.system) if name != GROUND]
+    peaks = [[peak for peak in find_peaks(item) if peak.sigma >= 0] for item in functions]
+    read = readings.parse(made, measured, tuple(known))
+    problem = replace(problem, channels=made, signals=read, peaks=peaks)
+    every, hz = np.concatenate([item.frequency for item in functions]), plant.modes.frequency
+    inside = (hz > every.min() / BEYOND) & (hz < every.max() * BEYOND)
+    return replace(problem, damped=np.flatnonzero(inside & problem.residues(plant).any(0)))
 
 
 def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
@@ -233,164 +222,132 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
     low, high, prior, sigma = (part[: problem.count] for part in problem.unknowns[2:6])
     known, bounded = np.isfinite(sigma), np.isfinite(low) & np.isfinite(high)
     for _ in range(count - 1):
-        for _ in range(MAX_DRAWS):
-            fraction, normal = random.random(len(low)), random.standard_normal(len(low))
-            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-                even, geometric = low + fraction * (high - low), low * (high / low) ** fraction
-                drawn = prior + np.where(known, sigma, 0.0) * normal
-            kinds = [known, bounded & (low > 0), bounded]
-            x = np.clip(np.select(kinds, [drawn, geometric, even], problem.base), low, high)
-            try:
-                problem.predict_modes(x)
-                problem.experiment[0].plant(x[problem.shared[:, 0]])
-            except InputError:  # an invalid design
-                continue
-            yield x
-            break
+        fraction, normal = random.random(len(low)), random.standard_normal(len(low))
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            even, geometric = low + fraction * (high - low), low * (high / low) ** fraction
+            drawn = prior + np.where(known, sigma, 0.0) * normal
+        kinds = [known, bounded & (low > 0), bounded]
+        yield np.clip(np.select(kinds, [drawn, geometric, even], problem.base), low, high)
 
 
 def _search(begin: Solution) -> Solution:
-    """Fit all measurements, and correct wrong channels."""
-    guessed, made = wrong_channels.guess(begin.problem, begin.z)
-    found = begin.corrected(guessed, made).refine()
-    if found.misfit and guessed:
-        found = _best([found, begin.refine()])
-    for _ in range(ROUNDS):
-        best = next(iter(wrong_channels.alternatives(found.problem, found.z)), None)
-        if not found.misfit or best is None or best.chi_squared > BETTER * found.chi_squared:
+    """Fit all measurements, with wrong channels as they appear at the start, then at each end."""
+    ends, tried, now = list[Solution](), list[set[object]](), begin
+    while len(ends) < ROUNDS:
+        wrong = start.guess_channels(begin.problem, now.z)
+        names: set[object] = {(one.kind, one.side, *one.channel) for one in wrong}
+        if names in tried:
             break
-        kept = [one for one in found.corrections if not one.is_undone_by(best)]
-        kept += [best] if len(kept) == len(found.corrections) else []
-        again = found.corrected(kept, best.apply(found.problem.channels)).refine()
-        if again.chi_squared > BETTER * found.chi_squared:
-            break
-        found = again
-    return found
+        tried.append(names)
+        ends.append(begin.corrected(wrong).refine())
+        if not ends[-1].misfit:
+            return ends[-1]
+        now = ends[-1].carry(begin.problem)
+    return _best(ends if set() in tried else [*ends, begin.refine()])
 
 
-def _restart(found: Solution) -> tuple[Solution, tuple[float, tuple[SingleChange, ...]]]:
+def _restart(found: Solution) -> tuple[Solution, float, tuple[SingleChange, ...]]:
     """Start again from the best single change while it fits better than all parameters do."""
-    before, changes = _single_changes(found)
     problem = found.problem
     given = dict(zip(problem.experiment[0].free, problem.base, strict=True))
+    before, changes = _single_changes(found)
     for _ in range(ROUNDS):
-        best = next(iter(changes), None)
-        if not found.misfit or best is None or best.name not in given:
-            break
-        if best.chi_squared >= found.chi_squared:
+        best = next((one for one in changes[:1] if one.name in given), None)
+        if not found.misfit or best is None or best.chi_squared >= found.chi_squared:
             break
         again = found.carry(problem, given | {best.name: best.start + best.change}).refine()
         if again.chi_squared > (1 - SAME) * found.chi_squared:
             break
         found = again
         before, changes = _single_changes(found)
-    return found, (before, changes)
+    return found, before, changes
 
 
 def _single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
     """Fit the measurements with one parameter of the design at a time.
 
     Parameters are ranked by the chi^2 that a change of one alone leaves, to first order around the
-    end of the fit; the best are fitted.
-
-    Returns
-    -------
-    float
-        chi^2 of the design as given, with only the other unknowns fitted.
-    tuple of SingleChange
-        Best first.
+    end of the fit; the best are fitted. Returns chi^2 of the design as given, with only the other
+    unknowns fitted, and the changes, best first.
     """
-    problem, p = found.problem, found.problem.count
-    one = problem.experiment[0]
-    given = {item.name: item.value for item in parameters.every(one.text, one.level)}
+    problem, one = found.problem, found.problem.experiment[0]
+    every = parameters.every(one.text, one.level)
+    given = {item.name: item.value for item in every}
     given |= dict(zip(one.free, problem.base, strict=True))
-    fitted = given | dict(zip(one.free, found.z[:p], strict=True))
-    derivatives = zip(given, one.plant(found.z[:p]).changes(list(given)), strict=True)
-    matter = {
-        name: change
-        for name, change in derivatives
-        if change is not None and (change.matters or name in one.free)
-    }
-    wide = problem.restricted([*matter], fitted)
-    wide.experiment[0].latest[:] = [(wide.base, [*matter.values()])]
-    slope = findings.data_rows(wide, wide.jacobian(found.carry(wide).z))
-    own, moved = slope.T @ slope, wide.base - np.array([given[name] for name in matter])
+    fitted = given | dict(zip(one.free, found.z[: problem.count], strict=True))
+    wide = problem.restricted([*given], fitted)
+    slope = wide.data_rows(wide.jacobian(found.carry(wide).z))
+    own, moved = slope.T @ slope, wide.base - np.array([*given.values()])
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
+    least = max(WORTH * float(moved @ own @ moved), 4.0)
 
     def fit(*some: str) -> Solution:
-        return found.carry(problem.restricted([*some], given), given).refine(quick=True)
+        return found.carry(problem.restricted(some, given), given).refine(QUICK)
 
     before, result = fit().chi_squared, []
-    for name, worth in sorted(zip(matter, gain, strict=True), key=lambda item: -item[1])[:REFITTED]:
-        if worth > max(WORTH * float(moved @ own @ moved), 4.0):
-            try:
-                end = fit(name)
-            except (InputError, np.linalg.LinAlgError):
-                continue
-            change = float(end.z[0]) - given[name]
-            result.append(SingleChange(name, given[name], change, end.chi_squared))
-    least = before - WORTH * max(before - found.chi_squared, 0.0)
-    good = [item for item in result if item.chi_squared < least]
+    ranked = sorted(zip(gain, given, strict=True), reverse=True)[: REFITTED[1]]
+    for name in (name for worth, name in ranked if worth > least):
+        try:
+            end = fit(name)
+        except (InputError, np.linalg.LinAlgError):
+            continue
+        result.append(SingleChange(name, given[name], end.z[0] - given[name], end.chi_squared))
+    most = before - WORTH * max(before - found.chi_squared, 0.0)
+    good = [item for item in result if item.chi_squared < most]
     return before, tuple(sorted(good, key=lambda item: item.chi_squared))
 
 
 def _find_exchange(found: Solution) -> Exchange | None:
     """Find two labels of one experiment whose exchange removes a misfit; None if none does.
 
-    Pairs are ranked by chi^2 at the start and at the end of the fit; the best few are fitted again,
-    until one explains the measurements.
+    Pairs are ranked by chi^2 at the start of the fit; the best few are fitted.
     """
-    problem, ranked = found.problem, []
+    problem, ranked = found.problem, list[tuple[Exchange, Problem]]()
     for e, item in enumerate(problem.experiment):
-        labelled = [n for n, mode in enumerate(item.mode) if mode.label is not None]
-        for i, j in itertools.combinations(labelled, 2):
+        for i, j in itertools.combinations(range(len(item.mode)), 2):
+            first, second = item.mode[i].label, item.mode[j].label
+            if first is None or second is None:
+                continue
             modes = list(item.mode)
-            names = str(modes[i].label), str(modes[j].label)
-            for n, label in ((i, names[1]), (j, names[0])):
-                modes[n] = msgspec.structs.replace(modes[n], label=label)
-            experiments = [*problem.experiment]
-            experiments[e] = replace(item, mode=modes)
-            other = replace(problem, experiment=experiments)
-            ranked.append((min(map(other.chi_squared, (problem.base, found.z))), e, names, other))
-    best = None
-    for _, e, names, other in sorted(ranked, key=lambda item: item[0])[:MAX_REFITS]:
-        if best is not None and not replace(found, chi_squared=best.chi_squared).misfit:
-            break
-        chi_squared = other.minimise(other.base)[1]
-        if chi_squared < (best.chi_squared if best else WORTH_REPORTING * found.chi_squared):
-            best = Exchange(e, names, chi_squared)
-    return best
+            modes[i] = msgspec.structs.replace(modes[i], label=second)
+            modes[j] = msgspec.structs.replace(modes[j], label=first)
+            other = [*problem.experiment]
+            other[e] = replace(item, mode=modes)
+            tried = replace(problem, experiment=other)
+            ranked.append((Exchange(e, (first, second), tried.chi_squared(tried.base)), tried))
+    ranked.sort(key=lambda pair: pair[0].chi_squared)
+    fitted = [
+        replace(one, chi_squared=tried.minimise(tried.base)[1])
+        for one, tried in ranked[: REFITTED[0]]
+    ]
+    best = min(fitted, key=lambda one: one.chi_squared, default=None)
+    worthy = best is not None and best.chi_squared < WORTH_REPORTING * found.chi_squared
+    return best if worthy else None
 
 
 def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> Fit:
     """Collect the result of a fit. Parameters at a bound have NaN in the covariance."""
     problem, p, every = found.problem, found.problem.count, found.problem.experiment
     value = found.z[:p]
-    own = [value[here] for here in problem.shared.T]
-    spread = findings.covariance(problem, found.z, slope)
+    builds = [one.at(value[here]) for one, here in zip(every, problem.shared.T, strict=True)]
     labels = [
-        [item.labels[mode] for mode in item.assign_modes(x)] if item.mode else []
-        for item, x in zip(every, own, strict=True)
+        [one.labels[mode] for mode in one.assign_modes(np.array(build.x))] if one.mode else []
+        for one, build in zip(every, builds, strict=True)
     ]
-    before, after = (
-        np.where(hz > 0, hz, np.nan)
-        for hz in (problem.predict_modes(x)[0] for x in (problem.base, value))
-    )
+    before, after = (problem.predict_modes(x)[0] for x in (problem.base, value))
+    spread = problem.covariance(found.z, slope)
     freedom = len(slope) - int((~np.isnan(np.diag(spread))).sum())
     unlikely = is_unlikely(found.chi_squared, freedom)
     scale = float(np.sqrt(found.chi_squared / freedom)) if unlikely else 1.0
     relative = np.where(value != 0, np.abs(value), 1.0)
-    data = findings.data_rows(problem, slope) * relative
-    _, singular, direction = np.linalg.svd(data, full_matrices=False)
+    _, singular, direction = np.linalg.svd(problem.data_rows(slope) * relative, full_matrices=False)
     if direction.size:
         largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
         direction = direction * np.where(largest < 0, -1.0, 1.0)[:, None]
+    names = zip(measured.names, every, strict=True)
     result = Fit(
-        experiment=tuple(
-            name or reader.parse(item.text).design.name
-            for name, item in zip(measured.names, every, strict=True)
-        ),
+        experiment=tuple(name or reader.parse(one.text).design.name for name, one in names),
         name=tuple(item.name for item in problem.free),
         shared=problem.shared,
         start=problem.base,
@@ -405,39 +362,33 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         label=tuple(name for names in labels for name in names),
         measured=problem.measured_modes[0],
         uncertainty=problem.measured_modes[1],
-        before=before,
-        after=after,
+        before=np.where(before > 0, before, np.nan),
+        after=np.where(after > 0, after, np.nan),
         chi_squared=found.chi_squared,
         freedom=freedom,
         singular=singular,
         direction=direction,
-        design=tuple(
-            reader.write_toml(item.document(x)) for item, x in zip(every, own, strict=True)
-        ),
+        design=tuple(reader.write_toml(build.document) for build in builds),
         design_before=(),
         ends=ends,
     )
     return replace(result, determined=findings.describe(problem, slope, result))
 
 
-def _responses(
-    found: Solution, slope: Array, changes: tuple[float, tuple[SingleChange, ...]] | None
-) -> ResponseFit:
+def _responses(found: Solution, slope: Array) -> ResponseFit:
     """Collect what a fit says of the measured transfer functions."""
     problem, one = found.problem, found.problem.experiment[0]
     functions, nuisances, own = problem.channels.function, problem.channels.nuisances, problem.parts
-    sigma, z0 = np.sqrt(np.diag(findings.covariance(problem, found.z, slope))), problem.unknowns[1]
-    matched = resonances.assign(problem, found.z, found.peaks)
+    sigma, z0 = np.sqrt(np.diag(problem.covariance(found.z, slope))), problem.unknowns.start
     before, after = (one.frequencies(z[: problem.count]) for z in (z0, found.z))
+    peaks = start.assign_peaks(problem, found.z)
+    rows = [
+        (hz, error, before[n], after[n], 1 / width, count) for n, hz, error, width, count in peaks
+    ]
     corrections = []
     for wrong in found.corrections:
         without = replace(problem, channels=wrong.apply(problem.channels, undo=True))
         corrections.append(replace(wrong, chi_squared=without.chi_squared(found.z)))
-    extra: dict[str, Any] = {}
-    if changes is not None:
-        extra = {"chi_squared_before": changes[0], "changes": changes[1]}
-        least, extra["candidates"] = findings.next_measurements(problem, found.z, slope)
-        extra["least"] = "" if least is None else one.free[least]
     return ResponseFit(
         function=tuple(item.name for item in functions),
         input=tuple(item.input for item in functions),
@@ -453,12 +404,7 @@ def _responses(
         nuisance_value=found.z[own[1]],
         nuisance_sigma=sigma[own[1]],
         nuisance_prior=np.array([item.sigma for item in nuisances]),
-        mode=tuple(one.labels[peak.mode] for peak in matched),
-        resonance=np.array([
-            (peak.frequency, peak.sigma, before[peak.mode], after[peak.mode], 1 / peak.damping,
-             peak.functions)
-            for peak in matched
-        ]).reshape(-1, 6),
+        mode=tuple(one.labels[peak.mode] for peak in peaks),
+        resonance=np.array(rows).reshape(-1, 6),
         corrections=tuple(corrections),
-        **extra,
-    )  # fmt: skip
+    )

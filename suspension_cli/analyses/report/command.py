@@ -83,7 +83,7 @@ class ReportAnalysis(Analysis):
 
     def read(self, ask: Callable[..., Run], files: Settings) -> Run:
         """Read the design, and refuse unknown sections."""
-        from suspension_cli.analyses.report.solve import parse_sections
+        from suspension_cli.analyses.report.sections import parse_sections
 
         run = ask(files["design"])
         parse_sections(run.setting["sections"])
@@ -92,7 +92,7 @@ class ReportAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compose the page."""
-        from suspension_cli.analyses.report.solve import compose
+        from suspension_cli.analyses.report.sections import compose
         from suspension_cli.models.registry import Choice
 
         return Result(self, run.source, Choice("all", ""), compose(run))

@@ -1,107 +1,166 @@
-"""Sections of a report: each runs an analysis and captions its pictures."""
+"""Sections of a report: each runs an analysis and captions its pictures; and their composition."""
 
 from __future__ import annotations
 
-import base64
 import re
+import shlex
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.analyses import tables
-from suspension_cli.analyses.report import html
-from suspension_cli.analyses.report.composition import Composition, Omitted
-from suspension_cli.conventions import DOFS
+from suspension_cli.analyses import options, registry, settings, tables
+from suspension_cli.analyses.analysis import RelayedLog, Result, Run
+from suspension_cli.analyses.arguments import default_values
+from suspension_cli.analyses.report import page
+from suspension_cli.analyses.report.page import Block, Paragraph
 from suspension_cli.design import reader
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.imperfections import perturbed_part
 from suspension_cli.design.wires import cross_sections
-from suspension_cli.errors import InputError
+from suspension_cli.drawing.panels import page_width
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Result
     from suspension_cli.design.reader import Source
     from suspension_cli.design.wires import Wire, WireSet
+    from suspension_cli.models.registry import Choice
+    from suspension_cli.scene.scene import Scene
 
+SHARED = (options.FIDELITY, options.ACCURACY, *options.BEAM)
+"""Options of a report for each of its analyses that has them."""
 FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("yaw",)))
 """Motions of the support and of the mirror in the default responses."""
-
-Build = Callable[[Composition], Iterator[str]]
-"""Yields the HTML of a section, part by part."""
-
-
-def header(report: Composition) -> str:
-    """Return the title of a design, its file and its reference."""
-    source = report.source
-    about = source.design.design
-    rows = [("File", html.text(report.file))]
-    if source.overrides:
-        rows.append(("Changed", "<br>".join(map(html.text, source.overrides))))
-    if about.reference:
-        rows.append(("Reference", html.text(about.reference)))
-    rows.append(("Computed by", f"pendsus {html.text(__version__)}"))
-    listed = "".join(f"<dt>{name}</dt><dd>{value}</dd>\n" for name, value in rows)
-    name = html.paragraph(html.text(about.name), "name") if about.title else ""
-    return f"<h1>{html.text(about.title or about.name)}</h1>\n{name}<dl>\n{listed}</dl>\n"
+UNSTABLE = ", or give --allow-unstable"
+"""End of messages that recommend an option that `report` lacks."""
 
 
-def drawing(report: Composition) -> Iterator[str]:
+class Omitted(Exception):
+    """Raised by a section that does not apply, with the reason."""
+
+
+class Part(NamedTuple):
+    """An analysis of a report: its section, command line, model, and what that neglects."""
+
+    title: str
+    command: str
+    model: str
+    neglected: str
+
+
+@dataclass
+class Composition:
+    """State of a report during its composition.
+
+    `request` is the run of the report itself, `scene` the design without imperfections; `folder` is
+    for analyses that write files, and `title` is that of the current section.
+    """
+
+    request: Run
+    scene: Scene
+    log: RelayedLog
+    folder: Path
+    parts: list[Part] = field(default_factory=list)
+    title: str = ""
+
+    @property
+    def source(self) -> Source:
+        """The design and its text."""
+        return self.request.source
+
+    @property
+    def file(self) -> str:
+        """File of the design in command lines."""
+        return self.source.file or f"{self.source.design.design.name}.toml"
+
+    def list(self, command: str, choice: Choice | None = None) -> None:
+        """Add an analysis of the current section to the parts."""
+        model = left = ""
+        if choice is not None:
+            model, left = choice.level, choice.neglected.partition(" (tolerance")[0]
+        part = Part(self.title, command, model, left.removeprefix("neglected: ") or "-")
+        self.parts.append(part)
+
+    def command(self, name: str, *words: str) -> str:
+        """Return the command line of a command with options as `words`."""
+        changes = (word for override in self.source.overrides for word in ("--set", override))
+        return shlex.join(["pendsus", name, self.file, *words, *changes])
+
+    def run(self, name: str, *words: str, **given: object) -> Result:
+        """Run an analysis, and list it with its settings as words of a command line (`words`)."""
+        analysis, own = registry.get(name), self.request.setting
+        names = {param.name for param in analysis.parameters}
+        for key, default in default_values(SHARED).items():
+            if key in names and (value := own[key]) != default:
+                given[key] = value
+                words = (*words, f"--{key}", str(value))
+        command = self.command(name, *words)
+        setting = settings.merge(analysis, self.source, given | {"as_json": True})
+        one = Run(self.source, setting, self.log, self.folder, command)
+        with one.faults():
+            result = analysis.solve(one)
+        self.list(command, result.choice if analysis.has_model else None)
+        return result
+
+    def answer(self, result: Result) -> Iterator[Block]:
+        """Return the printed text of a result."""
+        with tables.collecting() as found:
+            answer = str(result)
+        first, _, rest = answer.partition("\n")
+        if first in (f"{result.title}  [{result.name}]", result.title):
+            answer = rest
+        yield from page.prose(answer, found, result.choice.line)
+
+    def pictures(self, result: Result, caption: str) -> Iterator[Block]:
+        """Return the pictures of a result with one caption."""
+        for figure in result.figures().values():
+            yield page.picture(figure, caption)
+
+
+def drawing(report: Composition) -> Iterator[Block]:
     """Drawing to scale."""
     from suspension_cli.drawing import draw
 
     design, scene = report.source.design, report.scene
-    figure = draw.draw(design, scene, tabulate=False)
-    stages = len(design.stage)
-    mass = float(scene.bodies.mass.sum())
-    depth = -float(scene.bodies.position[1:, 2].min())
-    what = f"{_count(stages, 'stage')} and {_count(len(scene.wires.label), 'wire')}"
-    caption = (
-        f"{what} to scale, from the side and from the front: {html.number(mass, 4)} kg in all; the"
-        f" lowest centre of mass lies {html.number(depth, 4)} m below the suspension point."
-    )
+    mass = page.number(float(scene.bodies.mass.sum()), 4)
+    caption = f"To scale, from the side and from the front: {mass} kg in all."
     if design.perturbation:
         names = dict.fromkeys(perturbed_part(item)[1] for item in design.perturbation)
-        caption += f" With imperfections of {html.text(', '.join(names))}."
-    yield html.picture(figure, caption, f"Drawing of {design.design.name} to scale")
+        caption += f" With imperfections of {', '.join(names)}."
+    yield page.picture(draw.draw(design, scene, tabulate=False), caption)
     report.list(report.command("draw"))
 
 
-def numbers(report: Composition) -> Iterator[str]:
-    """Dimensions of the stages, in the tables of the drawing."""
+def numbers(report: Composition) -> Iterator[Block]:
+    """Dimensions of the stages, in the tables of the drawing; materials of the wires."""
     from suspension_cli.drawing import tables as drawn
 
     for one in drawn.listed(report.source.design, report.scene):
         heads = [re.sub(r"^(.*?) \((.*)\)$", "\\1\n\\2", _symbol(head)) for head in one.heads]
         columns = {head: " " if "\n" in head or head == "wires" else "" for head in heads}
         rows = [[cell.replace("−", "-") for cell in row] for row in one.rows]
-        yield html.table(tables.Table(columns, rows), html.text(one.title))
-    keys = " ".join(_symbol(line) for line in drawn.key(report.scene)[: len(drawn.KEY)])
-    yield html.paragraph(html.text(keys), "model")
-    yield from _materials(report)
+        yield page.table(tables.Table(columns, rows), one.title)
+    keys = drawn.key(report.scene)[: len(drawn.KEY)]
+    yield Paragraph([" ".join(map(_symbol, keys))], "model")
+    parts = [
+        (stage.name, part.material or "-", _diameter(part))
+        for stage in report.source.design.stage
+        for part in (stage.wires, *stage.wire)
+        if part is not None
+    ]
+    if parts:
+        columns = {"wires of": "", "material": "", "diameter\nµm": ".4g"}
+        yield page.table(tables.Table(columns, [*dict.fromkeys(parts)]), "Materials")
 
 
 def _symbol(text: str) -> str:
     """Write symbols of formulas, ``$t_1$``, as plain text."""
-    return re.sub(
-        r"\$(\w)(?:_(\w))?\$",
-        lambda m: m[1] + {"1": "₁", "2": "₂", "u": "ᵤ", None: ""}[m[2]],
-        text,
-    )
-
-
-def _materials(report: Composition) -> Iterator[str]:
-    rows = []
-    for stage in report.source.design.stage:
-        for part in (stage.wires, *stage.wire):
-            if part is not None:
-                row = (stage.name, part.material or "-", _diameter(part))
-                rows += [row] if row not in rows else []
-    if rows:
-        columns = {"wires of": "", "material": "", "diameter\nµm": ".4g"}
-        yield html.table(tables.Table(columns, rows), "Materials")
+    below = {"1": "₁", "2": "₂", "u": "ᵤ", None: ""}
+    return re.sub(r"\$(\w)(?:_(\w))?\$", lambda m: m[1] + below[m[2]], text)
 
 
 def _diameter(part: WireSet | Wire) -> float | str | None:
@@ -110,195 +169,80 @@ def _diameter(part: WireSet | Wire) -> float | str | None:
         return 2e6 * part.radius
     for shape in cross_sections(part):
         return " × ".join(f"{1e6 * size:.4g}" for size in reversed(shape.depth))
-    radii = [np.ravel(one.radius) for one in getattr(part, "sections", None) or ()]
-    if not radii or any(None in one for one in radii):
+    pieces = getattr(part, "sections", None) or ()
+    radii = [size for one in pieces for size in np.ravel(one.radius)]
+    if not radii or None in radii:
         return None
-    low, high = (2e6 * size for size in (np.min(np.hstack(radii)), np.max(np.hstack(radii))))
+    low, high = 2e6 * min(radii), 2e6 * max(radii)
     return low if low == high else f"{low:.4g} to {high:.4g}"
 
 
-def check(report: Composition) -> Iterator[str]:
-    """Loads of wires and blades, and warnings."""
-    found = report.run("check")
-    if not found.warnings:
-        yield html.paragraph("No warnings: every number is plausible.", "good")
-    with tables.collecting() as collected:
-        answer = str(found)
-    yield html.prose(answer.partition("\n")[2], collected)
-
-
-def modes(report: Composition) -> Iterator[str]:
-    """Table and pictures of the modes."""
-    from suspension_cli.analyses.modes import picture
-    from suspension_cli.equilibrium.nominal import expand
-
-    result = report.run("modes")
-    yield report.answer(result)
-    found = result.data
-    scene = expand(result.design)
-    pages = picture.draw_pages(found, result.design, scene, result.subtitle)
-    for page in pages:
-        named = [(n, float(found.frequency[n])) for n in page.numbers if found.frequency[n] > 0]
-        kind = page.kind.capitalize() or "Modes"
-        span = ""
-        if named:
-            (low, least), (high, most) = named[0], named[-1]
-            span = (
-                f" from {html.number(least)} Hz ({found.label[low]}) to {html.number(most)} Hz"
-                f" ({found.label[high]})"
-            )
-        caption = (
-            f"{kind}{html.text(span)}: at rest in grey, displaced in the colours of the stages,"
-            " with exaggerated motion."
-        )
-        yield html.picture(page.figure, caption, f"{kind}, drawn")
-    if found.wire:
-        caption = "Q of all modes, those of the wires included."
-        figure = picture.draw_quality(found, result.design, result.subtitle)
-        yield html.picture(figure, caption, "Q of the modes")
-
-
-def response(report: Composition) -> Iterator[str]:
+def response(report: Composition) -> Iterator[Block]:
     """Responses of the mirror to the support, with all loops closed."""
-    setting, last = report.request.setting, mirror(report.source.design)
-    into, out = setting["inputs"], setting["outputs"]
-    closed = report.source.design.control is not None
+    setting, design = report.request.setting, report.source.design
+    into, out, last = setting["inputs"], setting["outputs"], mirror(design)
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
     if into or out:
         chosen = [(into or ("support.x",), out or (f"{last}.x",))]
-    elif {"input", "output"} & {*report.source.design.analysis.get("response", {})}:
+    elif {"input", "output"} & {*design.analysis.get("response", {})}:
         chosen = [((), ())]  # the design chooses
     else:
         chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in moved)) for i, moved in FLOW]
     line, more, flags = "", {}, ()
-    if closed:
-        yield html.paragraph("The loops of the design's [control] table are closed.")
+    if design.control is not None:
+        yield Paragraph(["The loops of the design's [control] table are closed."])
         more, flags = {"closed_loop": True}, ("--closed-loop",)
     for inputs, outputs in chosen:
-        options = [word for name in inputs for word in ("--input", name)]
-        options += [word for name in outputs for word in ("--output", name)]
-        result = report.run("response", *options, *flags, inputs=inputs, outputs=outputs, **more)
+        words = [word for name in inputs for word in ("--input", name)]
+        words += [word for name in outputs for word in ("--output", name)]
+        result = report.run("response", *words, *flags, inputs=inputs, outputs=outputs, **more)
         if result.choice.line != line:
             line = result.choice.line
-            yield html.paragraph(html.text(line), "model")
-        yield report.pictures(result, _response_caption(result))
+            yield Paragraph([line], "model")
+        yield from report.pictures(result, _describe_response(result))
 
 
-def _response_caption(result: Result) -> str:
+def _describe_response(result: Result) -> str:
     data, largest, words = result.data, result.data.largest, []
     first, last = data.frequency[0], data.frequency[-1]
     for o, out in enumerate(data.output):
         for i, into in enumerate(data.input):
             size, unit = np.abs(data.value[:, o, i]), data.unit[o][i]
-            name = f"{html.text(out)} per {html.text(into)}"
+            name = f"{out} per {into}"
             if not size.any():
                 words.append(f"{name} is 0")
                 continue
             peak = float(largest.size[o, i])
-            top = html.number(peak) if np.isfinite(peak) else "without limit (no loss)"
+            top = page.number(peak) if np.isfinite(peak) else "without limit (no loss)"
             words.append(
-                f"{name} is {html.number(size[0])} {unit} at {html.number(first)} Hz, at most"
-                f" {top} (at {html.number(largest.frequency[o, i], 4)} Hz) and"
-                f" {html.number(size[-1])} at {html.number(last)} Hz"
+                f"{name} is {page.number(size[0])} {unit} at {page.number(first)} Hz, at most"
+                f" {top} (at {page.number(largest.frequency[o, i], 4)} Hz) and"
+                f" {page.number(size[-1])} at {page.number(last)} Hz"
             )
     return "; ".join(words) + "."
 
 
-def coupling(report: Composition) -> Iterator[str]:
-    """Couplings of every motion of the support to every motion of the mirror."""
-    result = report.run("xcouple", "--matrix", matrix=True)
-    yield report.answer(result)
-    data = result.data
-    size = np.abs(data.value[0]) * ~np.eye(len(DOFS), dtype=bool)
-    o, i = np.unravel_index(int(size.argmax()), size.shape)
-    name = f"{data.input[i]} to {data.output[o]}"
-    most = (
-        f"the largest to another coordinate, from {html.text(name)}, is"
-        f" {html.number(size[o, i])} {data.unit[o][i]}"
-        if size.any()
-        else "none leads to another coordinate"
-    )
-    caption = f"Motion of the mirror per motion of the support at {data.frequency[0]:g} Hz: "
-    yield report.pictures(result, f"{caption}{most}.")
-
-
-def thermal(report: Composition) -> Iterator[str]:
-    """Thermal noise of the mirror along the beam."""
-    result = report.run("thermal")
-    yield report.answer(result)
-    one = result.data[0]
-    at = int(np.abs(one.frequency - 10.0).argmin())
-    lead = int(one.density[:, at].argmax())
-    part = 100 * one.density[lead, at] / one.density[:, at].sum()
-    caption = (
-        f"Thermal noise of {html.text(one.output)}: {html.number(one.amplitude[at])}"
-        f" {one.unit}/√Hz at {html.number(one.frequency[at])} Hz, {part:.0f} % of its power from"
-        f" {html.text(one.source[lead])}."
-    )
-    yield report.pictures(result, caption)
-
-
-def budget(report: Composition) -> Iterator[str]:
-    """Motion of the mirror by cause."""
-    design = report.source.design
-    requested = report.request.setting["sections"] or "budget" in design.analysis
-    if design.control is None and not requested:
-        raise Omitted(
-            "Left out, as the design has neither damping loops ([control]) nor an"
-            " [analysis.budget] table: the RMS would be that of its free resonances."
-            " --sections budget computes it."
-        )
-    result = report.run("budget")
-    yield report.answer(result)
-    words = [
-        f"{html.text(one.output)} moves by {html.number(float(one.rms[0]))} {one.unit} RMS,"
-        f" mostly due to {html.text(one.cause[int(one.mean_square[0].argmax())])}"
-        for one in result.data
-    ]
-    low, high = result.data[0].frequency[[0, -1]]
-    caption = f"Between {low:g} and {high:g} Hz " + "; ".join(words) + "."
-    yield report.pictures(result, caption)
-
-
-def tolerance(report: Composition) -> Iterator[str]:
+def tolerance(report: Composition) -> Iterator[Block]:
     """Statistics of random builds, from a results file of this design or computed."""
     if report.source.design.tolerance is None:
         raise Omitted("Left out, as the design has no [tolerance] table.")
-    result = _stored(report, "tolerance")
-    if result is not None:
-        yield html.paragraph(
-            f"Read from {html.text(result.file.name)}, the results of an earlier run of this"
-            f" design: {html.text(result.command)}."
-        )
-    else:
-        count = report.request.setting["builds"]
+    result, count = _stored(report, "tolerance"), report.request.setting["builds"]
+    if result is None:
         result = report.run("tolerance", "--builds", str(count), builds=count)
-    yield report.answer(result)
-    one = result.data
-    found, what = one.joint, "meet all limits"
-    if found is None:
-        found = one.under
-        what = (
-            f"have a coupling |{html.text(one.ratio)}| below {html.number(one.limit)} at"
-            f" {html.number(one.frequency)} Hz"
-        )
-    low, high = found.interval
-    yield report.pictures(
-        result,
-        f"Of {one.good:,} random builds, {100 * found.fraction:.3g} % (95 % confidence:"
-        f" {100 * low:.3g} to {100 * high:.3g} %) {what}.",
-    )
+    else:
+        what = f"Read from {result.file.name}, the results of an earlier run of this design"
+        yield Paragraph([f"{what}: {result.command}."])
+    yield from report.answer(result)
+    yield from report.pictures(result, "Results of random builds.")
 
 
 def _stored(report: Composition, name: str) -> Any:
     """Return a result of an earlier run of this design; None if there is none."""
-    from suspension_cli.analyses import registry
     from suspension_cli.files.existing import read_design
     from suspension_cli.files.hdf5 import open_results
 
-    source = report.source
-    path = report.request.folder / f"{source.stem()}-{name}.h5"
-    if read_design(path) != source.text:
+    path = report.request.folder / f"{report.source.stem()}-{name}.h5"
+    if read_design(path) != report.source.text:
         return None
     try:
         with open_results(path) as file:
@@ -309,58 +253,132 @@ def _stored(report: Composition, name: str) -> Any:
     return result
 
 
-def damping(report: Composition) -> Iterator[str]:
+def budget(report: Composition) -> Iterator[Block]:
+    """Motion of the mirror by cause."""
+    design = report.source.design
+    requested = report.request.setting["sections"] or "budget" in design.analysis
+    if design.control is None and not requested:
+        raise Omitted(
+            "Left out, as the design has neither damping loops ([control]) nor an"
+            " [analysis.budget] table: the RMS would be that of its free resonances."
+            " --sections budget computes it."
+        )
+    yield from _printed("budget", "Motion of the mirror by cause.")(report)
+
+
+def damping(report: Composition) -> Iterator[Block]:
     """Poles and margins of the loops."""
     if report.source.design.control is None:
         raise Omitted("Left out, as the design has no damping loops ([control]).")
-    result = report.run("damp")
-    yield report.answer(result)
-    found = result.data
-    if not found.stable:
-        caption = "The closed loop is unstable: its poles in the right half plane grow."
-    else:
-        poles = found.closed
-        oscillating = (poles.q > 0.5) & np.isfinite(poles.q)
-        low = oscillating & (poles.frequency < 5.0)
-        largest = float(poles.q[low if low.any() else oscillating].max(initial=0.5))
-        caption = (
-            f"{_count(len(found.loop), 'loop')}: of the poles below 5 Hz the least damped has Q"
-            f" {html.number(largest)}"
-        )
-        if found.sensitivity is not None:
-            caption += (
-                f"; the sensitivity of all loops at once is at most"
-                f" {html.number(found.sensitivity.size)}, at"
-                f" {html.number(found.sensitivity.frequency)} Hz"
-            )
-        caption += "."
-    yield report.pictures(result, caption)
+    yield from _printed("damp", "Poles and margins of the damping loops.")(report)
 
 
-def provenance(report: Composition) -> list[str]:
-    """Return the last sections: command and model of each part, and the design file."""
-    rows = []
-    for part in report.parts:
-        model = left = ""
-        if part.choice is not None:
-            model, left = part.choice.level, part.choice.neglected.partition(" (tolerance")[0]
-        left = left.removeprefix("neglected: ") or "-"
-        cells = [*map(html.text, (part.title, model, left)), html.text(part.command)]
-        cells[3] = f"<code>{cells[3]}</code>"
-        rows.append([("t", cell) for cell in cells])
-    heads = [("t", name) for name in ("part", "model", "neglected", "command")]
-    text, name = _as_written(report.source), html.text(report.source.design.design.name)
-    data = base64.b64encode(text.encode()).decode()
-    link = f'<a download="{name}.toml" href="data:application/toml;base64,{data}">{name}.toml</a>'
-    about = html.paragraph(
-        f"Computed by pendsus {html.text(__version__)}. The same file, options and version give"
-        " this report again; each command computes one part, and writes its numbers."
-    )
-    whole = html.paragraph(f"The whole design as computed: {link}.")
-    return [
-        html.section("provenance", "Provenance", about + html.grid(heads, rows)),
-        html.section("design", "The design file", f"{whole}<pre>{html.lines(text)}</pre>\n"),
-    ]
+Build = Callable[[Composition], Iterator[Block]]
+"""Yields the contents of a section, part by part."""
+
+
+def _printed(name: str, caption: str, *words: str, **given: object) -> Build:
+    """Make a section of what a command prints and draws."""
+
+    def build(report: Composition) -> Iterator[Block]:
+        result = report.run(name, *words, **given)
+        yield from report.answer(result)
+        yield from report.pictures(result, caption)
+
+    return build
+
+
+SHAPES = "At rest in grey, displaced in the colours of the stages, with exaggerated motion."
+COUPLINGS = "Motion of the mirror per motion of the support."
+SECTIONS: dict[str, tuple[str, Build]] = {
+    "drawing": ("Drawing", drawing),
+    "numbers": ("Main numbers", numbers),
+    "check": ("Check", _printed("check", "")),
+    "modes": ("Modes", _printed("modes", SHAPES)),
+    "response": ("Responses", response),
+    "coupling": ("Couplings", _printed("xcouple", COUPLINGS, "--matrix", matrix=True)),
+    "thermal": ("Thermal noise", _printed("thermal", "Thermal noise of the mirror by cause.")),
+    "budget": ("Motion by cause", budget),
+    "tolerance": ("Tolerances", tolerance),
+    "damping": ("Damping loops", damping),
+}
+"""Titles and functions of sections, in order, by the names of `--sections`."""
+
+
+def parse_sections(text: str | None) -> tuple[str, ...]:
+    """Return the named sections in order, or all if none are given; raises `InputError`."""
+    from suspension_cli.design.faults import suggest
+
+    names = [*filter(None, (name.strip() for name in (text or "").split(",")))]
+    for name in names:
+        if name not in SECTIONS:
+            remedy = suggest(name, [*SECTIONS])
+            fault = Fault("--sections", "a report has no such section", remedy, format_value(name))
+            raise InputError([fault])
+    return tuple(name for name in SECTIONS if name in names or not names)
+
+
+def compose(run: Run) -> str:
+    """Compute the sections of a report and return its HTML.
+
+    Raises `InputError` if a signal does not exist, or the design does not balance. Other errors in
+    one section are written in its place.
+    """
+    from markupsafe import escape
+
+    from suspension_cli.equilibrium.nominal import expand, expand_nominal
+
+    wanted, log = parse_sections(run.setting["sections"]), run.log
+    scene = expand_nominal(run.design)
+    expand(run.design)
+    _check_signals(run)
+    sections = []
+    with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
+        report = Composition(run, scene, RelayedLog(log), Path(folder))
+        for number, name in enumerate(wanted):
+            bar(number, len(wanted), 0.0)
+            report.title, build = SECTIONS[name]
+            log.detail(f"report: {name}")
+            sections.append((name, report.title, _contents(report, build)))
+        bar(len(wanted), len(wanted), 0.0)
+    text = _as_written(run.source)
+    return page.environment().get_template("page.html").render(
+        about=run.design.design, file=report.file, overrides=run.source.overrides,
+        version=__version__, sections=sections, parts=report.parts,
+        text=escape(page.printable(text)),
+        encoded=page.encode_text(text.encode()),
+    )  # fmt: skip
+
+
+def _contents(report: Composition, build: Build) -> list[Block]:
+    """Return the contents of a section: warnings, and results or why there are none."""
+    contents = list[Block]()
+    try:
+        with page_width(page.WIDTH):
+            contents += build(report)
+    except Omitted as reason:
+        contents.append(Paragraph([str(reason)], "none"))
+    except InputError as error:
+        lines = "; ".join(fault.line("").removesuffix(UNSTABLE) for fault in error.faults)
+        contents.append(Paragraph([f"Not computed: {lines}."], "none"))
+        report.log.outer.warn(f"{report.title} not computed: {lines}")
+    name = f"{report.source.design.design.name}: "
+    lines = [line.removeprefix(name) for line in report.log.take()]
+    return [*(Paragraph([line], "warning") for line in lines), *contents]
+
+
+def _check_signals(run: Run) -> None:
+    """Raise `InputError` if a signal does not exist."""
+    inputs, outputs = run.setting["inputs"], run.setting["outputs"]
+    if inputs or outputs:
+        from suspension_cli.linear import signals
+        from suspension_cli.models.registry import STRING
+
+        known = signals.bodies_with_signals(STRING.system(run.design))
+        for name in inputs:
+            signals.parse_input(name, known)
+        for name in outputs:
+            signals.parse_output(name, known)
 
 
 def _as_written(source: Source) -> str:
@@ -376,22 +394,3 @@ def _as_written(source: Source) -> str:
         except InputError:
             pass
     return source.text
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
-
-
-SECTIONS: dict[str, tuple[str, Build]] = {
-    "drawing": ("Drawing", drawing),
-    "numbers": ("Main numbers", numbers),
-    "check": ("Check", check),
-    "modes": ("Modes", modes),
-    "response": ("Responses", response),
-    "coupling": ("Couplings", coupling),
-    "thermal": ("Thermal noise", thermal),
-    "budget": ("Motion by cause", budget),
-    "tolerance": ("Tolerances", tolerance),
-    "damping": ("Damping loops", damping),
-}
-"""Titles and functions of sections, in order, by the names of `--sections`."""

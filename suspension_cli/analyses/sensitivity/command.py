@@ -106,12 +106,10 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.design.paths import format_with_unit
 
         found: Sensitivity = result.data
-        absolute = found.nominal == 0
-        change = found.per_step
-        shown = (abs(change) >= LEAST) | (absolute & (change != 0))
-        shown &= np.isfinite(change)
-        taken = max(map(len, found.parameter), default=0) + 26
-        across = min(max((tables.width() - taken) // 9, 1), ACROSS)
+        change, absolute = found.per_step, found.nominal == 0
+        shown = np.isfinite(change) & ((abs(change) >= LEAST) | (absolute & (change != 0)))
+        cells = np.where(absolute, np.char.mod("%.1e", change), np.char.mod("%+.3f", change))
+        cells[abs(change) < np.where(absolute, 5e-324, LEAST)] = "0"
         lines = [
             result.choice.line,
             "",
@@ -119,22 +117,19 @@ class SensitivityAnalysis(Analysis):
             " its unit if it is 0):",
         ]
         units = ["" if unit == "1" else unit for unit in found.unit]
-        steps, numbers = found.step_unit, list(enumerate(found.parameter))
+        taken = max(map(len, found.parameter), default=0) + 26
+        across = min(max((tables.width() - taken) // 9, 1), ACROSS)
         for start in range(0, len(found.result), across):
             here = range(start, min(start + across, len(found.result)))
-            columns, lines = {"": "", "value": " ", "per": " "}, [*lines, ""]
+            columns = {"": "", "value": " ", "per": " "}
+            lines.append("")
             for n in here:
                 line = f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g} {units[n]}"
                 lines.append(line.rstrip())
                 columns[f"[{n + 1}]\n{units[n] if absolute[n] else '%'}"] = "+.3f"
             rows = [
-                (
-                    name,
-                    format_with_unit(name, found.value[k]),
-                    f"1 {steps[k]}",
-                    *(_cell(change[k, n], absolute[n]) for n in here),
-                )
-                for k, name in numbers
+                (name, format_with_unit(name, found.value[k]), f"1 {step}", *cells[k, here])
+                for k, (name, step) in enumerate(zip(found.parameter, found.step_unit, strict=True))
                 if shown[k, here].any()
             ]
             lines.append(tables.render(columns, rows))
@@ -145,12 +140,6 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.analyses.sensitivity import picture
 
         return {"": picture.draw(result.data, result.subtitle, result.design.perturbation)}
-
-
-def _cell(value: float, absolute: bool) -> float | str:
-    if absolute and value:
-        return f"{value:.1e}"
-    return "0" if abs(value) < LEAST else value
 
 
 ANALYSIS = SensitivityAnalysis()

@@ -27,61 +27,53 @@ from suspension_cli.drawing.style import (
     shorten,
     single_line,
 )
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from suspension_cli.design.schema import Perturbation
 
 LEAST = 0.005
 """Change in % below which a cell is empty; empty rows are left out."""
-LARGEST = 100.0
-"""Change in % at which the colour scale ends."""
+TICKS, LARGEST = (0.1, 1, 10), 100.0
+"""Changes in % at which the colour bar is labelled, and at which the colour scale ends."""
 MAX_ROWS, MAX_COLUMNS = 24, 17
 """Most numbers and results shown."""
-CELL = 0.11, 0.15
-"""Least width of a cell, and its height, in."""
-MAX_WIDTH = 1.87
-"""Width of the table, in."""
+CELL, WIDTH = 0.15, 1.87
+"""Height of a cell, and width of the table, in."""
 MAX_NAME, MAX_RESULT = 25, 28
 """Longest names of a number and of a result, characters."""
 
 
 def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] = ()) -> Figure:
-    """Draw the figure of `pendsus sensitivity`; `title` names design and model.
+    """Draw the figure of `pendsus sensitivity`, with names of the perturbations of the design.
 
-    `perturbations` are those of the design.
+    A result of 0 has no change in %; a dot marks what changes it.
     """
     change, relative = np.nan_to_num(found.per_step), found.nominal != 0
-    size = np.where(relative, np.abs(change), 0.0)
-    largest = size.max(1, initial=0.0)
+    percent = np.where(relative, change, 0.0)
+    largest = np.abs(percent).max(1, initial=0.0)
     matters = (largest >= LEAST) | (change[:, ~relative] != 0).any(1)
-    order = [int(n) for n in np.argsort(-largest, kind="stable") if matters[n]]
-    rows = order[:MAX_ROWS]
-    kept = np.argsort(-np.abs(change).max(0, initial=0.0), kind="stable")[:MAX_COLUMNS]
-    columns = np.sort(kept)
-    wide = max(CELL[0] * len(columns), min(MAX_WIDTH, 0.4 * len(columns)))
-    cells = change[np.ix_(rows, columns.tolist())]
+    order = [n for n in np.argsort(-largest, kind="stable").tolist() if matters[n]]
+    rows, left_out = order[:MAX_ROWS], largest[order[MAX_ROWS:]]
+    columns = np.sort(np.argsort(-np.abs(change).max(0, initial=0.0), kind="stable")[:MAX_COLUMNS])
+    cells = change[rows][:, columns]
+    dots = np.argwhere(~relative[columns] & (cells != 0))
     shown = np.where(relative[columns] & (np.abs(cells) >= LEAST), cells, np.nan)
     top = min(max(float(np.nanmax(np.abs(shown), initial=0.0)), 1.0), LARGEST)
-    # 10 beside 100 has no room
-    ticks = [at for at in (0.1, 1, 10, 100) if at <= top and (at != 10 or top < LARGEST)]
+    ticks = [at for at in TICKS if at <= top]
     norm = SymLogNorm(0.05, vmin=-top, vmax=top)
     tints = Tints("RdBu_r", norm, "change of the result (%)", [*(-at for at in ticks), 0, *ticks])
     names = [shorten(name_number(found.parameter[n], perturbations), MAX_NAME) for n in rows]
     results = [_name_result(found, n) for n in columns.tolist()]
-    most = np.where(relative, change, 0.0)[rows]
-    most = most[np.arange(len(rows)), np.abs(most).argmax(1)]
-    changes = [
+    most = [percent[n, np.abs(percent[n]).argmax()] for n in rows]
+    beside = [
         f"{format_signed(own)} per {found.step_unit[n]}" if own else "from 0"
-        for n, own in zip(rows, most.tolist(), strict=True)
+        for n, own in zip(rows, most, strict=True)
     ]
-    left, beside = max(0.16 + widest(names), 0.6), 0.1 + widest(["largest (%)", *changes])
-    width = max(left + max(wide, MAX_WIDTH) + beside, panels.COLUMN)
-    zeros = np.nonzero(~relative[columns] & (cells != 0))  # a result of 0 has no change in %
+    left, right = max(0.16 + widest(names), 0.6), 0.1 + widest(["largest (%)", *beside])
 
     def paint(axes: Axes) -> None:
         draw_table(axes, shown if len(rows) else np.full((1, len(columns)), np.nan), tints)
-        axes.plot(zeros[1], zeros[0], "o", markersize=2.5, color=INK, linestyle="")
+        axes.plot(dots[:, 1], dots[:, 0], "o", markersize=2.5, color=INK)
         axes.xaxis.tick_top()
         axes.set_xticks(range(len(results)), results, fontsize=SMALL, rotation=90)
         axes.set_xticks(np.arange(len(columns) + 1) - 0.5, minor=True)
@@ -91,16 +83,24 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
         look = {"textcoords": "offset points", "fontsize": SMALL, "color": NOTE}
         axes.annotate("largest (%)", (1, 1), (4, 3), xycoords="axes fraction", **look)
 
+    width = max(left + WIDTH + right, panels.COLUMN)
+    right = width - left - WIDTH
     table = Panel(
-        height=CELL[1] * max(len(rows), 4), rows=names, beside=changes, paint=paint, left=left,
-        right=width - left - wide, across=Across("", "linear"), above=widest(results),
+        height=CELL * max(len(rows), 4), rows=names, beside=beside, paint=paint, left=left,
+        right=right, across=Across("", "linear"), above=widest(results),
     )  # fmt: skip
-    bar = partial(draw_bar, tints=tints)
-    scale = Panel(height=0.09, left=left, right=width - left - MAX_WIDTH, paint=bar)
+    scale = Panel(height=0.09, left=left, right=right, paint=partial(draw_bar, tints=tints))
+    notes = [f"empty: less than {LEAST:g} %"]
+    if len(left_out):
+        more = f"more numbers ({len(left_out)})"
+        notes.append(f"{more} change no result by more than {left_out[0]:.2g} %")
+    if len(found.result) > len(columns):
+        rest = len(found.result) - len(columns)
+        notes.append(f"results that change less ({rest}) are left out")
+    if not relative.all():
+        notes.append("dot: a result of 0, which changes")
     heading = "Change of results per mm, mrad or % of a number"
-    notes = _notes(found, largest[order[MAX_ROWS:]], len(columns))
-    across = Across(tints.label, "linear")
-    return panels.draw(heading, title, [table, scale], across, notes, width)
+    return panels.draw(heading, title, [table, scale], Across(tints.label, "linear"), notes, width)
 
 
 def name_number(path: str, perturbations: Sequence[Perturbation] = ()) -> str:
@@ -123,14 +123,3 @@ def _name_result(found: Sensitivity, n: int) -> str:
     value = format_raised(float(found.nominal[n]), 3)
     value += "" if found.unit[n] == "1" else f" {found.unit[n]}"
     return f"{single_line(found.result[n], MAX_RESULT - len(value))} {value}"
-
-
-def _notes(found: Sensitivity, rest: Array, columns: int) -> list[str]:
-    notes = [f"empty: less than {LEAST:g} %"]
-    if len(rest):
-        notes.append(f"more numbers ({len(rest)}) change no result by more than {rest[0]:.2g} %")
-    if len(found.result) > columns:
-        notes.append(f"results that change less ({len(found.result) - columns}) are left out")
-    if (found.nominal == 0).any():
-        notes.append("dot: a result of 0, which changes")
-    return notes

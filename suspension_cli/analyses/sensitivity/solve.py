@@ -11,13 +11,12 @@ from suspension_cli.analyses.optimise.evaluate import solve_modes
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit
-from suspension_cli.linear.named_results import Mode, Ratio, Scalar
+from suspension_cli.linear.named_results import Ratio, Scalar
 from suspension_cli.models import registry
 from suspension_cli.models.choice import has_wire_mass
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, derivatives, parameters
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.derivatives import frequency_rates, mode_matrix
 from suspension_cli.studies.parameters import natural_step
 
 if TYPE_CHECKING:
@@ -79,13 +78,14 @@ class Sensitivity:
     @derived(along="parameter")
     def step_unit(self) -> tuple[str, ...]:
         """Step of each number: ``mm``, ``mrad`` or ``%``, see `studies.parameters.natural_step`."""
-        return tuple(unit for _, unit in self._steps)
+        return tuple(unit for _, unit in map(natural_step, self.parameter, self.value.tolist()))
 
     @property
     @derived("{parameter_unit}")
     def step(self) -> Float[np.ndarray, " parameter"]:
         """Step of each number, SI."""
-        return np.array([size for size, _ in self._steps])
+        steps = map(natural_step, self.parameter, self.value.tolist())
+        return np.array([size for size, _ in steps])
 
     @property
     @derived("{change_unit}")
@@ -93,40 +93,18 @@ class Sensitivity:
         """Change of each result by a step of each number, in the units of `one_percent`."""
         return self._change(self.step)
 
-    @property
-    def _steps(self) -> list[tuple[float, str]]:
-        return [
-            natural_step(name, float(value))
-            for name, value in zip(self.parameter, self.value, strict=True)
-        ]
-
     def _change(
         self, step: Float[np.ndarray, " parameter"]
     ) -> Float[np.ndarray, "parameter result"]:
         with np.errstate(invalid="ignore", divide="ignore"):
             change = self.derivative * step[:, None]
-            return np.where(
-                self.nominal == 0,
-                np.abs(change),
-                100 * change / np.where(self.nominal == 0, 1.0, self.nominal),
-            )
+            return np.where(self.nominal == 0, np.abs(change), 100 * change / self.nominal)
 
 
 def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.name) -> Sensitivity:
-    """Differentiate results with respect to every number of a design.
+    """Differentiate results with respect to every number of a design (TOML).
 
-    Parameters
-    ----------
-    text : str
-        The design as TOML.
-    results : tuple of Scalar
-    level : str
-        Name of a model that supports derivatives.
-
-    Examples
-    --------
-    >>> from suspension_cli.linear.named_results import Mode
-    >>> solve(text, (Mode("test pitch", 3),)).one_percent  # doctest: +SKIP
+    `level` is the name of a model that supports derivatives.
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
     model = registry.by_name(level).system(design)
@@ -135,21 +113,19 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     count, massive = len(modes.frequency), has_wire_mass(model)
 
     def evaluate(found: Builds) -> Array:
-        matrix = mode_matrix(found, modes, massive=massive).reshape(-1, count**2)
+        matrix = derivatives.mode_matrix(found, modes, massive=massive).reshape(-1, count**2)
         values = builds.responses(found, ratios)
         return np.hstack([matrix, values, derivatives.flat_matrices(found)])
 
     around = derivatives.differentiate(design, numbers, level, evaluate)
     matrix = np.real(around.central[:, : count**2]).reshape(-1, count, count)
-    rates = np.array([frequency_rates(modes, change) for change in matrix]).reshape(-1, count).T
     places = slice(count**2, count**2 + len(ratios))
-    sizes, value = around.of_magnitudes[:, places].T, np.abs(around.nominal[places])
-    value = np.where(np.isfinite(value), value, np.nan)
+    size = np.abs(around.nominal[places])
+    nominal = [*modes.frequency, *np.where(np.isfinite(size), size, np.nan)]
+    rates = np.array([derivatives.frequency_rates(modes, one) for one in matrix])
+    rates = np.hstack([rates.reshape(-1, count), around.of_magnitudes[:, places]])
     columns = [
-        (modes.frequency[one.number], rates[one.number])
-        if isinstance(one, Mode)
-        else (value[ratios.index(one)], sizes[ratios.index(one)])
-        for one in results
+        count + ratios.index(one) if isinstance(one, Ratio) else one.number for one in results
     ]
     kept = np.flatnonzero(around.matters | ~around.balanced)
     return Sensitivity(
@@ -158,6 +134,6 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
         free=around.balanced[kept],
         result=tuple(item.text for item in results),
         unit=tuple(item.unit for item in results),
-        nominal=np.array([nominal for nominal, _ in columns]),
-        derivative=np.array([rate[kept] for _, rate in columns]).reshape(len(results), -1).T,
+        nominal=np.array(nominal)[columns],
+        derivative=rates[kept][:, columns],
     )

@@ -11,10 +11,10 @@ from scipy import stats
 
 import suspension_cli as sus
 from suspension_cli.analyses import registry as analyses
-from suspension_cli.analyses.fit import findings, picture, text
+from suspension_cli.analyses.fit import findings, picture
 from suspension_cli.analyses.fit import solve as fit
-from suspension_cli.analyses.fit.problem import default_parameters
-from suspension_cli.analyses.fit.wrong_channels import name_factor
+from suspension_cli.analyses.fit.result import name_factor
+from suspension_cli.analyses.fit.start import default_parameters
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.measured import Free, Measured, Transducer
 from suspension_cli.drawing.panels import COLUMN
@@ -47,7 +47,7 @@ def test_the_truth_lies_in_the_95_percent_region_and_wrong_channels_are_found():
         wrong = (trials.KINDS[seed % 2], seed // 2 % 2, ("sa"[seed // 2 % 2] + "-x",) * 2)
         found = trials.spoil(given, *wrong).fit()
         assert trials.is_found(found.responses.corrections, *wrong), (seed, found.responses)
-        (channel,) = text.document(found, [None])["wrong_channels"]
+        (channel,) = findings.document(found, [None])["wrong_channels"]
         assert channel["kind"] == wrong[0] and channel["channels"] == [wrong[2][0]]
         distances.append(trials.distance(found, true))
     assert sum(d < stats.chi2(6).ppf(0.95) for d in distances) >= 3
@@ -187,9 +187,9 @@ def test_a_spring_that_the_model_lacks_is_not_absorbed_in_silence():
     assert found.misfit and found.unlikely_priors
     [(far, pull)] = found.far
     assert far == name and pull == pytest.approx((found.value[0] - given) / 1e-4)
-    lines = "\n".join(text.first_lines(found))
+    lines = "\n".join(findings.first_lines(found))
     assert "MISFIT: chi^2 of the prior alone" in lines and "upper.d (+" in lines
-    assert text.document(found, [None])["far_from_priors"][0]["name"] == name
+    assert findings.document(found, [None])["far_from_priors"][0]["name"] == name
 
 
 def test_factors_are_named():
@@ -247,7 +247,7 @@ def test_command(files, tmp_path):
     with open_results(out / "double-fit.h5") as file:
         loaded = analyses.get("fit").load(file)
     assert loaded.responses is not None
-    assert text.document(loaded, [None])["single_changes"] == document["single_changes"]
+    assert findings.document(loaded, [None])["single_changes"] == document["single_changes"]
     figures = picture.draw(loaded, "Made up"), picture.draw_responses(loaded.responses, "Made up")
     for figure in figures:
         assert figure.get_figwidth() == COLUMN

@@ -14,7 +14,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.report import html
+from suspension_cli.analyses.report import page as pages
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
 
@@ -189,22 +189,26 @@ def test_tolerances_are_read_if_computed_before(tmp_path):
 
 
 def cells(columns, rows):
-    """Text of the cells of a table as HTML, by row."""
-    made = html.table(tables.Table(columns, rows))
-    return [
-        [re.sub("<.*?>", "", cell) for cell in re.findall("<td.*?>(.*?)</td>", row)]
-        for row in made.split("<tbody>")[1].split("</tr>")[:-1]
-    ]
+    """Text of the cells of a table, by row."""
+    made = pages.table(tables.Table(columns, rows))
+    return [[cell for _, cell in row] for row in made.rows]
 
 
 def test_tables_have_readable_numbers():
     columns = {"name": "", "Q": ".4g", "noise\nm/sqrt(Hz)": ".2e", "x": ".1f"}
     rows = [("a <b> 3 %", 6762, 1.25e-21, None), ("c", 3.074e5, 2e-9, -2.5)]
     assert cells(columns, rows) == [
-        ["a &lt;b&gt; 3\u00a0%", "6762", "1.25×10⁻²¹", "-"],
+        ["a <b> 3\u00a0%", "6762", "1.25×10⁻²¹", "-"],
         ["c", "3.074×10⁵", "2.00×10⁻⁹", "−2.5"],
     ]
-    assert "m/√Hz" in html.table(tables.Table(columns, rows))
+
+
+def test_text_of_the_design_is_escaped(tmp_path):
+    title = "a <b>&amp; +- 1 m/sqrt(Hz)\u202e"
+    design = sus.example("double").replace({"design.title": title})
+    text = sus.report(design, tmp_path / "a.html", sections=["numbers"]).read_text()
+    assert "<b>" not in text and "\u202e" not in text
+    assert "a <b>&amp; ± 1 m/√Hz\\u202e" in Page(text).text
 
 
 def test_numbers_are_aligned_on_the_point():
