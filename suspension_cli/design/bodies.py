@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from suspension_cli.design import demand
+from suspension_cli.design import tables
 from suspension_cli.design.tables import Problems, Table, if_sound, key
 from suspension_cli.design.units import BodySize, Density, Inertia, Mass, Row3
 
@@ -49,8 +49,8 @@ class Body(Table, frozen=True):
         import numpy as np
 
         mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
-        if not demand.LEAST_MASS <= mass <= MOST_MASS:
-            problem = f"the body has {mass:.3g} kg, not {demand.LEAST_MASS:g} to {MOST_MASS:g} kg"
+        if not tables.LEAST_MASS <= mass <= MOST_MASS:
+            problem = f"the body has {mass:.3g} kg, not {tables.LEAST_MASS:g} to {MOST_MASS:g} kg"
             yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
         elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
             key, remedy = "", "check the sizes, in m"
@@ -62,10 +62,10 @@ class Body(Table, frozen=True):
             yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
 
     rules = (
-        demand.by_kind("shape", KEYS),
-        demand.symmetric("inertia", tolerance=1e-12),
-        demand.exactly_one("mass", "density", when=lambda body: body.shape is not None),
-        demand.ordered("inner_radius", "radius", "give a smaller hole"),
+        tables.by_kind("shape", KEYS),
+        tables.symmetric("inertia", tolerance=1e-12),
+        tables.exactly_one("mass", "density", when=lambda body: body.shape is not None),
+        tables.ordered("inner_radius", "radius", "give a smaller hole"),
         if_sound,
         _check_mass,
     )

@@ -10,7 +10,7 @@ import math
 from typing import Annotated
 
 from suspension_cli.conventions import GROUND
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.links import BetweenBodies
 from suspension_cli.design.tables import Plausible, Problems, doc, if_sound, key
 
@@ -79,8 +79,8 @@ class Cavity(BetweenBodies, frozen=True):
             yield "detuning", problem, "count it from the nearest resonance"
 
     rules = (
-        demand.at_most_one("pole", "finesse", "transmission"),
-        demand.exactly_one(
+        tables.at_most_one("pole", "finesse", "transmission"),
+        tables.exactly_one(
             "pole", "finesse", "transmission", when=lambda cavity: cavity.detuning != 0
         ),
         _check_ends,

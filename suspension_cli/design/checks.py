@@ -1,6 +1,6 @@
 """Checks of a design across its tables: which names exist, and which lengths fit.
 
-What a table must fulfil by itself is declared in its `rules`, see `design.demand`.
+What a table must fulfil by itself is declared in its `rules`, see `design.tables`.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 First single values: msgspec stops at the first error, so a file that it refuses is compared, value
 by value, with the JSON Schema of its type. (`jsonschema`, with which the tests check that schema,
 would not shorten this file, and fails on integers of thousands of digits.) Then the rules of each
-table, see `design.demand`.
+table, see `design.tables`.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.tables import Problems, Table, doc, key
 
 SUFFIX = "-keystone"
@@ -96,9 +96,9 @@ class Filter(Table, frozen=True):
             yield "mass_coupling", problem, remedy
 
     rules = (
-        demand.exactly_one("stiffness", "frequency"),
-        demand.at_most_one("loss_angle", "q"),
-        demand.at_most_one("saturation", "mass_coupling"),
+        tables.exactly_one("stiffness", "frequency"),
+        tables.at_most_one("loss_angle", "q"),
+        tables.at_most_one("saturation", "mass_coupling"),
         _check_coupling,
     )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import demand, reader
+from suspension_cli.design import reader, tables
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.tables import Problems, Table, given, key
@@ -48,7 +48,7 @@ class Free(Table, frozen=True):
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
 
-    rules = (demand.bounded, _check_scale)
+    rules = (tables.bounded, _check_scale)
 
 
 class Equal(Table, frozen=True):
@@ -64,7 +64,7 @@ class Equal(Table, frozen=True):
         if not self.terms:
             yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
 
-    rules = (demand.bounded, _check_terms)
+    rules = (tables.bounded, _check_terms)
 
 
 class Goal(Table, frozen=True):
@@ -119,11 +119,11 @@ class Goal(Table, frozen=True):
             yield "response", f"has the wrong form for {self.kind}", f"write {example}"
 
     rules = (
-        demand.by_kind("kind", TAKES),
-        demand.excludes("equals", "at_least", "at_most"),
-        demand.needs("lowest", "dof"),
-        demand.ordered("at_least", "at_most"),
-        demand.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
+        tables.by_kind("kind", TAKES),
+        tables.excludes("equals", "at_least", "at_most"),
+        tables.needs("lowest", "dof"),
+        tables.ordered("at_least", "at_most"),
+        tables.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
         _check_limits,
     )
 

@@ -28,7 +28,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.tables import Problems, Table, key
 
 AXIAL_STIFFNESS = 1e8
@@ -111,11 +111,11 @@ class InvertedPendulum(Table, frozen=True):
             yield "counterweight.below", problem, "give it in m"
 
     rules = (
-        demand.whole_or_parts("points", "count", "radius"),
-        demand.required("points", when=lambda legs: legs.count is None and legs.radius is None),
-        demand.excludes("points", "phase", "top"),
-        demand.exactly_one("stiffness", "frequency"),
-        demand.at_most_one("loss_angle", "q"),
+        tables.whole_or_parts("points", "count", "radius"),
+        tables.required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        tables.excludes("points", "phase", "top"),
+        tables.exactly_one("stiffness", "frequency"),
+        tables.at_most_one("loss_angle", "q"),
         _check_legs,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.tables import Problems, Table, doc, if_sound, key
 
 Between = Annotated[
@@ -90,7 +90,7 @@ class StiffnessTable(Table, frozen=True):
                 remedy = "give static, or use damping for a viscous force"
                 yield "static", f"{what}, but at other frequencies it is not", remedy
 
-    rules = (demand.ascending("frequency"), _check_axes, if_sound, _check_static)
+    rules = (tables.ascending("frequency"), _check_axes, if_sound, _check_static)
 
 
 class Strands(Table, frozen=True):
@@ -113,7 +113,7 @@ class Strands(Table, frozen=True):
     )
 
     rules = (
-        demand.by_kind(
+        tables.by_kind(
             "shape",
             {"u": (["length"], []), "catenary": (["length"], []), "points": ([], ["points"])},
         ),
@@ -149,9 +149,9 @@ class Link(BetweenBodies, frozen=True):
     active: Active = False
 
     rules = (
-        demand.exactly_one("stiffness", "table", "strands"),
-        demand.symmetric("stiffness", "damping"),
-        demand.excludes("table", "loss_angle"),
+        tables.exactly_one("stiffness", "table", "strands"),
+        tables.symmetric("stiffness", "damping"),
+        tables.excludes("table", "loss_angle"),
     )
 
     @property
@@ -183,7 +183,7 @@ class EddyCurrent(Table, frozen=True):
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
     count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
 
-    rules = (demand.exactly_one("moment", "remanence"), demand.together("remanence", "volume"))
+    rules = (tables.exactly_one("moment", "remanence"), tables.together("remanence", "volume"))
 
 
 class Damper(BetweenBodies, frozen=True):
@@ -196,4 +196,4 @@ class Damper(BetweenBodies, frozen=True):
     eddy_current: EddyCurrent | None = None
     active: Active = False
 
-    rules = (demand.exactly_one("damping", "eddy_current"), demand.symmetric("damping"))
+    rules = (tables.exactly_one("damping", "eddy_current"), tables.symmetric("damping"))

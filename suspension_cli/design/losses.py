@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.tables import Problems, Table, key
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class LossTable(Table, frozen=True):
         "loss angle in rad at each of the frequencies", min_length=1, max_length=10000
     )
 
-    rules = (demand.same_length("angle", "frequency"), demand.ascending("frequency"))
+    rules = (tables.same_length("angle", "frequency"), tables.ascending("frequency"))
 
 
 class MaterialLoss(Table, frozen=True):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import demand, faults, reader, tables
+from suspension_cli.design import faults, reader, tables
 from suspension_cli.design.tables import Problems, Schema, Table, key
 from suspension_cli.design.units import Dof, Frequency, Number, Positive, Stem
 from suspension_cli.errors import format_value
@@ -25,7 +25,7 @@ class Mode(Table, frozen=True):
         "without a label: coordinates of which one must dominate the mode", min_length=1
     )
 
-    rules = (demand.excludes("label", "dof"),)
+    rules = (tables.excludes("label", "dof"),)
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -72,7 +72,7 @@ class TransferFunction(Table, frozen=True):
     gain: Number = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
 
-    rules = (demand.nonzero("gain"), demand.ascending("band"))
+    rules = (tables.nonzero("gain"), tables.ascending("band"))
 
 
 class Transducer(Table, frozen=True):
@@ -114,7 +114,7 @@ class Transducer(Table, frozen=True):
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
 
-    rules = (demand.nonzero("gain"), _check_signals)
+    rules = (tables.nonzero("gain"), _check_signals)
 
 
 class Experiment(Table, frozen=True):
@@ -146,7 +146,7 @@ class Free(Table, frozen=True):
         "names of the experiments that share it; default: all", min_length=1
     )
 
-    rules = (demand.together("prior", "uncertainty"), demand.bounded)
+    rules = (tables.together("prior", "uncertainty"), tables.bounded)
 
 
 class Measured(Table, frozen=True):
@@ -220,11 +220,11 @@ class Measured(Table, frozen=True):
                     break
 
     rules = (
-        demand.any_of("mode", "transfer_function", "experiment"),
-        demand.excludes("experiment", "mode", "transfer_function"),
-        demand.unique("sensor"),
-        demand.unique("actuator"),
-        demand.unique("transfer_function"),
+        tables.any_of("mode", "transfer_function", "experiment"),
+        tables.excludes("experiment", "mode", "transfer_function"),
+        tables.unique("sensor"),
+        tables.unique("actuator"),
+        tables.unique("transfer_function"),
         _check_names,
         _check_signals,
         _check_parameters,

@@ -16,9 +16,8 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
-from suspension_cli.design import checks, faults, foton_file, paths
+from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
-from suspension_cli.design.detectors import DETECTORS
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest

@@ -14,7 +14,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from suspension_cli.conventions import AVOGADRO, DOFS
-from suspension_cli.design import demand, foton, imperfections, tables, units
+from suspension_cli.design import foton, imperfections, tables, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.cavities import Cavity
 from suspension_cli.design.filters import Filter
@@ -67,7 +67,7 @@ class Constants(Table, frozen=True):
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
 
-    rules = (demand.symmetric("gravity_gradient"), _check_direction)
+    rules = (tables.symmetric("gravity_gradient"), _check_direction)
 
 
 class Material(Table, frozen=True):
@@ -136,7 +136,7 @@ class Spring(Table, frozen=True):
     )
     active: Active = False
 
-    rules = (demand.symmetric("stiffness", "damping"), demand.needs("thickness", "material"))
+    rules = (tables.symmetric("stiffness", "damping"), tables.needs("thickness", "material"))
 
     @property
     def made_of(self) -> str | None:
@@ -202,7 +202,7 @@ class Support(Table, frozen=True):
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
 
-    rules = (demand.not_tiny("mass", "inertia"), _check_directions)
+    rules = (tables.not_tiny("mass", "inertia"), _check_directions)
 
 
 class Stage(Table, frozen=True):
@@ -235,15 +235,15 @@ class Stage(Table, frozen=True):
     damping: Damping | None = None
 
     rules = (
-        demand.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
-        demand.excludes("wires", "position", problem="a symmetric set implies the position"),
-        demand.unique("blade"),
-        demand.excludes("inverted_pendulum", "wires", "wire"),
-        demand.needs(
+        tables.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
+        tables.excludes("wires", "position", problem="a symmetric set implies the position"),
+        tables.unique("blade"),
+        tables.excludes("inverted_pendulum", "wires", "wire"),
+        tables.needs(
             "blades", "wires", remedy="use [[stage.blade]] and name the blade in each wire"
         ),
-        demand.any_of("wires", "wire", "spring", "inverted_pendulum"),
-        demand.required(
+        tables.any_of("wires", "wire", "spring", "inverted_pendulum"),
+        tables.required(
             "position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")
         ),
     )
@@ -287,7 +287,7 @@ class Perturbation(imperfections.with_perturbations(_Imperfect)):
         if not given(self, *known):
             yield "", "changes nothing", f"give {' or '.join(known)}"
 
-    rules = (demand.exactly_one(*imperfections.PARTS), if_sound, _check_part)
+    rules = (tables.exactly_one(*imperfections.PARTS), if_sound, _check_part)
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -326,10 +326,10 @@ class DigitalFilter(Table, frozen=True):
             yield "file", "is read only with a design file, not with its text alone", remedy
 
     rules = (
-        demand.exactly_one("file", "design"),
-        demand.needs("file", "module"),
-        demand.needs("file", "sections"),
-        demand.together("design", "rate"),
+        tables.exactly_one("file", "design"),
+        tables.needs("file", "module"),
+        tables.needs("file", "sections"),
+        tables.together("design", "rate"),
         if_sound,
         _check_file,
     )
@@ -411,12 +411,12 @@ class Loop(Table, frozen=True):
                 yield name, error.problem, error.remedy
 
     rules = (
-        demand.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
-        demand.excludes("gain_at", "damper", "gain"),
-        demand.excludes(
+        tables.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
+        tables.excludes("gain_at", "damper", "gain"),
+        tables.excludes(
             "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
         ),
-        demand.excludes(
+        tables.excludes(
             "damper", "zeros", "poles", problem="conflicts with damper, which has none"
         ),
         _check_strings,
@@ -462,7 +462,7 @@ class Control(Table, frozen=True):
     loop: list[Loop] = key(min_length=1)
     osem: list[Osem] = key("sensors and coils at points of stages", [])
 
-    rules = (demand.unique("loop", "osem"),)
+    rules = (tables.unique("loop", "osem"),)
 
 
 Spread = Annotated[float, Meta(ge=0, le=1e3)]
@@ -475,7 +475,7 @@ class Distribution(Table, frozen=True):
     uniform: Spread | None = key("half width")
     truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
 
-    rules = (demand.exactly_one("normal", "uniform"), demand.needs("truncate", "normal"))
+    rules = (tables.exactly_one("normal", "uniform"), tables.needs("truncate", "normal"))
 
 
 class _WireScatter(Table, frozen=True):
@@ -490,13 +490,13 @@ class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distributio
 
     hold: units.Hold = "loaded-length"
 
-    rules = (demand.exactly_one("stage", "wire"), demand.any_of(*imperfections.spreads("wire")))
+    rules = (tables.exactly_one("stage", "wire"), tables.any_of(*imperfections.spreads("wire")))
 
 
 class BodyTolerance(imperfections.with_spreads(Table, "body", Distribution)):
     """Scatter of one body."""
 
-    rules = (demand.any_of(*imperfections.spreads("body")),)
+    rules = (tables.any_of(*imperfections.spreads("body")),)
 
 
 class BladeTolerance(imperfections.with_spreads(Table, "blade", Distribution)):
@@ -530,7 +530,7 @@ class Requirement(Table, frozen=True):
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 
-    rules = (demand.exactly_one("band", "below", "above"), demand.ascending("band"))
+    rules = (tables.exactly_one("band", "below", "above"), tables.ascending("band"))
 
 
 class Tolerance(Table, frozen=True):
@@ -543,7 +543,7 @@ class Tolerance(Table, frozen=True):
     link: list[LinkTolerance] = []
     require: list[Requirement] = []
 
-    rules = (demand.any_of(*imperfections.PARTS),)
+    rules = (tables.any_of(*imperfections.PARTS),)
 
 
 class Design(Table, frozen=True):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, key
 
 NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
@@ -38,7 +38,7 @@ class NoiseSpectrum(Table, frozen=True):
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
 
-    rules = (demand.excludes("frequency", "corner"), demand.ascending("frequency"), _check_lengths)
+    rules = (tables.excludes("frequency", "corner"), tables.ascending("frequency"), _check_lengths)
 
 
 SENSORS = {
@@ -76,11 +76,11 @@ class Osem(Table, frozen=True):
             yield "direction", "has no direction", "give x, y, z, not all zero"
 
     rules = (
-        demand.excludes("sensor", "sensor_noise"),
-        demand.needs("transconductance", "coil"),
-        demand.needs("counts_per_volt", "transconductance"),
-        demand.needs("driver_noise", "transconductance"),
-        demand.needs("range", "coil"),
+        tables.excludes("sensor", "sensor_noise"),
+        tables.needs("transconductance", "coil"),
+        tables.needs("counts_per_volt", "transconductance"),
+        tables.needs("driver_noise", "transconductance"),
+        tables.needs("range", "coil"),
         _check_direction,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.cross_sections import CrossSection, circle, rectangle
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
 from suspension_cli.design.units import NAMES
@@ -55,7 +55,7 @@ class WireSection(Table, frozen=True):
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
 
-    rules = (demand.exactly_one(*CROSS_SECTIONS), _check_steps)
+    rules = (tables.exactly_one(*CROSS_SECTIONS), _check_steps)
 
 
 class Clamp(Table, frozen=True):
@@ -124,8 +124,8 @@ class Profile(Table, frozen=True):
             yield "", "has fewer than two places", "give position and diameter, each a list"
 
     rules = (
-        demand.same_length("diameter", "position"),
-        demand.ascending("position"),
+        tables.same_length("diameter", "position"),
+        tables.ascending("position"),
         _check_places,
     )
 
@@ -208,9 +208,9 @@ class AnyWire(Table, frozen=True):
             yield f"sections.{n}.length", "missing", remedy
 
     rules = (
-        demand.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
-        demand.excludes("neck", *NOT_ROUND, "sections"),
-        demand.excludes("sections", *CROSS_SECTIONS),
+        tables.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
+        tables.excludes("neck", *NOT_ROUND, "sections"),
+        tables.excludes("sections", *CROSS_SECTIONS),
         _check_composition,
     )
 
@@ -276,7 +276,7 @@ class WireSet(AnyWire, frozen=True):
                 problem = f"must be 0 for {self.count} wire{'s' * (self.count > 1)}"
                 yield name, problem, "remove it or change count"
 
-    rules = (demand.whole_or_parts(*SEPARATIONS), demand.whole_or_parts(*RADII), _check_ends)
+    rules = (tables.whole_or_parts(*SEPARATIONS), tables.whole_or_parts(*RADII), _check_ends)
 
 
 class Wire(AnyWire, frozen=True):
@@ -294,7 +294,7 @@ class Wire(AnyWire, frozen=True):
         f"name of a [[stage.blade]] that carries the upper end: {NAMES}", names="blade of the stage"
     )
 
-    rules = (demand.excludes("natural_length", "tension"),)
+    rules = (tables.excludes("natural_length", "tension"),)
 
 
 LONG = Plausible(10.0, "longer than any blade", serious=True)
@@ -347,10 +347,10 @@ class AnyBlade(Table, frozen=True):
     )
 
     rules = (
-        demand.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
-        demand.excludes("geometry", "material", "thickness"),
-        demand.needs("thickness", "material", unless="geometry"),
-        demand.not_tiny("tip_mass"),
+        tables.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
+        tables.excludes("geometry", "material", "thickness"),
+        tables.needs("thickness", "material", unless="geometry"),
+        tables.not_tiny("tip_mass"),
     )
 
     @property
