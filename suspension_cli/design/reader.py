@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import functools
 import hashlib
@@ -166,9 +165,8 @@ class VariedDesign:
         """The design with other numbers at dotted paths; raises `InputError`."""
         raw = self.raw
         for path, value in values.items():
-            keys = path.split(".")
-            raw = paths.copied(raw, keys)
-            paths.assign(raw, keys, float(value), f"{path}={value!r}")
+            keys, number = path.split("."), float(value)
+            raw = paths.changed(raw, keys, lambda _, new=number: new, f"{path}={value!r}")
         return convert(raw, self.stages)
 
 
@@ -195,60 +193,37 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
     read or have another form.
     """
     found: list[Fault] = []
-    for path, link in _members(raw, "link", "link") if of_links else ():
-        table = link.get("table")
-        if isinstance(table, dict) and isinstance(table.get("file"), str):
-            if given := [name for name in ("frequency", "real", "imaginary") if name in table]:
-                key = f"{path}.table.{given[0]}"
-                found.append(Fault(key, "is also in the file", "remove it, or file"))
+    for pattern, insert in FILES.items():
+        for path, holder, key in _find(raw, pattern.split(".")):
+            value = holder[key]
+            of_wire = insert is _insert_profile
+            table = {"file": value} if of_wire and isinstance(value, str) else value
+            if not isinstance(table, dict) or not (of_links or of_wire):
                 continue
-            name, form = table.pop("file"), table.pop("form", "real-imaginary")
-            with _reported(found, f"{path}.table.file", name):
-                table |= _stiffness(folder / name, form)
-    control = raw.get("control") if of_links else None
-    for path, loop in _members(
-        control if isinstance(control, dict) else {}, "loop", "control.loop"
-    ):
-        for key in ("filter", "sensor_response"):
-            table = loop.get(key)
-            if isinstance(table, dict):
-                with _reported(found, f"{path}.{key}.file", str(table.get("file"))):
-                    _insert_sections(table, folder)
-    for where, stage in _members(raw, "stage", "stage"):
-        wires = [(f"{where}.wires", stage.get("wires")), *_members(stage, "wire", f"{where}.wire")]
-        for path, wire in wires:
-            own = wire.get("profile") if isinstance(wire, dict) else None
-            own = {"file": own} if isinstance(own, str) else own
-            if not isinstance(own, dict) or "position" in own or "diameter" in own:
+            if not isinstance(name := table.get("file"), str):
                 continue
-            if isinstance(name := own.get("file"), str):
-                shipped = EXAMPLES / Path(name).name
-                local = os.path.exists(folder / name) or not shipped.exists()
-                with _reported(found, f"{path}.profile", name):
-                    wire["profile"] = own | _diameters(folder / name if local else shipped)
+            try:
+                holder[key] = insert(table, folder / name)
+            except InputError as error:
+                for fault in error.faults:
+                    problem = ": ".join(filter(None, (fault.key, fault.problem)))
+                    lost = "give its path from the folder of the design file"
+                    remedy = lost if problem.startswith("cannot be read") else fault.remedy
+                    where = f"{path}.file" if table is value else path
+                    found.append(Fault(where, problem, remedy, format_value(name)))
     if found:
         raise InputError(found)
 
 
-def _members(raw: Raw, key: str, path: str) -> Iterator[tuple[str, Raw]]:
-    """List the tables of an array, each behind its path."""
-    rows = raw.get(key)
-    for number, row in enumerate(rows if isinstance(rows, list) else [], 1):
-        if isinstance(row, dict):
-            yield f"{path}.{row.get('name', number)}", row
-
-
-@contextlib.contextmanager
-def _reported(found: list[Fault], key: str, name: str) -> Iterator[None]:
-    """Collect the faults of a file that is read inside."""
-    try:
-        yield
-    except InputError as error:
-        for fault in error.faults:
-            problem = ": ".join(filter(None, (fault.key, fault.problem)))
-            lost = "give its path from the folder of the design file"
-            remedy = lost if problem.startswith("cannot be read") else fault.remedy
-            found.append(Fault(key, problem, remedy, format_value(name)))
+def _find(node: object, keys: Sequence[str], path: str = "") -> Iterator[tuple[str, Raw, str]]:
+    """List the places in a document that fit some keys: key path, table and last key."""
+    key, *rest = keys
+    if key == "*":
+        for n, item in enumerate(node if isinstance(node, list) else ()):
+            yield from _find(item, rest, faults.step(path, n, item))
+    elif isinstance(node, dict) and key in node:
+        place = faults.step(path, key)
+        yield from _find(node[key], rest, place) if rest else [(place, node, key)]
 
 
 def _columns(file: Path, counts: tuple[int, ...], remedy: str) -> columns.Columns:
@@ -259,46 +234,65 @@ def _columns(file: Path, counts: tuple[int, ...], remedy: str) -> columns.Column
     return found
 
 
-def _diameters(file: Path) -> Raw:
-    """Read positions and diameters (m) from a CSV file of two columns."""
-    found = _columns(file, (2,), "write position,diameter in each line")
+def _insert_profile(table: Raw, file: Path) -> Raw:
+    """Read positions and diameters (m) of a profile from a CSV file of two columns."""
+    if table.keys() & {"position", "diameter"}:
+        return table
+    shipped = EXAMPLES / file.name
+    found = _columns(
+        shipped if shipped.exists() and not os.path.exists(file) else file,
+        (2,),
+        "write position,diameter in each line",
+    )
     scales = [columns.split_unit(name, columns.PER_M)[1] for name in found.names]
-    return {
+    return table | {
         key: (found.numbers(n, key) / (scales[n] if found.headed else 1.0)).tolist()
         for n, key in enumerate(("position", "diameter"))
     }
 
 
-def _insert_sections(table: Raw, folder: Path) -> None:
-    """Replace the sections of a Foton filter file in a table, if sound, by a design."""
-    match table:
-        case {"file": str(file), "module": str(module), "sections": [*numbers]} if (
-            all(isinstance(n, int) and 1 <= n <= foton_file.SECTIONS for n in numbers)
-            and numbers
-            and not table.keys() & {"design", "rate"}
-        ):
-            text, rate = foton_file.read(folder / file, module, numbers)
-            for key in ("file", "module", "sections"):
-                del table[key]
-            listed = ", ".join(map(str, numbers))
-            table |= {"design": text, "rate": rate}
-            table.setdefault("source", f"{file}, {module}, sections {listed}")
-        case _:
-            pass
+def _insert_sections(table: Raw, file: Path) -> Raw:
+    """Read sections of a Foton filter file as a design, if the table is sound."""
+    module, numbers = table.get("module"), table.get("sections")
+    known = range(1, foton_file.SECTIONS + 1)
+    if (
+        not isinstance(module, str)
+        or not (isinstance(numbers, list) and numbers and all(n in known for n in numbers))
+        or table.keys() & {"design", "rate"}
+    ):
+        return table
+    text, rate = foton_file.read(file, module, numbers)
+    rest = {key: table[key] for key in table if key not in ("file", "module", "sections")}
+    source = f"{table['file']}, {module}, sections {', '.join(map(str, numbers))}"
+    return {**rest, "design": text, "rate": rate, "source": rest.get("source", source)}
 
 
-def _stiffness(file: Path, form: str) -> Raw:
-    """Frequency, real and imaginary parts per axis of a CSV file."""
+def _insert_stiffness(table: Raw, file: Path) -> Raw:
+    """Read frequency, real and imaginary parts per axis from a CSV file."""
     import numpy as np
 
+    for name in ("frequency", "real", "imaginary"):
+        if name in table:
+            raise InputError.of(name, "is also in the file", "remove it, or file")
     remedy = "give frequency and two columns per axis: 3 columns for one axis, 13 for six"
     found = _columns(file, (3, 13), remedy)
     frequency, *rows = [found.numbers(n, "number") for n in range(len(found.names))]
     first, second = np.array(rows[::2]), np.array(rows[1::2])
-    if form == "modulus-loss":
+    if table.get("form") == "modulus-loss":
         first, second = first * np.cos(second), first * np.sin(second)
     parts = {"frequency": frequency, "real": first, "imaginary": second}
-    return {key: part.tolist() for key, part in parts.items()}
+    rest = {key: table[key] for key in table if key not in ("file", "form")}
+    return rest | {key: part.tolist() for key, part in parts.items()}
+
+
+FILES = {
+    "link.*.table": _insert_stiffness,
+    "control.loop.*.filter": _insert_sections,
+    "control.loop.*.sensor_response": _insert_sections,
+    "stage.*.wires.profile": _insert_profile,
+    "stage.*.wire.*.profile": _insert_profile,
+}
+"""Tables whose numbers may stand in a file, by key path."""
 
 
 def write_toml(raw: Raw) -> str:
@@ -444,17 +438,14 @@ def _as_toml(value: paths.Value) -> paths.Value:
 
     Raises `TypeError` with what is not one of them.
     """
+    if hasattr(value, "__array__"):
+        value = value.__array__().tolist()
     if isinstance(value, Mapping):
         return {str(key): _as_toml(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_as_toml(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    if hasattr(value, "__array__") and not hasattr(value, "tolist"):  # arrays of xarray
-        value = value.__array__()
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-        return _as_toml(value) if isinstance(value, list) else value
     if isinstance(value, str) and not _is_text(value):
         raise TypeError("bytes that are not text")
     if not isinstance(value, (str, int, float, Decimal, date, time)):
