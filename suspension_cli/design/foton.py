@@ -254,10 +254,10 @@ def _read(text: str) -> Any:
 
 def _reals(*value: Any) -> list[float]:
     """Check numbers, or those of a vector, which are real."""
-    value = value[0] if len(value) == 1 and isinstance(value[0], list) else value
-    if any(not isinstance(one, (complex, float)) or one.imag for one in value):
+    numbers = value[0] if len(value) == 1 and isinstance(value[0], list) else value
+    if any(not isinstance(one, (complex, float)) or one.imag for one in numbers):
         raise FotonError("takes real numbers here", EXAMPLE)
-    return [one.real for one in value]
+    return [one.real for one in numbers]
 
 
 def _pair_roots(value: Any) -> tuple[complex, ...]:
