@@ -26,13 +26,12 @@ from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
-    cavities,
-    filters,
-    inverted_pendulum,
+    imperfections,
     links,
     losses,
     materials,
     schema,
+    towers,
     wires,
 )
 from suspension_cli.design.units import NAMES
@@ -43,7 +42,7 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, wires, links, cavities, inverted_pendulum, filters, losses)
+MODULES = (schema, imperfections, wires, links, towers, losses)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))

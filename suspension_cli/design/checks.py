@@ -13,15 +13,13 @@ from itertools import pairwise
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import faults, materials, units
-from suspension_cli.design.cavities import Cavity
 from suspension_cli.design.derive import add_keystones, com_positions, part_loss, set_geometry
 from suspension_cli.design.faults import fault_of, suggest
-from suspension_cli.design.filters import SUFFIX
-from suspension_cli.design.inverted_pendulum import leg_count
-from suspension_cli.design.links import Damper, Link, Strands
+from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.losses import MECHANISMS
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.tables import Table, keys_with
+from suspension_cli.design.towers import SUFFIX, leg_count
 from suspension_cli.design.wires import RADII, Clamp, Profile, Wire, WireSet, is_ring
 from suspension_cli.errors import Fault, format_key
 

@@ -11,12 +11,21 @@ from typing import Any
 import msgspec
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import inverted_pendulum, materials
-from suspension_cli.design.filters import SUFFIX, keystone_inertia
+from suspension_cli.design import materials, towers
 from suspension_cli.design.links import Link
 from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
-from suspension_cli.design.wires import AnyBlade, BladeGeometry, Wire, WireSet, is_ring
+from suspension_cli.design.towers import SUFFIX, keystone_inertia
+from suspension_cli.design.wires import (
+    AnyBlade,
+    BladeGeometry,
+    Stretch,
+    Wire,
+    WireSet,
+    given_sections,
+    is_ring,
+    stretches,
+    thinnest,
+)
 
 
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
@@ -100,7 +109,7 @@ class SetGeometry:
                 ((x * self.s_upper, y * self.t1), (x * self.s_lower, y * self.t2))
                 for x, y in wire_signs(self.count)
             ]
-        turns = (inverted_pendulum.direction(self.phase, n, self.count) for n in range(self.count))
+        turns = (towers.direction(self.phase, n, self.count) for n in range(self.count))
         upper, lower = self.ring_upper, self.ring_lower
         return [((upper * x, upper * y), (lower * x, lower * y)) for x, y in turns]
 
@@ -146,7 +155,7 @@ def com_offset(stage: Stage) -> tuple[float, float, float]:
     if stage.wires is None:
         if stage.position is None:
             assert stage.inverted_pendulum is not None
-            return inverted_pendulum.offset(stage.inverted_pendulum)
+            return towers.offset(stage.inverted_pendulum)
         return stage.position
     shape = set_geometry(stage.wires)
     return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))

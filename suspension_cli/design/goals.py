@@ -43,12 +43,13 @@ class Free(Table, frozen=True):
     start: Number | None = key("where to begin; default: the design's value")
     scale: Literal["linear", "log"] = key('"log": steps of equal ratio', "linear")
 
-    def _check_scale(self) -> Problems:
+    def check(self) -> Problems:
+        """Check the bounds of a logarithmic scale."""
         if self.scale == "log" and self.lower <= 0:
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
 
-    rules = (tables.bounded, _check_scale)
+    rules = (tables.bounded,)
 
 
 class Equal(Table, frozen=True):
@@ -60,11 +61,12 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    def _check_terms(self) -> Problems:
+    def check(self) -> Problems:
+        """Check that there are terms."""
         if not self.terms:
             yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
 
-    rules = (tables.bounded, _check_terms)
+    rules = (tables.bounded,)
 
 
 class Goal(Table, frozen=True):
@@ -96,7 +98,7 @@ class Goal(Table, frozen=True):
     blades: list[Name] | None = key("stages whose blades are meant", min_length=1)
     stage: Name | None = key("stage whose depth below the suspension point is meant")
 
-    def _check_limits(self) -> Problems:
+    def check(self) -> Problems:
         """Check that it has one limit or direction, which suits its kind."""
         if self.weight is not None and not (self.minimise or self.maximise):
             yield "weight", "has no effect on a limit", "give minimise or maximise too"
@@ -124,7 +126,6 @@ class Goal(Table, frozen=True):
         tables.needs("lowest", "dof"),
         tables.ordered("at_least", "at_most"),
         tables.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
-        _check_limits,
     )
 
 
@@ -143,7 +144,7 @@ class Goals(Table, frozen=True):
         "distance that the search keeps from each limit, as a fraction of it", 1e-6, ge=1e-7, le=1
     )
 
-    def _check_names(self) -> Problems:
+    def check(self) -> Problems:
         """Check that each number is free, or follows from free ones."""
         free, tied = [item.name for item in self.free], [item.name for item in self.equal]
         for kind, own, others in (("free", free, []), ("equal", tied, free)):
@@ -155,8 +156,6 @@ class Goals(Table, frozen=True):
             for term in [term for term in item.terms if term in tied]:
                 remedy = f"express it by free numbers; {suggest(term, free)}"
                 yield f"equal.{n}.terms", f"{term} is itself given by [[equal]]", remedy
-
-    rules = (_check_names,)
 
 
 def read(file: str | Path, text: str | None = None) -> Goals:

@@ -1,12 +1,18 @@
-"""Tables `[[link]]` and `[[damper]]` of a design: springs and dampers between any two bodies."""
+"""Elements between any two bodies: tables `[[link]]`, `[[damper]]` and `[[cavity]]` of a design.
+
+The beam of a cavity runs along +x from the first mirror to the second. Only the numbers of its
+table describe it: the drawn places of the mirrors may be metres apart where the mirrors are
+kilometres.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
-from suspension_cli.conventions import DOFS
+from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import tables, units
-from suspension_cli.design.tables import Problems, Table, doc, if_sound, key
+from suspension_cli.design.tables import Plausible, Problems, Table, doc, key
 
 Between = Annotated[
     list[units.Name],
@@ -30,6 +36,13 @@ Active = Annotated[
 Series = Annotated[
     list[units.Coefficient], doc("one number per frequency, at least 2", min_length=2)
 ]
+
+
+class BetweenBodies(Table, frozen=True):
+    """Base of the tables of elements between any two bodies."""
+
+    name: units.Name
+    between: Between
 
 
 class StiffnessTable(Table, frozen=True):
@@ -57,40 +70,37 @@ class StiffnessTable(Table, frozen=True):
     )
     factor: float = key("factor on all stiffnesses of the table", 1.0, unit="1", gt=0, le=1e6)
 
-    def _check_axes(self) -> Problems:
-        """Check that each axis has one value per frequency."""
+    rules = (tables.ascending("frequency"),)
+
+    def check(self) -> Problems:
+        """Check that each axis has one value per frequency, and a static stiffness."""
         axes, count = 6 if self.axis is None else 1, len(self.frequency)
-        columns = {"real": self.real, "imaginary": self.imaginary}
-        uneven = [name for name, rows in columns.items() if len(rows) != axes]
-        ragged = [name for name, rows in columns.items() if any(len(row) != count for row in rows)]
         if self.file is not None:
             remedy = "read the design from its file, or give frequency, real and imaginary"
             yield "file", "is read only with a design file, not with its text alone", remedy
-        elif not self.frequency:
-            yield "", "has no frequencies", "give file, or frequency, real and imaginary"
-        elif uneven:
-            remedy = "give one list for the one axis, or remove axis"
-            if axes == 6:
-                remedy = f'give a list per axis, {", ".join(DOFS)}, or name the one: axis = "x"'
-            yield uneven[0], f"has {len(columns[uneven[0]])} axes instead of {axes}", remedy
-        elif ragged:
-            problem = f"has an axis without exactly {count} values"
-            yield ragged[0], problem, "give one value per frequency"
-
-    def _check_static(self) -> Problems:
-        """Check that each axis has a static stiffness."""
-        static = [row[0] for row in self.real] if self.static is None else self.static
-        if len(static) != len(self.real):
-            problem = f"has {len(static)} numbers for {len(self.real)} axes"
-            yield "static", problem, "give one per axis"
             return
+        if not count:
+            yield "", "has no frequencies", "give file, or frequency, real and imaginary"
+            return
+        for name, rows in (("real", self.real), ("imaginary", self.imaginary)):
+            if len(rows) != axes:
+                remedy = "give one list for the one axis, or remove axis"
+                if axes == 6:
+                    remedy = f'give a list per axis, {", ".join(DOFS)}, or name one: axis = "x"'
+                yield name, f"has {len(rows)} axes instead of {axes}", remedy
+                return
+            if any(len(row) != count for row in rows):
+                problem = f"has an axis without exactly {count} values"
+                yield name, problem, "give one value per frequency"
+                return
+        static = [row[0] for row in self.real] if self.static is None else self.static
+        if len(static) != axes:
+            yield "static", f"has {len(static)} numbers for {axes} axes", "give one per axis"
         for axis, value, *rows in zip(DOFS, static, self.real, self.imaginary, strict=False):
             if value == 0 and any(map(any, rows)):
                 what = f"the static stiffness along {self.axis or axis} is 0"
                 remedy = "give static, or use damping for a viscous force"
                 yield "static", f"{what}, but at other frequencies it is not", remedy
-
-    rules = (tables.ascending("frequency"), _check_axes, if_sound, _check_static)
 
 
 class Strands(Table, frozen=True):
@@ -118,13 +128,6 @@ class Strands(Table, frozen=True):
             {"u": (["length"], []), "catenary": (["length"], []), "points": ([], ["points"])},
         ),
     )
-
-
-class BetweenBodies(Table, frozen=True):
-    """Base of the tables of elements between any two bodies."""
-
-    name: units.Name
-    between: Between
 
 
 class Link(BetweenBodies, frozen=True):
@@ -197,3 +200,106 @@ class Damper(BetweenBodies, frozen=True):
     active: Active = False
 
     rules = (tables.exactly_one("damping", "eddy_current"), tables.symmetric("damping"))
+
+
+LIGHT = 299_792_458.0
+"""Speed of light in m/s (exact)."""
+STRONG = Plausible(2e7, "more than any cavity holds", (("mW", 1e-3), ("uW", 1e-6)))
+OPTICAL = Plausible(
+    2e-5, "longer than infrared light", (("nm", 1e-9), ("um", 1e-6)), 1e-7, "shorter than light"
+)
+SHARP = Plausible(1e7, "higher than any cavity's", (), 10.0, "too low for a single pole", True)
+Radius = Annotated[float, doc("radius of curvature in m", "m", ge=-1e12, le=1e12)]
+
+
+class Cavity(BetweenBodies, frozen=True):
+    """Light between two mirrors: optical spring, and angular stiffness of its pressure.
+
+    The static pressure is taken as balanced by the control of length and alignment.
+    """
+
+    length: units.Length = key("length of the cavity in m; the drawn places do not matter")
+    radii: list[Radius] = key(
+        "radii of curvature of the two mirrors in m, above 0 if concave; 1e12 for a flat one",
+        min_length=2,
+        max_length=2,
+    )
+    power: float = key(
+        "circulating power in W at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12
+    )
+    detuning: float = key(
+        "laser's frequency less the cavity's resonance in Hz, to be compared with the pole;"
+        " above 0 the optical spring restores and drives, below 0 it repels and damps",
+        0.0,
+        unit="Hz",
+        ge=-1e12,
+        le=1e12,
+    )
+    pole: float | None = key("half width of the resonance in Hz", unit="Hz", ge=1e-6, le=1e12)
+    finesse: float | None = key(
+        "finesse, instead of pole", unit="1", plausible=SHARP, ge=1, le=1e12
+    )
+    transmission: float | None = key(
+        "fraction of the power lost per round trip, through both mirrors and otherwise; instead of"
+        " pole",
+        unit="1",
+        gt=0,
+        le=0.9,
+    )
+    wavelength: units.Length = key("wavelength of the light in m", 1064e-9, plausible=OPTICAL)
+
+    rules = (
+        tables.at_most_one("pole", "finesse", "transmission"),
+        tables.exactly_one(
+            "pole", "finesse", "transmission", when=lambda cavity: cavity.detuning != 0
+        ),
+    )
+
+    def check(self) -> Problems:
+        """Check its ends, and that a beam is stable."""
+        if GROUND in self.between:
+            yield "between", "ends on the ground", 'take a stage, or "support" for a mirror at rest'
+        if 0 in self.radii:
+            yield "radii", "must not be zero", "give 1e12 for a flat mirror"
+            return
+        first, second = self.g
+        if not 0 < first * second < 1:
+            problem = (
+                f"has g1 g2 = (1 - length/R1) (1 - length/R2) = {first * second:.4g} with"
+                f" length = {self.length:g} m, so no beam is stable"
+            )
+            yield "radii", problem, "choose radii and length with g1 g2 between 0 and 1"
+        if abs(self.detuning) > self.spacing / 2:
+            problem = f"is beyond half the free spectral range of {self.spacing:.4g} Hz"
+            yield "detuning", problem, "count it from the nearest resonance"
+
+    @property
+    def active(self) -> bool:
+        """Whether the delay of the optical spring gives power to the motion."""
+        return self.detuning > 0
+
+    @property
+    def g(self) -> tuple[float, float]:
+        """Stability factors 1 - L/R of the two mirrors."""
+        first, second = self.radii
+        return 1 - self.length / first, 1 - self.length / second
+
+    @property
+    def spacing(self) -> float:
+        """Free spectral range c / 2L in Hz."""
+        return LIGHT / (2 * self.length)
+
+    @property
+    def half_width(self) -> float:
+        """Half width of the resonance in Hz: given, or c / 4LF with the finesse F.
+
+        If the power falls by the fraction T per round trip, the amplitude falls to r = sqrt(1 - T),
+        and F = pi sqrt(r) / (1 - r).
+        """
+        if self.pole is not None:
+            return self.pole
+        finesse = self.finesse
+        if self.transmission is not None:
+            kept = math.sqrt(1 - self.transmission)
+            finesse = math.pi * math.sqrt(kept) / (1 - kept)
+        return math.inf if finesse is None else self.spacing / (2 * finesse)

@@ -25,9 +25,9 @@ def resolve(design: Design, name: str) -> Material:
     the design gives a bulk loss.
     """
     own, base = design.materials.get(name, Material()), BUILT_IN.get(name, Material())
-    own_loss, loss = _given(own.loss), _given(base.loss)
+    loss, own_loss = _given(base.loss), _given(own.loss)
     if own.loss_angle is not None:
-        own_loss = {"angle": own.loss_angle} | own_loss
+        own_loss = {"angle": own.loss_angle, **own_loss}
     if {"angle", "table"} & own_loss.keys():
         loss = {key: loss[key] for key in loss.keys() - {"angle", "table", "surface_depth"}}
     return msgspec.structs.replace(base, **_given(own) | {"loss": MaterialLoss(**loss | own_loss)})

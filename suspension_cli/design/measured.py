@@ -108,13 +108,14 @@ class Transducer(Table, frozen=True):
         """Signals of the design in the channel, with those fitted from 0 (`mix_uncertainty`)."""
         return (self.signal, *self.mix, *self.mix_uncertainty)
 
-    def _check_signals(self) -> Problems:
+    def check(self) -> Problems:
+        """Check that it has signals of the design."""
         for name, signal in [("signal", self.signal), *(("mix", signal) for signal in self.mix)]:
             if "." not in signal:
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
 
-    rules = (tables.nonzero("gain"), _check_signals)
+    rules = (tables.nonzero("gain"),)
 
 
 class Experiment(Table, frozen=True):
@@ -184,13 +185,12 @@ class Measured(Table, frozen=True):
         given = self.parameter[n].experiments
         return tuple(given is None or name in given for name in self.names)
 
-    def _check_names(self) -> Problems:
+    def check(self) -> Problems:
+        """Check names of experiments, signals, and numbers that are fitted."""
         for n, title in enumerate(self.names):
             if title in self.names[:n]:
                 remedy = "give each a name of its own"
                 yield f"experiment.{n + 1}.name", f"{title} is also that of an earlier one", remedy
-
-    def _check_signals(self) -> Problems:
         for n, one in enumerate(self.transfer_function, 1):
             for end, kind, example in (
                 ("input", "actuator", "upper.force_x"),
@@ -202,8 +202,6 @@ class Measured(Table, frozen=True):
                     remedy = f"{remedy}; {faults.suggest(name, known)}" if known else remedy
                     problem = f"is neither a signal nor the name of a [[{kind}]]"
                     yield f"transfer_function.{one.name or n}.{end}", problem, remedy
-
-    def _check_parameters(self) -> Problems:
         for n, item in enumerate(self.parameter):
             path = f"parameter.{n + 1}"
             unknown = [name for name in item.experiments or () if name not in self.names]
@@ -225,9 +223,6 @@ class Measured(Table, frozen=True):
         tables.unique("sensor"),
         tables.unique("actuator"),
         tables.unique("transfer_function"),
-        _check_names,
-        _check_signals,
-        _check_parameters,
     )
 
 

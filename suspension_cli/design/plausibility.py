@@ -16,7 +16,8 @@ from suspension_cli.design import faults, foton
 from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
 from suspension_cli.design.derive import set_geometry, with_bodies_above
 from suspension_cli.design.faults import fault_of
-from suspension_cli.design.schema import Design, Distribution, Stage
+from suspension_cli.design.imperfections import Distribution
+from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Plausible, declared, keys_with
 from suspension_cli.design.units import OSMIUM
 from suspension_cli.errors import Fault, format_value

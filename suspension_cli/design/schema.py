@@ -14,24 +14,15 @@ from typing import Annotated
 from msgspec import Meta
 
 from suspension_cli.conventions import AVOGADRO, DOFS
-from suspension_cli.design import foton, imperfections, tables, units
+from suspension_cli.design import foton, tables, units
 from suspension_cli.design.bodies import Body
-from suspension_cli.design.cavities import Cavity
-from suspension_cli.design.filters import Filter
-from suspension_cli.design.inverted_pendulum import InvertedPendulum
-from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
+from suspension_cli.design.imperfections import Distribution as Distribution
+from suspension_cli.design.imperfections import Perturbation, Tolerance
+from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
 from suspension_cli.design.losses import MaterialLoss
 from suspension_cli.design.sensors import NoiseSpectrum, Osem, Reference, SpectralDensity
-from suspension_cli.design.tables import (
-    Problems,
-    Raw,
-    Schema,
-    Table,
-    doc,
-    given,
-    if_sound,
-    key,
-)
+from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
+from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.units import NAMES
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
@@ -62,12 +53,13 @@ class Constants(Table, frozen=True):
     )
     temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
-    def _check_direction(self) -> Problems:
+    rules = (tables.symmetric("gravity_gradient"),)
+
+    def check(self) -> Problems:
+        """Check the direction of gravity."""
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-
-    rules = (tables.symmetric("gravity_gradient"), _check_direction)
 
 
 class Material(Table, frozen=True):
@@ -191,7 +183,9 @@ class Support(Table, frozen=True):
     damping: FrameDamping = FrameDamping()
     loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
-    def _check_directions(self) -> Problems:
+    rules = (tables.not_tiny("mass", "inertia"),)
+
+    def check(self) -> Problems:
         """Check that it moves in some direction, and is damped only where it moves."""
         elastic = given(self.stiffness, *DOFS)
         if not elastic:
@@ -201,8 +195,6 @@ class Support(Table, frozen=True):
             if getattr(self.damping, dof) and dof not in elastic:
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
-
-    rules = (tables.not_tiny("mass", "inertia"), _check_directions)
 
 
 class Stage(Table, frozen=True):
@@ -259,37 +251,6 @@ class Stage(Table, frozen=True):
         return [*([self.blades] if self.blades is not None else []), *self.blade]
 
 
-class _Imperfect(Table, frozen=True):
-    wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
-    body: units.Name | None = key(f"a stage's name, instead of a wire: {NAMES}", names="stage")
-    blade: str | None = key(
-        "a blade: test.blade1; for the blades of a filter its stage", max_length=80, names="blade"
-    )
-    leg: str | None = key(
-        "a leg of an inverted pendulum: platform.leg1", max_length=80, names="leg"
-    )
-    link: str | None = key("the name of a link", max_length=80, names="link")
-
-
-class Perturbation(imperfections.with_perturbations(_Imperfect)):
-    """Imperfections of one wire, body, blade, leg or link in this build."""
-
-    hold: units.Hold = "loaded-length"
-
-    def _check_part(self) -> Problems:
-        """Check that the part can change in this way."""
-        part = given(self, *imperfections.PARTS)[0]
-        known = [row.name for row in imperfections.perturbed(part)]
-        every = [row.name for one in imperfections.PARTS for row in imperfections.perturbed(one)]
-        for name in given(self, *dict.fromkeys(every)):
-            if name not in known:
-                yield name, f"is not for a {part}", f"known here: {', '.join(known)}"
-        if not given(self, *known):
-            yield "", "changes nothing", f"give {' or '.join(known)}"
-
-    rules = (tables.exactly_one(*imperfections.PARTS), if_sound, _check_part)
-
-
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Root = Annotated[
     list[Hertz | Annotated[list[Hertz], Meta(min_length=2, max_length=2)]],
@@ -320,19 +281,18 @@ class DigitalFilter(Table, frozen=True):
     gain: float = key("factor on the filter", 1.0, unit="1", ge=-1e12, le=1e12)
     source: str = key("where the design comes from; filled in for a file", "")
 
-    def _check_file(self) -> Problems:
-        if self.file is not None:
-            remedy = "read the design from its file, or give design and rate"
-            yield "file", "is read only with a design file, not with its text alone", remedy
-
     rules = (
         tables.exactly_one("file", "design"),
         tables.needs("file", "module"),
         tables.needs("file", "sections"),
         tables.together("design", "rate"),
-        if_sound,
-        _check_file,
     )
+
+    def check(self) -> Problems:
+        """Check that a file was read."""
+        if self.file is not None:
+            remedy = "read the design from its file, or give design and rate"
+            yield "file", "is read only with a design file, not with its text alone", remedy
 
 
 def make_response(given: str | DigitalFilter) -> foton.Filter:
@@ -386,30 +346,6 @@ class Loop(Table, frozen=True):
         "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
     )
 
-    def _check_order(self) -> Problems:
-        """Check that the gain can be set, and does not grow without bound."""
-        if self.gain_at is not None:
-            size = abs(self.without_gain_at.at(self.gain_at.frequency))
-            if not 0 < size < math.inf or self.gain_at.magnitude == 0:
-                problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
-                yield "gain_at", problem, "give another frequency or magnitude"
-                return
-        whole = self.controller_and_sensor
-        zeros, poles = len(whole.continuous.zeros), len(whole.continuous.poles)
-        if zeros <= poles or (self.damper is not None and self.sensor_response is None):
-            return  # a damper acts on the velocity, which is known
-        key = given(self, "filter", "sensor_response", "zeros")[0]
-        what = "a filter" if self.sensor_response is None else "a filter and sensor"
-        problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
-        yield key, problem, "add poles, or its gain grows with frequency without bound"
-
-    def _check_strings(self) -> Problems:
-        for name in given(self, "filter", "sensor_response"):
-            try:
-                make_response(getattr(self, name))
-            except foton.FotonError as error:
-                yield name, error.problem, error.remedy
-
     rules = (
         tables.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
         tables.excludes("gain_at", "damper", "gain"),
@@ -419,10 +355,30 @@ class Loop(Table, frozen=True):
         tables.excludes(
             "damper", "zeros", "poles", problem="conflicts with damper, which has none"
         ),
-        _check_strings,
-        if_sound,
-        _check_order,
     )
+
+    def check(self) -> Problems:
+        """Check that the gain can be set, and does not grow without bound."""
+        for name in given(self, "filter", "sensor_response"):
+            try:
+                make_response(getattr(self, name))
+            except foton.FotonError as error:
+                yield name, error.problem, error.remedy
+                return
+        if self.gain_at is not None:
+            size = abs(self.without_gain_at.at(self.gain_at.frequency))
+            if not 0 < size < math.inf or self.gain_at.magnitude == 0:
+                problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
+                yield "gain_at", problem, "give another frequency or magnitude"
+                return
+        whole = self.controller_and_sensor.continuous
+        zeros, poles = len(whole.zeros), len(whole.poles)
+        if zeros <= poles or (self.damper is not None and self.sensor_response is None):
+            return  # a damper acts on the velocity, which is known
+        key = given(self, "filter", "sensor_response", "zeros")[0]
+        what = "a filter" if self.sensor_response is None else "a filter and sensor"
+        problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
+        yield key, problem, "add poles, or its gain grows with frequency without bound"
 
     @property
     def without_gain_at(self) -> foton.Filter:
@@ -465,87 +421,6 @@ class Control(Table, frozen=True):
     rules = (tables.unique("loop", "osem"),)
 
 
-Spread = Annotated[float, Meta(ge=0, le=1e3)]
-
-
-class Distribution(Table, frozen=True):
-    """Scatter of builds about the nominal value, independent from build to build."""
-
-    normal: Spread | None = key("standard deviation")
-    uniform: Spread | None = key("half width")
-    truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
-
-    rules = (tables.exactly_one("normal", "uniform"), tables.needs("truncate", "normal"))
-
-
-class _WireScatter(Table, frozen=True):
-    stage: units.Name | None = key(
-        f"a stage's name, for each of its wires: {NAMES}", names="stage with wires"
-    )
-    wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
-
-
-class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
-    """Scatter of one wire, or independently of every wire of a stage."""
-
-    hold: units.Hold = "loaded-length"
-
-    rules = (tables.exactly_one("stage", "wire"), tables.any_of(*imperfections.spreads("wire")))
-
-
-class BodyTolerance(imperfections.with_spreads(Table, "body", Distribution)):
-    """Scatter of one body."""
-
-    rules = (tables.any_of(*imperfections.spreads("body")),)
-
-
-class BladeTolerance(imperfections.with_spreads(Table, "blade", Distribution)):
-    """Scatter of every blade of a stage, independently; those of a filter as one spring."""
-
-
-class LegTolerance(imperfections.with_spreads(Table, "leg", Distribution)):
-    """Scatter of every leg of an inverted pendulum, independently."""
-
-
-class _LinkScatter(Table, frozen=True):
-    link: str = key("the name of a link", max_length=80, names="link")
-
-
-class LinkTolerance(imperfections.with_spreads(_LinkScatter, "link", Distribution)):
-    """Scatter of one link."""
-
-
-Limit = Annotated[float, doc("limit above zero, SI", gt=0, le=1e20)]
-
-
-class Requirement(Table, frozen=True):
-    """Requirement on every build, in SI units (Hz for modes)."""
-
-    quantity: str = key(
-        "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
-        " a response OUTPUT/INPUT:FREQUENCY",
-        max_length=200,
-    )
-    band: list[units.Number] | None = key("least and largest value", min_length=2, max_length=2)
-    below: Limit | None = key("upper limit of the magnitude")
-    above: Limit | None = key("lower limit of the magnitude")
-
-    rules = (tables.exactly_one("band", "below", "above"), tables.ascending("band"))
-
-
-class Tolerance(Table, frozen=True):
-    """Scatter of parts from build to build, and requirements on builds."""
-
-    wire: list[WireTolerance] = []
-    body: list[BodyTolerance] = []
-    blade: list[BladeTolerance] = []
-    leg: list[LegTolerance] = []
-    link: list[LinkTolerance] = []
-    require: list[Requirement] = []
-
-    rules = (tables.any_of(*imperfections.PARTS),)
-
-
 class Design(Table, frozen=True):
     """A whole design file."""
 
@@ -574,9 +449,8 @@ class Design(Table, frozen=True):
     @property
     def between_bodies(self) -> list[tuple[str, BetweenBodies]]:
         """All elements between two bodies, each behind the name of its kind of table."""
-        lists = ((kind, getattr(self, kind)) for kind in self.__struct_fields__)
-        rows = [(kind, row) for kind, rows in lists if isinstance(rows, list) for row in rows]
-        return [(kind, row) for kind, row in rows if isinstance(row, BetweenBodies)]
+        kinds = ("link", "damper", "cavity")
+        return [(kind, row) for kind in kinds for row in getattr(self, kind)]
 
 
 def json_schema() -> Schema:

@@ -32,13 +32,14 @@ class NoiseSpectrum(Table, frozen=True):
         min_length=2,
     )
 
-    def _check_lengths(self) -> Problems:
+    def check(self) -> Problems:
+        """Check that lists have one length."""
         counts = [len(one) if isinstance(one, list) else 0 for one in (self.asd, self.frequency)]
         if counts[0] != counts[1]:
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
 
-    rules = (tables.excludes("frequency", "corner"), tables.ascending("frequency"), _check_lengths)
+    rules = (tables.excludes("frequency", "corner"), tables.ascending("frequency"))
 
 
 SENSORS = {
@@ -71,7 +72,8 @@ class Osem(Table, frozen=True):
     counts_per_volt: units.Positive | None = key("counts per voltage, 1/V", unit="1/V")
     range: units.Positive | None = key("largest input, V; without transconductance current, A")
 
-    def _check_direction(self) -> Problems:
+    def check(self) -> Problems:
+        """Check the direction."""
         if not any(self.vector):
             yield "direction", "has no direction", "give x, y, z, not all zero"
 
@@ -81,7 +83,6 @@ class Osem(Table, frozen=True):
         tables.needs("counts_per_volt", "transconductance"),
         tables.needs("driver_noise", "transconductance"),
         tables.needs("range", "coil"),
-        _check_direction,
     )
 
     @property

@@ -133,17 +133,17 @@ class Table(
     """Base of all tables of a file: immutable, and unknown keys are faults."""
 
     rules: ClassVar[Sequence[Rule]] = ()
-    """Rules beyond single values, of this module or methods; those of the base count too."""
+    """Rules beyond single values, of the functions below; those of the base count too."""
+
+    def check(self) -> Problems:
+        """Find what else is wrong with a table that breaks no rule."""
+        yield from ()
 
     def faults(self) -> list[tuple[str, str, str]]:
-        """Find what breaks the rules."""
-        found: list[tuple[str, str, str]] = []
-        for kind in reversed(type(self).__mro__):
-            for rule in vars(kind).get("rules", ()):
-                if rule is if_sound and found:
-                    return found
-                found += rule(self)
-        return found
+        """Find what breaks the rules, else what is wrong otherwise."""
+        kinds = reversed(type(self).__mro__)
+        rules = (rule for kind in kinds for rule in vars(kind).get("rules", ()))
+        return [fault for rule in rules for fault in rule(self)] or [*self.check()]
 
 
 def extend_table(base: type[Table], keys: Mapping[str, object]) -> Any:
@@ -214,12 +214,6 @@ def rule(check: Callable[Concatenate[Any, P], Problems]) -> Callable[P, Rule]:
         return lambda table: check(table, *args, **keywords)
 
     return declare
-
-
-def if_sound(table: object) -> Problems:
-    """Apply the rules after this one only to tables that break none before it."""
-    del table
-    yield from ()
 
 
 def _give(table: Table, keys: Iterable[str]) -> str:

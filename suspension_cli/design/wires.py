@@ -1,12 +1,16 @@
-"""Wires and blades of the design file format, with the rules of their keys."""
+"""Wires and blades: tables of the design file, and the uniform stretches of a wire."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from suspension_cli.design import tables, units
-from suspension_cli.design.cross_sections import CrossSection, circle, rectangle
+from suspension_cli.design.cross_sections import CrossSection, circle, rectangle, taper
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
 from suspension_cli.design.units import NAMES
 
@@ -51,11 +55,12 @@ class WireSection(Table, frozen=True):
     material: units.MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
     steps: Steps | None = None
 
-    def _check_steps(self) -> Problems:
+    rules = (tables.exactly_one(*CROSS_SECTIONS),)
+
+    def check(self) -> Problems:
+        """Check that steps divide a taper."""
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
-
-    rules = (tables.exactly_one(*CROSS_SECTIONS), _check_steps)
 
 
 class Clamp(Table, frozen=True):
@@ -117,17 +122,14 @@ class Profile(Table, frozen=True):
         le=0.1,
     )
 
-    def _check_places(self) -> Problems:
+    rules = (tables.same_length("diameter", "position"), tables.ascending("position"))
+
+    def check(self) -> Problems:
+        """Check that there are places."""
         if self.file is not None and not self.position:
             yield "file", *UNREAD
-        elif len(self.position) == len(self.diameter) < 2:
+        elif len(self.position) < 2:
             yield "", "has fewer than two places", "give position and diameter, each a list"
-
-    rules = (
-        tables.same_length("diameter", "position"),
-        tables.ascending("position"),
-        _check_places,
-    )
 
 
 class AnyWire(Table, frozen=True):
@@ -174,18 +176,21 @@ class AnyWire(Table, frozen=True):
         "temperature in K, or { upper, lower }; default that of [constants]"
     )
 
-    def _check_composition(self) -> Problems:
+    rules = (
+        tables.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
+        tables.excludes("neck", *NOT_ROUND, "sections"),
+        tables.excludes("sections", *CROSS_SECTIONS),
+    )
+
+    def check(self) -> Problems:
         """Check that it has k, or a material and one way to give its cross-section."""
         if isinstance(self.profile, str):
             yield "profile", *UNREAD
         shapes = given(self, *CROSS_SECTIONS)
         whole = given(self, "profile", "sections", "neck", *CROSS_SECTIONS)
         if self.k is None and not whole:
-            yield (
-                next(iter(CROSS_SECTIONS)),
-                "missing",
-                f"give the wire's {' or '.join(CROSS_SECTIONS)} in m, or k in N/m",
-            )
+            remedy = f"give the wire's {' or '.join(CROSS_SECTIONS)} in m, or k in N/m"
+            yield next(iter(CROSS_SECTIONS)), "missing", remedy
         if self.bending and not whole:
             remedy = "give material and radius too, or remove it"
             yield "bending", "needs the wire's cross-section", remedy
@@ -196,23 +201,15 @@ class AnyWire(Table, frozen=True):
         if self.material is None and self.k is None and (bare or not pieces):
             remedy = "name a material for the whole wire, or give k in N/m"
             yield [*bare, "material"][0], "missing", remedy
-        if self.neck is not None and not given(self, *NOT_ROUND, "sections", "profile"):
-            if self.radius is None:
-                yield "radius", "missing", "give the radius between the necks in m"
-            elif self.neck.radius <= self.radius:
-                problem = f"is not above the radius of the fibre ({self.radius:g} m)"
-                yield "neck.radius", problem, "give the radius of the thick ends in m"
+        if self.neck is not None and self.radius is None:
+            yield "radius", "missing", "give the radius between the necks in m"
+        elif self.neck is not None and self.radius is not None and self.neck.radius <= self.radius:
+            problem = f"is not above the radius of the fibre ({self.radius:g} m)"
+            yield "neck.radius", problem, "give the radius of the thick ends in m"
         open_ended = [n for n, one in pieces if one.length is None]
         for n in open_ended[1:]:
             remedy = f"give it in m; section {open_ended[0]} takes the rest already"
             yield f"sections.{n}.length", "missing", remedy
-
-    rules = (
-        tables.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
-        tables.excludes("neck", *NOT_ROUND, "sections"),
-        tables.excludes("sections", *CROSS_SECTIONS),
-        _check_composition,
-    )
 
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
@@ -253,8 +250,11 @@ class WireSet(AnyWire, frozen=True):
     d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
     d_upper: units.Position = key("depth of the upper end below the COM of the body above, m", 0.0)
 
-    def _check_ends(self) -> Problems:
-        """Check the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
+    rules = (tables.whole_or_parts(*SEPARATIONS), tables.whole_or_parts(*RADII))
+
+    def check(self) -> Problems:
+        """Check also the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
+        yield from super().check()
         across = ("t1", "t2")
         if is_ring(self):
             for name in given(self, *SEPARATIONS, *across):
@@ -275,8 +275,6 @@ class WireSet(AnyWire, frozen=True):
             if getattr(self, name):
                 problem = f"must be 0 for {self.count} wire{'s' * (self.count > 1)}"
                 yield name, problem, "remove it or change count"
-
-    rules = (tables.whole_or_parts(*SEPARATIONS), tables.whole_or_parts(*RADII), _check_ends)
 
 
 class Wire(AnyWire, frozen=True):
@@ -377,3 +375,116 @@ class Blade(AnyBlade, frozen=True):
     at: units.Vector | None = key(
         "tip in the frame of the body above, m; default: the mean of its wires' upper ends"
     )
+
+
+STEPS = 16
+"""Default number of steps of a taper."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A uniform stretch of wire."""
+
+    length: float  # loaded, m
+    material: str | None
+    shape: CrossSection
+
+
+def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
+    """Reduce a profile to uniform sections, from the upper end.
+
+    Between two places the diameter is linear. Stretches in which it changes by a fraction of at
+    most sqrt(error) become one section of the same volume: mass is exact, and means of other powers
+    of the radius (compliance, bending stiffness) are wrong by a third to all of `error` (default
+    that of the profile; 0: one section per pair of places).
+    """
+    wanted = profile.error if error is None else error
+    return _reduced(tuple(profile.position), tuple(profile.diameter), wanted)
+
+
+@lru_cache(maxsize=64)  # a design needs them often
+def _reduced(
+    position: tuple[float, ...], diameter: tuple[float, ...], wanted: float
+) -> list[WireSection]:
+    limit = math.sqrt(wanted)
+    sections: list[WireSection] = []
+    length = volume = 0.0
+    low, high = math.inf, 0.0
+    points = zip(position, diameter, strict=True)
+    for (top, above), (bottom, below) in pairwise(points):
+        # a steep stretch is divided, so that none exceeds the limit
+        parts = max(1, math.ceil(abs(math.log(below / above)) / limit)) if wanted else 1
+        span = (bottom - top) / parts
+        for n in range(parts):
+            ends = [above + (below - above) * k / parts for k in (n, n + 1)]
+            low, high = min(*ends, low), max(*ends, high)
+            if length and (not wanted or high > low * (1 + limit)):
+                sections.append(_section(length, volume))
+                length = volume = 0.0
+                low, high = min(ends), max(ends)
+            length += span
+            volume += span * (ends[0] ** 2 + ends[0] * ends[1] + ends[1] ** 2) / 3
+    return [*sections, _section(length, volume)]
+
+
+def _section(length: float, volume: float) -> WireSection:
+    return WireSection(length=length, radius=math.sqrt(volume / length) / 2)
+
+
+def given_sections(wire: WireSet | Wire) -> Sequence[WireSection] | None:
+    """Sections of a wire: given, of a fibre with necks, or of a measured profile; else None."""
+    if isinstance(wire.profile, Profile):
+        return reduced(wire.profile)
+    if wire.neck is None:
+        return wire.sections
+    neck, radius = wire.neck, wire.radius
+    assert radius is not None
+    stock = [WireSection(length=neck.stock, radius=neck.radius)] if neck.stock else []
+    return [
+        *stock,
+        WireSection(length=neck.length, radius=[neck.radius, radius], steps=neck.steps),
+        WireSection(radius=radius),
+        WireSection(length=neck.length, radius=[radius, neck.radius], steps=neck.steps),
+        *stock,
+    ]
+
+
+def thinnest(wire: WireSet | Wire | WireSection) -> float | None:
+    """Find the smallest cross-section of a wire, m^2, where stress is largest; None if unknown."""
+    if not isinstance(wire, WireSection) and isinstance(wire.profile, Profile):
+        return math.pi * min(wire.profile.diameter) ** 2 / 4
+    given = None if isinstance(wire, WireSection) else given_sections(wire)
+    tables = given or [wire]
+    return min(
+        (shape.least_area for table in tables for shape in cross_sections(table)), default=None
+    )
+
+
+def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
+    """Divide a wire of a loaded `length` (m) into uniform stretches, from its upper to lower end.
+
+    Empty if the cross-section is unknown. Given lengths may miss `length` by 1e-6; they are scaled.
+    """
+    sections = given_sections(wire)
+    if sections is None:
+        return [Stretch(length, wire.material, shape) for shape in cross_sections(wire)]
+    given = sum(piece.length or 0.0 for piece in sections)
+    rest = length - given if any(piece.length is None for piece in sections) else 0.0
+    scale = 1.0 if rest.real > 0 else length / given
+    return [
+        one
+        for piece in sections
+        for one in _steps(
+            piece, scale * (rest if piece.length is None else piece.length), wire.material
+        )
+    ]
+
+
+def _steps(piece: WireSection, length: float, material: str | None) -> list[Stretch]:
+    name = piece.material or material
+    if isinstance(piece.radius, list):
+        upper, lower = piece.radius
+        shapes = taper(upper, lower, STEPS if piece.steps is None else piece.steps)
+    else:
+        shapes = cross_sections(piece)
+    return [Stretch(length / len(shapes), name, shape) for shape in shapes]

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from suspension_cli.analyses.check.columns import Column
-from suspension_cli.design.cavities import LIGHT
+from suspension_cli.design.links import LIGHT
 from suspension_cli.design.schema import Design
 from suspension_cli.models.cavity import angular_stiffness, optical_spring
 

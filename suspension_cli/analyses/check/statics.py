@@ -16,8 +16,15 @@ from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.design import materials
 from suspension_cli.design.derive import gravity_strength, wire_line_densities
 from suspension_cli.design.schema import Body, Design, Stage
-from suspension_cli.design.sections import given_sections, thinnest
-from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
+from suspension_cli.design.wires import (
+    Blade,
+    BladeSet,
+    Profile,
+    Wire,
+    WireSet,
+    given_sections,
+    thinnest,
+)
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance

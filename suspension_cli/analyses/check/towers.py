@@ -10,9 +10,8 @@ import numpy as np
 
 from suspension_cli.analyses.check.columns import Column
 from suspension_cli.design.derive import Keystone
-from suspension_cli.design.filters import filter_statics
-from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
 from suspension_cli.design.schema import Design
+from suspension_cli.design.towers import filter_statics, leg_inertia, leg_statics
 from suspension_cli.elements import string
 from suspension_cli.equilibrium.residual_scale import carried_weights
 from suspension_cli.equilibrium.solve import Equilibrium
