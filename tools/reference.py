@@ -34,7 +34,6 @@ from suspension_cli.design import (
     towers,
     wires,
 )
-from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = tuple(ROOT / "docs" / name for name in ("design-file.md", "commands.md", "api.md"))
@@ -227,16 +226,15 @@ def description(hint: Any) -> str:
             meaning = meaning[0].lower() + meaning[1:]
         if meaning:
             break
-    text = (meaning or "").removeprefix("a name: ")
+    text = meaning or ""
     for plain, set_in_type in (
         ("^2", "²"),
         ("^3", "³"),
         ("2 pi", "2π"),
         ("sqrt(Hz)", "√Hz"),
-        (f" ({NAMES})", ""),
     ):
         text = text.replace(plain, set_in_type)
-    return text.removesuffix(f": {NAMES}")
+    return text
 
 
 def options(name: str) -> str:

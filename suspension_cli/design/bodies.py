@@ -34,9 +34,7 @@ class Body(Table, frozen=True):
         min_length=3,
         max_length=3,
     )
-    shape: Literal["cylinder", "box"] | None = key(
-        "homogeneous shape, instead of moments of inertia"
-    )
+    shape: Literal["cylinder", "box"] | None = key("homogeneous shape, instead of inertia")
     axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
     radius: BodySize | None = key("radius of a cylinder, m")
     inner_radius: BodySize | None = key("inner radius of a hollow cylinder, m")

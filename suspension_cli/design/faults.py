@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from suspension_cli.design import paths
+from suspension_cli.design import paths, units
 from suspension_cli.design.tables import Raw, Schema, Table, keys_with
 from suspension_cli.errors import Fault, InputError, format_key, format_value, suggest
 
@@ -98,7 +98,7 @@ def step(path: str, key: object, item: object = None) -> str:
 def fault_of(table: Table, path: str, key: str, problem: str, remedy: str) -> Fault:
     """Make a fault of a (dotted) key of the table at a path, or of the table, with its value."""
     value: Any = paths.value_at(table, key) if key else None
-    tables = isinstance(value[0] if isinstance(value, list) and value else value, Struct)
+    tables = isinstance(value[0] if isinstance(value, list) and value else value, (Struct, dict))
     shown = None if value is None or tables or problem == "missing" else format_value(value)
     return Fault(".".join(filter(None, (path, key))), problem, remedy, shown)
 
@@ -231,4 +231,6 @@ def _described(node: Schema) -> str:
         return _described(node["anyOf"][0])
     if not text and "properties" in node:
         return f"a table with {', '.join(node.get('required') or node['properties'])}"
+    if node.get("pattern") == units.NAME:
+        return f"{text}: {units.NAMES}"
     return text or _TYPES.get(node.get("type", ""), (None, "a value"))[1]

@@ -84,15 +84,13 @@ class Goal(Table, frozen=True):
         f"modes of the families that these belong to: {', '.join(DOFS)}", min_length=1
     )
     lowest: int | None = key("of each family, this many of the lowest modes", ge=1, le=1000)
-    modes: list[str] | None = key(
-        "labels in pendsus modes --fidelity string; shapes identify them", min_length=1
-    )
+    modes: list[str] | None = key("labels in pendsus modes --fidelity string", min_length=1)
     apart: Literal["ratio", "hertz"] | None = key("measure of a separation")
     response: str | None = key(
-        "OUTPUT/INPUT:FREQUENCY, or OVER/UNDER/INPUT:FREQUENCY of a cross-coupling"
+        "OUTPUT/INPUT:FREQUENCY, or, of a cross-coupling, OVER/UNDER/INPUT:FREQUENCY"
     )
     perturbation: list[Perturbation] | None = key(
-        "imperfections with which the response is computed", min_length=1
+        "imperfections of the build that responds", min_length=1
     )
     wires: list[Name] | None = key("stages whose wires are meant", min_length=1)
     blades: list[Name] | None = key("stages whose blades are meant", min_length=1)
@@ -140,9 +138,7 @@ class Goals(Table, frozen=True):
     prefer: Literal["near", "margin"] = key(
         "without minimise and maximise: the nearest design, or the largest margins", "near"
     )
-    margin: float = key(
-        "distance that the search keeps from each limit, as a fraction of it", 1e-6, ge=1e-7, le=1
-    )
+    margin: float = key("distance kept from each limit, as a fraction of it", 1e-6, ge=1e-7, le=1)
 
     def check(self) -> Problems:
         """Check that each number is free, or follows from free ones."""

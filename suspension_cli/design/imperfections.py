@@ -24,7 +24,6 @@ from suspension_cli.design.tables import (
     given,
     key,
 )
-from suspension_cli.design.units import NAMES
 
 AXES = ("x", "y", "z")
 Part = Literal["wire", "body", "blade", "leg", "link"]
@@ -174,13 +173,11 @@ def _with_perturbations(base: type[Table]) -> type:
 
 class _Imperfect(Table, frozen=True):
     wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
-    body: units.Name | None = key(f"a stage's name, instead of a wire: {NAMES}", names="stage")
+    body: units.Name | None = key("a stage's name, instead of a wire", names="stage")
     blade: str | None = key(
-        "a blade: test.blade1; for the blades of a filter its stage", max_length=80, names="blade"
+        "a blade, test.blade1; a filter's: its stage", max_length=80, names="blade"
     )
-    leg: str | None = key(
-        "a leg of an inverted pendulum: platform.leg1", max_length=80, names="leg"
-    )
+    leg: str | None = key("a leg of an inverted pendulum: ip.leg1", max_length=80, names="leg")
     link: str | None = key("the name of a link", max_length=80, names="link")
 
 
@@ -222,7 +219,7 @@ def _with_spreads(base: type[Table], part: str) -> type:
     rows = scattered(part)
     if part in ("body", "blade", "leg"):
         whole = "stage" if part == "body" else f"stage with {part}s"
-        keys["stage"] = Annotated[units.Name, doc(f"a stage's name: {NAMES}", names=whole)]
+        keys["stage"] = Annotated[units.Name, doc("a stage's name", names=whole)]
     for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
@@ -234,9 +231,7 @@ def _with_spreads(base: type[Table], part: str) -> type:
 
 
 class _WireScatter(Table, frozen=True):
-    stage: units.Name | None = key(
-        f"a stage's name, for each of its wires: {NAMES}", names="stage with wires"
-    )
+    stage: units.Name | None = key("a stage, for each of its wires", names="stage with wires")
     wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
 
 

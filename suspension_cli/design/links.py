@@ -59,9 +59,9 @@ class StiffnessTable(Table, frozen=True):
     )
     axis: units.Dof | None = key("axis of a table of one axis; the others have no stiffness")
     frequency: list[units.Frequency] = key("Hz, ascending", [])
-    real: list[Series] = key("real part: for each axis a list over frequency, N/m or N m/rad", [])
+    real: list[Series] = key("real part: per axis a list over frequency, N/m or N m/rad", [])
     imaginary: list[Series] = key(
-        "imaginary part: for each axis a list over frequency, N/m or N m/rad", []
+        "imaginary part: per axis a list over frequency, N/m or N m/rad", []
     )
     static: list[units.Coefficient] | None = key(
         "static stiffness per axis, N/m or N m/rad; default the real part at the lowest frequency",
@@ -118,9 +118,7 @@ class Strands(Table, frozen=True):
     )
     count: int = key("number of wires, which bend independently", 1, ge=1, le=1_000_000)
     length: units.Length | None = key("length of one wire, m; not with points")
-    points: list[units.Vector] = key(
-        "points between the ends, from the COM of the first body, m", []
-    )
+    points: list[units.Vector] = key("points between the ends, from the first body's COM, m", [])
 
     rules = (
         tables.by_kind(
@@ -140,14 +138,11 @@ class Link(BetweenBodies, frozen=True):
     table: StiffnessTable | None = None
     strands: Strands | None = None
     loss_angle: units.LossAngle | None = key(
-        "loss angle of the stiffness in rad; default for strands: that of their"
-        " material in the design"
+        "of the stiffness, rad; default for strands that of their material"
     )
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
     preload: units.Wrench = key(
-        "force (N) and torque (N m) on the first body at the point in the nominal pose; the"
-        " second takes the opposite",
-        [0.0] * 6,
+        "force (N) and torque (N m) on the first body at the point, nominal pose", [0.0] * 6
     )
     active: Active = False
 
@@ -176,12 +171,10 @@ class EddyCurrent(Table, frozen=True):
         " temperature has 5.8e7"
     )
     thickness: units.Length = key("thickness of the plate or tube wall, m")
-    gap: units.Length = key(
-        "from the centre of the magnet to the plate, or the inner radius of the tube, m"
-    )
+    gap: units.Length = key("from the magnet's centre to the plate, or inner radius of the tube, m")
     moment: float | None = key("dipole moment of one magnet, A m^2", unit="A m^2", gt=0, le=1e6)
     remanence: float | None = key(
-        "remanence B_r of the magnet, T: the moment is B_r volume / mu_0", unit="T", gt=0, le=5
+        "remanence, T: the moment is remanence volume / mu_0", unit="T", gt=0, le=5
     )
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
     count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
@@ -225,7 +218,7 @@ class Cavity(BetweenBodies, frozen=True):
         max_length=2,
     )
     power: float = key(
-        "circulating power in W at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12
+        "circulating power, W, at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12
     )
     detuning: float = key(
         "laser's frequency less the cavity's resonance in Hz, to be compared with the pole;"

@@ -29,11 +29,9 @@ if TYPE_CHECKING:
 class LossTable(Table, frozen=True):
     """Loss angle by frequency: interpolated linearly in the logarithms, constant outside."""
 
-    frequency: list[units.Frequency] = key(
-        "ascending frequencies in Hz", min_length=1, max_length=10000
-    )
+    frequency: list[units.Frequency] = key("Hz, ascending", min_length=1, max_length=10000)
     angle: list[units.PositiveLossAngle] = key(
-        "loss angle in rad at each of the frequencies", min_length=1, max_length=10000
+        "loss angle at each of them, rad", min_length=1, max_length=10000
     )
 
     rules = (tables.same_length("angle", "frequency"), tables.ascending("frequency"))

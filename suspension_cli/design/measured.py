@@ -19,10 +19,10 @@ class Mode(Table, frozen=True):
     frequency: Frequency
     uncertainty: float = key("standard deviation, Hz", unit="Hz", gt=0, le=1e6)
     label: str | None = key(
-        "as pendsus modes prints it with the model of the fit; default: the nearest mode"
+        "as pendsus modes prints it for the model of the fit; default the nearest mode"
     )
     dof: list[Dof] | None = key(
-        "without a label: coordinates of which one must dominate the mode", min_length=1
+        "without a label: coordinates of which one dominates the mode", min_length=1
     )
 
     rules = (tables.excludes("label", "dof"),)
@@ -57,18 +57,10 @@ class TransferFunction(Table, frozen=True):
     )
     input_channel: str | None = None
     output_channel: str | None = None
-    magnitude_unit: Literal["1", "dB"] | None = key(
-        '"1" or "dB"; default: that of the heading, or 1'
-    )
-    phase_unit: Literal["deg", "rad"] | None = key(
-        '"deg" or "rad"; default: that of the heading, or deg'
-    )
-    frequency_unit: Literal["Hz", "rad/s"] | None = key(
-        '"Hz" or "rad/s"; default: that of the heading, or Hz'
-    )
-    averages: float | None = key(
-        "number of averages; with the coherence, gives the uncertainty", ge=1, le=1e9
-    )
+    magnitude_unit: Literal["1", "dB"] | None = key("default that of the heading, or 1")
+    phase_unit: Literal["deg", "rad"] | None = key("default that of the heading, or deg")
+    frequency_unit: Literal["Hz", "rad/s"] | None = key("default that of the heading, or Hz")
+    averages: float | None = key("number of averages, for the uncertainty", ge=1, le=1e9)
     gain: Number = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
 
@@ -87,20 +79,16 @@ class Transducer(Table, frozen=True):
     name: str = key(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)
     signal: str = key("upper.x (sensor), upper.force_x (actuator)")
     gain: Number = key("reading over signal (a sensor), force over drive (an actuator)", 1.0)
-    gain_uncertainty: float | None = key(
-        "relative standard deviation; the gain is then fitted", gt=0, le=10
-    )
+    gain_uncertainty: float | None = key("relative, of a gain that is then fitted", gt=0, le=10)
     sign_known: bool = key("false: fit tries the other sign of the gain, too", True)
     delay: float = key("delay of the channel, s", 0.0, ge=-10, le=10)
-    delay_uncertainty: float | None = key(
-        "standard deviation, s; the delay is then fitted", gt=0, le=10
-    )
+    delay_uncertainty: float | None = key("of a delay that is then fitted, s", gt=0, le=10)
     unit: str | None = key(
-        "unit of the reading or the drive: V; default: SI unit of signal", max_length=20
+        "of the reading or the drive: V; default SI unit of signal", max_length=20
     )
     mix: dict[str, Number] = key("other signals that the channel contains, and how much", {})
     mix_uncertainty: dict[str, Positive] = key(
-        "standard deviations of entries of mix, which are then fitted from 0 or mix", {}
+        "of entries of mix, which are then fitted from 0 or mix", {}
     )
 
     @property
@@ -123,9 +111,7 @@ class Experiment(Table, frozen=True):
 
     design: str = key("path of a design file, from the folder of this one", min_length=1)
     mode: list[Mode] = key(min_length=1)
-    name: Stem | None = key(
-        "letters, digits, . _ and -, unique; default: the stem of the design file"
-    )
+    name: Stem | None = key("letters, digits, . _ and -, unique; default the design's file name")
     set: list[str] = key("overrides as --set takes them", [])
 
     @property
@@ -143,9 +129,7 @@ class Free(Table, frozen=True):
     uncertainty: Positive | None = key("standard deviation of the prior")
     lower: Number | None = None
     upper: Number | None = None
-    experiments: list[str] | None = key(
-        "names of the experiments that share it; default: all", min_length=1
-    )
+    experiments: list[str] | None = key("names of those that share it; default all", min_length=1)
 
     rules = (tables.together("prior", "uncertainty"), tables.bounded)
 

@@ -23,7 +23,6 @@ from suspension_cli.design.losses import MaterialLoss
 from suspension_cli.design.sensors import NoiseSpectrum, Osem, Reference, SpectralDensity
 from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.towers import Filter, InvertedPendulum
-from suspension_cli.design.units import NAMES
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 
@@ -47,10 +46,7 @@ class Constants(Table, frozen=True):
         "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
         0.0,
     )
-    wire_weight: bool = key(
-        "whether wires of known density and cross-section have weight, and inertia in all models",
-        False,
-    )
+    wire_weight: bool = key("whether wires have weight, and inertia in all models", False)
     temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
     rules = (tables.symmetric("gravity_gradient"),)
@@ -66,22 +62,16 @@ class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
     youngs_modulus: units.Modulus | None = key("Young's modulus in Pa")
-    poisson_ratio: float | None = key(
-        "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
-    )
+    poisson_ratio: float | None = key("for twisting; 0.3 if not given", unit="1", gt=-1, lt=0.5)
     density: units.Density | None = None
     thermal_expansion: units.Expansion | None = None
     modulus_slope: units.ModulusSlope | None = None
     specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
-    thermal_conductivity: float | None = key(
-        "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
-    )
+    thermal_conductivity: float | None = key("in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6)
     tensile_strength: units.Strength | None = key(
-        "stress in Pa at which the material breaks (or, of blades, yields)"
+        "stress in Pa at which it breaks (blades: yields)"
     )
-    loss_angle: units.LossAngle | None = key(
-        "constant loss angle in rad: short for angle in the table loss"
-    )
+    loss_angle: units.LossAngle | None = key("constant loss angle in rad, short for loss.angle")
     loss: MaterialLoss | None = None
     source: str = key("where the numbers come from", "")
 
@@ -89,15 +79,9 @@ class Material(Table, frozen=True):
 class Gas(Table, frozen=True):
     """Residual gas around the suspension."""
 
-    pressure: units.Pressure = key(
-        "pressure in Pa, of a gas so dilute that its molecules do not collide"
-    )
-    molar_mass: float = key(
-        "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
-    )
-    temperature: units.Kelvin | None = key(
-        "temperature of the gas in K; default that of [constants]"
-    )
+    pressure: units.Pressure = key("pressure in Pa, so low that molecules do not collide")
+    molar_mass: float = key("kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0)
+    temperature: units.Kelvin | None = key("in K; default that of [constants]")
 
     @property
     def molecule(self) -> float:
@@ -113,19 +97,11 @@ class Spring(Table, frozen=True):
     )
     at: units.Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
-    preload: units.Wrench = key(
-        "force (N) and torque (N m) on this body in the nominal pose", [0.0] * 6
-    )
-    loss_angle: units.LossAngle | None = key(
-        "loss angle of the stiffness in rad; default that of the material"
-    )
-    material: units.MaterialName | None = key(
-        f"name of the spring's material, for its loss: {NAMES}"
-    )
-    thickness: units.Length | None = key("thickness in m of a flexure that bends, for its loss")
-    temperature: units.Kelvin | None = key(
-        "temperature in K, for its loss; default that of [constants]"
-    )
+    preload: units.Wrench = key("force (N) and torque (N m) on this body, nominal pose", [0.0] * 6)
+    loss_angle: units.LossAngle | None = key("of the stiffness, rad; default that of the material")
+    material: units.MaterialName | None = key("the spring's material, for its loss")
+    thickness: units.Length | None = key("of a flexure that bends, m, for its loss")
+    temperature: units.Kelvin | None = key("in K, for its loss; default that of [constants]")
     active: Active = False
 
     rules = (tables.symmetric("stiffness", "damping"), tables.needs("thickness", "material"))
@@ -153,9 +129,7 @@ class FrameDamping(Table, frozen=True):
 class Damping(FrameDamping, frozen=True):
     """Viscous damping of a body's motion relative to another body or the support, at its COM."""
 
-    against: units.Name = key(
-        f'"support", or the name of a stage above: {NAMES}', "support", names="earlier stage"
-    )
+    against: units.Name = key('"support", or a stage above', "support", names="earlier stage")
 
 
 class Compliance(Table, frozen=True):
@@ -204,7 +178,7 @@ class Stage(Table, frozen=True):
     body: Body
     hangs_from: units.Name | None = key(
         '"support" or an earlier stage, which makes a tree; default the stage before,'
-        f" or the keystone of its filter ({NAMES})",
+        " or the keystone of its filter",
         names="earlier stage",
     )
     mirror: bool = key(
@@ -213,9 +187,7 @@ class Stage(Table, frozen=True):
         False,
     )
     position: units.Vector | None = key(
-        "nominal COM from the COM above (or support point), m; implied by a symmetric"
-        " set or an inverted pendulum, needed otherwise",
-        plausible=TALL,
+        "nominal COM from the COM above (or support point), m, unless implied", plausible=TALL
     )
     wires: WireSet | None = None
     wire: list[Wire] = key("wires anywhere, instead of a symmetric set", [])
@@ -273,9 +245,7 @@ class DigitalFilter(Table, frozen=True):
 
     file: str | None = key("Foton filter file (.txt) of a front end, from this file's folder")
     module: str | None = key("name of the filter module in the file: M0_DAMP_L")
-    sections: list[Annotated[int, Meta(ge=1, le=10)]] = key(
-        "sections of the module that are on: 1 is FM1", []
-    )
+    sections: list[Annotated[int, Meta(ge=1, le=10)]] = key("sections that are on: 1 is FM1", [])
     design: str | None = key(f"{FOTON}, made digital as Foton does; of a file, its sections")
     rate: float | None = key("sample rate in Hz of the design", unit="Hz", gt=0, le=1e9)
     gain: float = key("factor on the filter", 1.0, unit="1", ge=-1e12, le=1e12)
@@ -331,9 +301,7 @@ class Loop(Table, frozen=True):
         f"H in N/m (N m/rad) as {FOTON}; or a digital filter: sections of a Foton filter file"
     )
     gain_at: GainAt | None = key("sets the gain of zeros and poles, or of filter")
-    delay: float = key(
-        "delay of the loop in s, a factor exp(-2 pi i f delay)", 0.0, unit="s", ge=0, le=10.0
-    )
+    delay: float = key("delay of the loop in s, exp(-2 pi i f delay)", 0.0, unit="s", ge=0, le=10.0)
     sensor_response: str | DigitalFilter | None = key(
         f"reading over motion of the sensor: {FOTON}; or a digital filter"
     )
@@ -342,9 +310,7 @@ class Loop(Table, frozen=True):
         " corner}, or {frequency, asd}",
         0.0,
     )
-    actuator_noise: float = key(
-        "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
-    )
+    actuator_noise: float = key("flat, N/sqrt(Hz) or N m/sqrt(Hz)", 0.0, ge=0, le=1e3)
 
     rules = (
         tables.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
@@ -436,9 +402,7 @@ class Design(Table, frozen=True):
     link: list[Link] = key("springs between any two bodies", [])
     damper: list[Damper] = key("dampers between any two bodies", [])
     cavity: list[Cavity] = key("light between two mirrors, with its pressure on them", [])
-    analysis: dict[str, Raw] = key(
-        "defaults for a command's options, under the options' own names", {}
-    )
+    analysis: dict[str, Raw] = key("defaults for a command's options, by their names", {})
 
     @property
     def is_active(self) -> bool:

@@ -24,9 +24,7 @@ class NoiseSpectrum(Table, frozen=True):
         "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
         " corner, or one per frequency"
     )
-    corner: units.Corner | None = key(
-        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below"
-    )
+    corner: units.Corner | None = key("Hz; the density is asd sqrt(1 + corner / f)")
     frequency: list[units.Frequency] | None = key(
         "Hz, ascending; interpolated linearly in the logarithms, constant outside",
         min_length=2,

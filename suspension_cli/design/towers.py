@@ -81,30 +81,25 @@ class InvertedPendulum(Table, frozen=True):
     radius: units.Length | None = key("radius of that circle, m", plausible=units.PART_SIZE)
     phase: units.Angle = key("angle of the first leg from the x axis towards y, rad", 0.0)
     top: units.Position = key(
-        "height of the tops above this body's COM, with count, m", 0.0, plausible=units.PART_SIZE
+        "height of the tops above this body's COM, m", 0.0, plausible=units.PART_SIZE
     )
     stiffness: units.Rigidity | None = key(
-        "bending stiffness of the flexure at the foot of a leg, N m/rad"
+        "bending stiffness of a leg's flexure at its foot, N m/rad"
     )
     frequency: units.IsolatingFrequency | None = key(
-        "lateral frequency with the load, Hz, instead of stiffness; the load moves as one"
-        " with the stage"
+        "lateral frequency with the load, moving as one with the stage, Hz"
     )
     top_stiffness: units.RigidityOrZero = key(
-        "bending stiffness of the joint at the top of a leg, N m/rad", 0.0
+        "bending stiffness of a leg's joint at its top, N m/rad", 0.0
     )
     yaw_stiffness: units.RigidityOrZero | None = key(
-        "torsional stiffness of a leg, N m/rad; default that of a round rod, stiffness/1.3"
+        "torsional stiffness of a leg, N m/rad; default that of a round rod"
     )
-    axial_stiffness: units.Stiffness = key(
-        "stiffness of a leg along its length, N/m", AXIAL_STIFFNESS
-    )
+    axial_stiffness: units.Stiffness = key("stiffness along a leg, N/m", AXIAL_STIFFNESS)
     leg_mass: units.MassOrZero = key("mass of a leg, kg", 0.0)
-    leg_com: units.Position | None = key(
-        "height of the COM of a leg above its foot, m; default half"
-    )
+    leg_com: units.Position | None = key("height of a leg's COM above its foot, m; default half")
     leg_inertia: units.MomentOrZero | None = key(
-        "moment of inertia of a leg about its COM, kg m^2; default that of a thin rod"
+        "about a leg's COM, kg m^2; default that of a thin rod"
     )
     counterweight: Counterweight | None = None
     loss_angle: units.LossAngle | None = key("loss angle of the flexures in rad")
@@ -250,28 +245,23 @@ class Filter(Table, frozen=True):
 
     keystone: Keystone
     at: units.Vector = key(
-        "COM of the keystone from this body's COM, m", (0.0, 0.0, 0.0), plausible=units.PART_SIZE
+        "the keystone's COM, from this body's, m", (0.0, 0.0, 0.0), plausible=units.PART_SIZE
     )
     frequency: units.IsolatingFrequency | None = key(
-        "vertical frequency at the working point, Hz, with the load rigid"
+        "vertical, at the working point, Hz, with the load rigid"
     )
-    stiffness: units.Stiffness | None = key(
-        "vertical stiffness of all blades at the working point, N/m, instead of frequency"
-    )
+    stiffness: units.Stiffness | None = key("vertical, of all blades at the working point, N/m")
     load: units.Tension | None = key(
-        "load under which the keystone is at its nominal point, its own weight included,"
-        " N; default that of the design, with vertical preloads of links"
+        "load at the nominal point, keystone included, N; default that of the design"
     )
-    lateral_stiffness: units.Stiffness = key(
-        "stiffness of the blades against horizontal motion, N/m", LATERAL
-    )
+    lateral_stiffness: units.Stiffness = key("of the blades, horizontal, N/m", LATERAL)
     tilt_stiffness: units.Rigidity = key("stiffness of the blades against rotation, N m/rad", TILT)
     saturation: units.Saturation | None = key(
         "fraction of the filter's vertical motion that reaches the keystone at high"
         " frequency, with the load rigid; negative if the counterweight is too heavy"
     )
     mass_coupling: units.MassCoupling | None = key(
-        "inertia of the blades that couples both bodies, kg, instead of saturation"
+        "inertia of the blades that couples both bodies, kg"
     )
     loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
     q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=1, le=1e12)
@@ -280,9 +270,7 @@ class Filter(Table, frozen=True):
         " shift of the working point that check reports",
         0.0,
     )
-    thermal_expansion: units.Expansion = key(
-        "thermal expansion of the blades in 1/K; adds to that shift", 0.0
-    )
+    thermal_expansion: units.Expansion = key("of the blades in 1/K; adds to that shift", 0.0)
 
     rules = (
         tables.exactly_one("stiffness", "frequency"),

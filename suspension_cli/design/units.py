@@ -10,7 +10,8 @@ from suspension_cli.design.tables import Plausible, doc
 
 NAMES = "letters, digits, _ and -, starting with a letter"
 
-Name = Annotated[str, doc(f"a name: {NAMES}", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60)]
+NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
+Name = Annotated[str, doc("a name", pattern=NAME, max_length=60)]
 Stem = Annotated[
     str,
     doc(
@@ -147,7 +148,7 @@ Hold = Annotated[
 ]
 MaterialName = Annotated[
     Name,
-    doc(f"name of a material, built in or of [materials]: {NAMES}", names="material"),
+    doc("name of a material, built in or of [materials]", names="material"),
 ]
 WireName = Annotated[
     str,

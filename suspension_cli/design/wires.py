@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 from suspension_cli.design import tables, units
 from suspension_cli.design.cross_sections import CrossSection, circle, rectangle, taper
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
-from suspension_cli.design.units import NAMES
 
 CROSS_SECTIONS: dict[str, Callable[[Any], CrossSection]] = {
     "radius": lambda ends: circle(*(ends if isinstance(ends, list) else (ends, ends))),
@@ -48,11 +47,9 @@ class WireSection(Table, frozen=True):
         "loaded length, m; the lengths sum to the wire's; one section may leave its own"
         " out and takes the rest"
     )
-    radius: units.WireSize | Radii | None = key(
-        "radius of a round stretch, m; [upper, lower] of a tapered one"
-    )
+    radius: units.WireSize | Radii | None = key("radius, m; [upper, lower] of a taper")
     section: Ribbon | None = None
-    material: units.MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
+    material: units.MaterialName | None = key("default the wire's")
     steps: Steps | None = None
 
     rules = (tables.exactly_one(*CROSS_SECTIONS),)
@@ -107,11 +104,9 @@ UNREAD = (
 class Profile(Table, frozen=True):
     """Diameter of a round fibre along its length, as measured."""
 
-    file: str | None = key(
-        "CSV file of positions and diameters, from this file's folder; read once", max_length=1000
-    )
+    file: str | None = key("CSV file, from this file's folder; read once", max_length=1000)
     position: list[units.Position] = key(
-        "positions from the upper end down, ascending, m", [], max_length=20000
+        "from the upper end down, ascending, m", [], max_length=20000
     )
     diameter: list[units.WireSize] = key("diameter at each position, m", [], max_length=20000)
     error: float = key(
@@ -136,8 +131,7 @@ class AnyWire(Table, frozen=True):
     """Composition of a wire or of each of a set, and how its ends are held."""
 
     material: units.MaterialName | None = key(
-        f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
-        " A / l"
+        "name of a material, built in or of [materials]; with a cross-section: k = E A / l"
     )
     radius: units.WireSize | None = key("radius of a round wire, m")
     section: Ribbon | None = None
@@ -146,9 +140,7 @@ class AnyWire(Table, frozen=True):
         min_length=1,
         max_length=100,
     )
-    neck: Neck | None = key(
-        "thick ends of a fibre of this radius, equal above and below: { radius, length }"
-    )
+    neck: Neck | None = key("thick ends of a fibre of this radius, equal above and below")
     profile: Annotated[str, doc("a CSV file", max_length=1000)] | Profile | None = key(
         "measured diameter against length instead of a radius: a CSV file from this file's"
         " folder, or { file, error } or { position, diameter, error }"
@@ -235,16 +227,14 @@ class WireSet(AnyWire, frozen=True):
     s: units.Separation | None = key("half separation in x at both ends, m (four wires)")
     s_upper: units.Separation | None = key("half separation in x at the upper end, m")
     s_lower: units.Position | None = key(
-        "half separation in x at the lower end, m; negative: wires cross"
+        "half separation in x at the lower end, m; below 0 wires cross"
     )
     t1: units.Separation | None = key("half separation in y at the upper end, m")
-    t2: units.Position | None = key(
-        "half separation in y at the lower end, m; negative: wires cross"
-    )
+    t2: units.Position | None = key("half separation in y at the lower end, m; below 0 wires cross")
     ring: units.Separation | None = key("radius of the circle of the ends, m, above and below")
-    ring_upper: units.Separation | None = key("radius of the circle of the upper ends, m")
+    ring_upper: units.Separation | None = key("radius of the upper ends' circle, m")
     ring_lower: units.Position | None = key(
-        "radius of the circle of the lower ends, m; negative: the wires cross at the axis"
+        "radius of the lower ends' circle, m; below 0 wires cross"
     )
     phase: units.Angle = key("angle of the first wire of a ring from x towards y, rad", 0.0)
     d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
@@ -280,16 +270,12 @@ class WireSet(AnyWire, frozen=True):
 class Wire(AnyWire, frozen=True):
     """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
 
-    upper: units.Vector = key(
-        "upper end, from the COM above or the support point, m", plausible=TALL
-    )
+    upper: units.Vector = key("upper end, from the COM above or support point, m", plausible=TALL)
     lower: units.Vector = key("lower end, from this body's COM, m", plausible=TALL)
     natural_length: units.Length | None = key("unstretched length, m; the pose is then solved for")
-    tension: units.Tension | None = key(
-        "tension in the nominal pose, N, instead of a natural length"
-    )
+    tension: units.Tension | None = key("in the nominal pose, N, instead of a natural length")
     blade: units.Name | None = key(
-        f"name of a [[stage.blade]] that carries the upper end: {NAMES}", names="blade of the stage"
+        "the [[stage.blade]] that carries the upper end", names="blade of the stage"
     )
 
     rules = (tables.excludes("natural_length", "tension"),)
@@ -307,9 +293,7 @@ class BladeGeometry(Table, frozen=True):
     length: units.Length = key("length from the clamp to the tip, m", plausible=LONG)
     base_width: units.Length = key("width at the clamp, m", plausible=WIDE)
     thickness: BladeThickness = key("thickness, m")
-    shape_factor: float = key(
-        "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10
-    )
+    shape_factor: float = key("1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10)
     material: units.MaterialName
 
 
@@ -331,18 +315,12 @@ class AnyBlade(Table, frozen=True):
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )
-    loss_angle: units.LossAngle | None = key(
-        "loss angle in rad; default that of the material, else 0"
-    )
+    loss_angle: units.LossAngle | None = key("in rad; default that of the material, else 0")
     material: units.MaterialName | None = key(
-        f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
+        "the blade's material, for its loss, without a geometry"
     )
-    thickness: BladeThickness | None = key(
-        "thickness of the blade in m, for its loss, where no geometry is given"
-    )
-    temperature: units.Kelvin | None = key(
-        "temperature of the blade in K; default that of [constants]"
-    )
+    thickness: BladeThickness | None = key("of the blade in m, for its loss, without a geometry")
+    temperature: units.Kelvin | None = key("in K; default that of [constants]")
 
     rules = (
         tables.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
@@ -371,9 +349,9 @@ class BladeSet(AnyBlade, frozen=True):
 class Blade(AnyBlade, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: units.Name = key(f"name by which wires refer to it: {NAMES}")
+    name: units.Name = key("name by which wires refer to it")
     at: units.Vector | None = key(
-        "tip in the frame of the body above, m; default: the mean of its wires' upper ends"
+        "tip, from the COM of the body above, m; default the mean of its wires' ends"
     )
 
 
