@@ -15,7 +15,6 @@ from typing import Any
 from suspension_cli.design import faults, foton
 from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
 from suspension_cli.design.derive import set_geometry, with_bodies_above
-from suspension_cli.design.faults import fault_of
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Plausible, declared, keys_with
@@ -42,15 +41,10 @@ SERIOUS = 5.0
 
 @dataclass(frozen=True)
 class ImplausibleNumber(Fault):
-    """An implausible number.
-
-    Attributes
-    ----------
-    serious
-        Whether results are then meaningless, so that analyses warn too.
-    """
+    """An implausible number."""
 
     serious: bool = False
+    """Whether results are then meaningless, so that analyses warn too."""
 
     @classmethod
     def of(cls, fault: Fault, serious: bool = False) -> ImplausibleNumber:
@@ -60,41 +54,57 @@ class ImplausibleNumber(Fault):
 
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
-    found: list[ImplausibleNumber] = []
-    for path, table in faults.tables(design):
-        for key, plausible in keys_with(type(table), "plausible"):
-            unit = declared(type(table))[key].get("unit", "")
-            found += _check_range(f"{path}.{key}", getattr(table, key), plausible, unit)
+    found: list[Row] = [*_check_ranges(design), *_check_planes(design)]
     bodies = {stage.name: stage.body for stage in design.stage}
     for stage, above in with_bodies_above(design):
-        path = f"stage.{stage.name}"
-        found += _check_density(stage.body, f"{path}.body")
-        found += _check_attachments(stage, bodies.get(above), path)
-    return [*found, *_check_planes(design)]
+        own = [*_check_density(stage.body), *_check_attachments(stage, bodies.get(above))]
+        found += [(f"stage.{stage.name}.{row[0]}", *row[1:]) for row in own]
+    return [ImplausibleNumber(*row) for row in found]
 
 
-def _check_range(
-    key: str, value: Any, plausible: Plausible, unit: str
-) -> Iterator[ImplausibleNumber]:
-    """Report a number, a list with numbers, or a distribution outside its plausible range."""
-    if isinstance(value, Distribution):
-        value = value.normal or value.uniform
-    if isinstance(value, (int, float, list, tuple)) and (sizes := [*_sizes(value)]):
-        size = max(sizes)
-        if problem := plausible.problem(size, unit):
-            remedy = plausible.remedy(size, unit)
-            yield ImplausibleNumber(key, problem, remedy, format_value(value), plausible.serious)
+Row = tuple[str, str, str, str, bool]
+"""Key, problem, remedy, value as written, and whether it is serious."""
 
 
-def _sizes(value: Any) -> Iterator[float]:
+def _check_ranges(design: Design) -> Iterator[Row]:
+    """Report numbers, lists with numbers and distributions outside their plausible ranges."""
+    for path, table in faults.tables(design):
+        for key, plausible in keys_with(type(table), "plausible"):
+            value, unit = getattr(table, key), declared(type(table))[key].get("unit", "")
+            if isinstance(value, Distribution):
+                value = value.normal or value.uniform
+            size = max(_sizes(value), default=plausible.high)
+            if problem := plausible.problem(size, unit):
+                remedy, shown = plausible.remedy(size, unit), format_value(value)
+                yield f"{path}.{key}", problem, remedy, shown, plausible.serious
+
+
+def _check_planes(design: Design) -> Iterator[Row]:
+    """Report filters with poles or zeros in rad/s because their strings name no plane."""
+    for loop in design.control.loop if design.control is not None else ():
+        for key in ("filter", "sensor_response"):
+            given = getattr(loop, key) or ""
+            text = given if isinstance(given, str) else given.design or ""
+            if factors := foton.find_without_plane(text):
+                problem = (
+                    f"{' and '.join(factors)} without a plane: in rad/s by Foton's rule, not in Hz,"
+                    " with another gain at 0 Hz than 1"
+                )
+                bare = factors[0][:-1]
+                remedy = (
+                    f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is meant'
+                )
+                yield f"control.loop.{loop.name}.{key}", problem, remedy, format_value(text), True
+
+
+def _sizes(value: Any) -> list[float]:
+    """Magnitudes of a number, or of those of a list."""
     if isinstance(value, (list, tuple)):
-        for item in value:
-            yield from _sizes(item)
-    elif isinstance(value, (int, float)):
-        yield abs(value)
+        return [size for item in value for size in _sizes(item)]
+    return [abs(value)] if isinstance(value, (int, float)) else []
 
 
-def _check_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
+def _check_density(body: Body) -> Iterator[Row]:
     """Report a body denser than osmium or less dense than air.
 
     Its density follows from its mass and shape. Of a body that gives moments of inertia, it is that
@@ -104,8 +114,8 @@ def _check_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     mass, moments = body_mass(body), second_moments(body)
     if min(moments) < -1e-6 * max(moments):
         problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
-        fault = fault_of(body, path, "inertia", problem, "check the three moments, in kg m^2")
-        yield ImplausibleNumber.of(fault, serious=True)
+        remedy, shown = "check the three moments, in kg m^2", format_value(body.inertia)
+        yield "body.inertia", problem, remedy, shown, True
         return
     if body.density is not None or min(moments) <= 1e-6 * max(moments):
         return  # a density that is given has its own range; a plate or rod has no volume
@@ -119,11 +129,14 @@ def _check_density(body: Body, path: str) -> Iterator[ImplausibleNumber]:
     good = 100 <= units[meant] * density <= OSMIUM
     remedy = f"did you mean {meant}?" if good else "check mass (kg), sizes (m), inertia (kg m^2)"
     problem = f"a body of {mass:g} kg of this size has {density:.3g} kg/m^3, {limit}"
-    serious = body.shape is not None or density > OSMIUM or density < AIR / SERIOUS
-    yield ImplausibleNumber.of(fault_of(body, path, key, problem, remedy), serious)
+    serious = body.shape is not None or not AIR / SERIOUS <= density <= OSMIUM
+    yield f"body.{key}", problem, remedy, format_value(getattr(body, key)), serious
 
 
-def _check_attachments(stage: Stage, above: Body | None, path: str) -> Iterator[ImplausibleNumber]:
+Point = tuple[float, float, float]
+
+
+def _check_attachments(stage: Stage, above: Body | None) -> Iterator[Row]:
     """Report ends of wires and springs far outside their bodies."""
     if stage.wires is not None:
         shape = set_geometry(stage.wires)
@@ -131,23 +144,21 @@ def _check_attachments(stage: Stage, above: Body | None, path: str) -> Iterator[
         both = getattr(stage.wires, ring) is not None
         lower, upper = (ring if both else f"{ring}_{end}" for end in ("lower", "upper"))
         point = (max(shape.s_lower, shape.ring_lower), shape.t2, shape.d)
-        keys = [f"{path}.wires.{key}" for key in (lower, "t2", "d")]
+        keys = [f"wires.{key}" for key in (lower, "t2", "d")]
         yield from _check_point(stage.body, point, keys, "lower ends of wires lie")
         point = (max(shape.s_upper, shape.ring_upper), shape.t1, shape.d_upper)
-        keys = [f"{path}.wires.{key}" for key in (upper, "t1", "d_upper")]
+        keys = [f"wires.{key}" for key in (upper, "t1", "d_upper")]
         yield from _check_point(above, point, keys, "upper ends of wires lie")
-    for number, wire in enumerate(stage.wire, 1):
-        key = f"{path}.wire.{number}"
-        yield from _check_point(stage.body, wire.lower, [f"{key}.lower"] * 3, "the lower end lies")
-        yield from _check_point(above, wire.upper, [f"{key}.upper"] * 3, "the upper end lies")
-    for number, spring in enumerate(stage.spring, 1):
-        keys = [f"{path}.spring.{number}.at"] * 3
+    for n, wire in enumerate(stage.wire, 1):
+        lower, upper = ([f"wire.{n}.{end}"] * 3 for end in ("lower", "upper"))
+        yield from _check_point(stage.body, wire.lower, lower, "the lower end lies")
+        yield from _check_point(above, wire.upper, upper, "the upper end lies")
+    for n, spring in enumerate(stage.spring, 1):
+        keys = [f"spring.{n}.at"] * 3
         yield from _check_point(stage.body, spring.at, keys, "the point of the spring lies")
 
 
-def _check_point(
-    body: Body | None, point: tuple[float, float, float], keys: list[str], what: str
-) -> Iterator[ImplausibleNumber]:
+def _check_point(body: Body | None, point: Point, keys: list[str], what: str) -> Iterator[Row]:
     """Report the coordinate of a point of a body that lies furthest outside it."""
     if body is None:
         return
@@ -155,32 +166,12 @@ def _check_point(
     inferred = 1.0 if body.shape is not None else INFERRED
     limits = [inferred * half + BEYOND * max(halves) for half in halves]
     far = [abs(value) / limit for value, limit in zip(point, limits, strict=True)]
-    worst = far.index(max(far))
-    if far[worst] > 1:
+    n = far.index(max(far))
+    if far[n] > 1:
         about = "" if body.shape is not None else "about "
         problem = (
-            f"{what} {abs(point[worst]):.3g} m from the COM, far outside the body (whose half along"
-            f" {'xyz'[worst]} is {about}{halves[worst]:.2g} m)"
+            f"{what} {abs(point[n]):.3g} m from the COM, far outside the body (whose half along"
+            f" {'xyz'[n]} is {about}{halves[n]:.2g} m)"
         )
-        remedy = Plausible(limits[worst], "").remedy(abs(point[worst]), "m, as the body's size")
-        shown = format_value(point[worst])
-        yield ImplausibleNumber(keys[worst], problem, remedy, shown, far[worst] > SERIOUS)
-
-
-def _check_planes(design: Design) -> Iterator[ImplausibleNumber]:
-    """Report filters with poles or zeros in rad/s because their strings name no plane."""
-    for loop in design.control.loop if design.control is not None else ():
-        for key in ("filter", "sensor_response"):
-            given = getattr(loop, key) or ""
-            text = given if isinstance(given, str) else given.design or ""
-            if factors := foton.find_without_plane(text):
-                bare = factors[0][:-1]
-                problem = (
-                    f"{' and '.join(factors)} without a plane: in rad/s by Foton's rule, not in Hz,"
-                    " with another gain at 0 Hz than 1"
-                )
-                remedy = (
-                    f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is meant'
-                )
-                where = f"control.loop.{loop.name}.{key}"
-                yield ImplausibleNumber(where, problem, remedy, format_value(text), serious=True)
+        remedy = Plausible(limits[n], "").remedy(abs(point[n]), "m, as the body's size")
+        yield keys[n], problem, remedy, format_value(point[n]), far[n] > SERIOUS
