@@ -41,10 +41,7 @@ class CrossSection:
     moments: tuple[float, float] = (math.nan, math.nan)  # second ones of area, of bending, m^4
     torsion: float = math.nan  # torsion constant J, m^4
     polar_area: float = math.nan  # I_p / A, m^2, by which tension resists torsion
-    bulk: tuple[float, float] = (
-        math.nan,
-        math.nan,
-    )  # volume per length, polar moment
+    bulk: tuple[float, float] = (math.nan, math.nan)  # volume per length (m^2), polar moment
     twisting_ratio: float = math.nan  # mu S/V of twisting, 1/m
     faces: tuple[float, ...] = (math.nan,) * 4
     sides: tuple[float, ...] = (math.nan,) * 4

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader, tables
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Perturbation
@@ -80,9 +79,7 @@ class Goal(Table, frozen=True):
     minimise: bool = False
     maximise: bool = False
     weight: Positive | None = None
-    dof: list[Dof] | None = key(
-        f"modes of the families that these belong to: {', '.join(DOFS)}", min_length=1
-    )
+    dof: list[Dof] | None = key("coordinates whose families of modes are meant", min_length=1)
     lowest: int | None = key("of each family, this many of the lowest modes", ge=1, le=1000)
     modes: list[str] | None = key("labels in pendsus modes --fidelity string", min_length=1)
     apart: Literal["ratio", "hertz"] | None = key("measure of a separation")
@@ -135,9 +132,7 @@ class Goals(Table, frozen=True):
     equal: list[Equal] = []
     title: str = ""
     reference: str = ""
-    prefer: Literal["near", "margin"] = key(
-        "without minimise and maximise: the nearest design, or the largest margins", "near"
-    )
+    prefer: Literal["near", "margin"] = key("nearest design, or largest margins", "near")
     margin: float = key("distance kept from each limit, as a fraction of it", 1e-6, ge=1e-7, le=1)
 
     def check(self) -> Problems:

@@ -279,7 +279,7 @@ class Requirement(Table, frozen=True):
         " a response OUTPUT/INPUT:FREQUENCY",
         max_length=200,
     )
-    band: list[units.Number] | None = key("least and largest value", min_length=2, max_length=2)
+    band: list[units.Number] | None = key("least and largest value", count=2)
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 

@@ -49,8 +49,7 @@ class StiffnessTable(Table, frozen=True):
     """Complex stiffness against frequency: a CSV file, or its columns."""
 
     file: str | None = key(
-        "CSV file, from this file's folder: frequency in Hz, then two columns per axis"
-        " (one axis, or x, y, z, roll, pitch, yaw); read once"
+        "CSV file, from this file's folder: frequency in Hz, two columns per axis (1 or 6 axes)"
     )
     form: Literal["real-imaginary", "modulus-loss"] = key(
         "the two columns per axis of the file: real and imaginary part, or modulus and loss"
@@ -64,7 +63,7 @@ class StiffnessTable(Table, frozen=True):
         "imaginary part: per axis a list over frequency, N/m or N m/rad", []
     )
     static: list[units.Coefficient] | None = key(
-        "static stiffness per axis, N/m or N m/rad; default the real part at the lowest frequency",
+        "per axis; default the real part at the lowest frequency",
         min_length=1,
         max_length=6,
     )
@@ -106,10 +105,7 @@ class StiffnessTable(Table, frozen=True):
 class Strands(Table, frozen=True):
     """Equal curved wires side by side that join the two bodies: a heat link, a cable."""
 
-    to: units.Vector = key(
-        "far end, from the COM of the second body (support or ground: from the suspension"
-        " point), m; the near end is the link's at"
-    )
+    to: units.Vector = key("far end, from the second body's COM (or suspension point), m")
     material: units.MaterialName
     diameter: units.Length = key("diameter of one wire, m")
     shape: Literal["u", "catenary", "points"] = key(
@@ -166,10 +162,7 @@ class EddyCurrent(Table, frozen=True):
         " long, around the axis; damps along it"
     )
     axis: Literal["x", "y", "z"] = key("direction of the dipole")
-    conductivity: units.Conductivity = key(
-        "conductivity of the conductor, at its temperature in use, S/m; copper at room"
-        " temperature has 5.8e7"
-    )
+    conductivity: units.Conductivity = key("of the conductor in use, S/m; copper has 5.8e7")
     thickness: units.Length = key("thickness of the plate or tube wall, m")
     gap: units.Length = key("from the magnet's centre to the plate, or inner radius of the tube, m")
     moment: float | None = key("dipole moment of one magnet, A m^2", unit="A m^2", gt=0, le=1e6)
@@ -212,17 +205,12 @@ class Cavity(BetweenBodies, frozen=True):
     """
 
     length: units.Length = key("length of the cavity in m; the drawn places do not matter")
-    radii: list[Radius] = key(
-        "radii of curvature of the two mirrors in m, above 0 if concave; 1e12 for a flat one",
-        min_length=2,
-        max_length=2,
-    )
+    radii: list[Radius] = key("of curvature, m, above 0 if concave; 1e12 if flat", count=2)
     power: float = key(
         "circulating power, W, at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12
     )
     detuning: float = key(
-        "laser's frequency less the cavity's resonance in Hz, to be compared with the pole;"
-        " above 0 the optical spring restores and drives, below 0 it repels and damps",
+        "laser's frequency less the resonance, Hz; above 0 the optical spring restores and drives",
         0.0,
         unit="Hz",
         ge=-1e12,
@@ -232,13 +220,7 @@ class Cavity(BetweenBodies, frozen=True):
     finesse: float | None = key(
         "finesse, instead of pole", unit="1", plausible=SHARP, ge=1, le=1e12
     )
-    transmission: float | None = key(
-        "fraction of the power lost per round trip, through both mirrors and otherwise; instead of"
-        " pole",
-        unit="1",
-        gt=0,
-        le=0.9,
-    )
+    transmission: float | None = key("part of power lost per round trip", unit="1", gt=0, le=0.9)
     wavelength: units.Length = key("wavelength of the light in m", 1064e-9, plausible=OPTICAL)
 
     rules = (

@@ -52,8 +52,7 @@ class TransferFunction(Table, frozen=True):
     value: Column | None = None
     coherence: Column | None = None
     uncertainty: Column | Annotated[float, Meta(gt=0, le=10)] | None = key(
-        "column of the standard deviation of real and imaginary part, in the unit of"
-        " the value; or a number, relative to the value"
+        "column of the standard deviation of real and imaginary part; or relative to the value"
     )
     input_channel: str | None = None
     output_channel: str | None = None
@@ -62,7 +61,7 @@ class TransferFunction(Table, frozen=True):
     frequency_unit: Literal["Hz", "rad/s"] | None = key("default that of the heading, or Hz")
     averages: float | None = key("number of averages, for the uncertainty", ge=1, le=1e9)
     gain: Number = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
-    band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
+    band: list[Frequency] | None = key("use frequencies from, to, Hz", count=2)
 
     rules = (tables.nonzero("gain"), tables.ascending("band"))
 

@@ -38,13 +38,10 @@ class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
     gravity: units.Acceleration | units.GravityVector = key(
-        "acceleration due to gravity in m/s^2; a vector [x, y, z] with z below 0 acts after"
-        " the suspension was trimmed level",
-        9.81,
+        "acceleration due to gravity in m/s^2; a vector acts after trimming level", 9.81
     )
     gravity_gradient: units.GravityGradient | units.GravityGradients = key(
-        "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
-        0.0,
+        "dg_z/dz in 1/s^2 (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j", 0.0
     )
     wire_weight: bool = key("whether wires have weight, and inertia in all models", False)
     temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
@@ -148,12 +145,7 @@ class Support(Table, frozen=True):
 
     stiffness: Compliance
     mass: units.MassOrZero = key("mass that moves with the suspension point, kg", 0.0)
-    inertia: list[units.MomentOrZero] = key(
-        "moments of inertia about x, y, z at the suspension point, kg m^2",
-        [0.0] * 3,
-        min_length=3,
-        max_length=3,
-    )
+    inertia: list[units.MomentOrZero] = key("at the suspension point, kg m^2", [0.0] * 3, count=3)
     damping: FrameDamping = FrameDamping()
     loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
@@ -177,14 +169,11 @@ class Stage(Table, frozen=True):
     name: units.Name
     body: Body
     hangs_from: units.Name | None = key(
-        '"support" or an earlier stage, which makes a tree; default the stage before,'
-        " or the keystone of its filter",
+        '"support" or an earlier stage; default the stage before, or its keystone',
         names="earlier stage",
     )
     mirror: bool = key(
-        "whether this is the mirror, whose motion commands output by default; without one, the"
-        " end of the longest chain, of several as long the one listed first",
-        False,
+        "whether its motion is the default output; else that of the end of the longest chain", False
     )
     position: units.Vector | None = key(
         "nominal COM from the COM above (or support point), m, unless implied", plausible=TALL
@@ -225,7 +214,7 @@ class Stage(Table, frozen=True):
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Root = Annotated[
-    list[Hertz | Annotated[list[Hertz], Meta(min_length=2, max_length=2)]],
+    list[Hertz | Annotated[list[Hertz], doc(count=2)]],
     doc("roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
 ]
 
@@ -284,13 +273,10 @@ class Loop(Table, frozen=True):
     sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
     actuator: str = key("a force or torque on a stage: upper.force_x")
     reference: Reference = key(
-        '"support": sensor and actuator act between body and support structure;'
-        ' "inertial": against inertial space',
+        '"support": between body and support structure; "inertial": inertial space',
         "support",
     )
-    damper: float | None = key(
-        "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
-    )
+    damper: float | None = key("force per velocity, N s/m (N m s/rad)", ge=-1e12, le=1e12)
     gain: units.Number | None = key(
         "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
         " times Hz^(number of poles - number of zeros)"
@@ -306,9 +292,7 @@ class Loop(Table, frozen=True):
         f"reading over motion of the sensor: {FOTON}; or a digital filter"
     )
     sensor_noise: SpectralDensity | NoiseSpectrum = key(
-        "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
-        " corner}, or {frequency, asd}",
-        0.0,
+        "as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, {asd, corner} or {frequency, asd}", 0.0
     )
     actuator_noise: float = key("flat, N/sqrt(Hz) or N m/sqrt(Hz)", 0.0, ge=0, le=1e3)
 

@@ -21,14 +21,10 @@ class NoiseSpectrum(Table, frozen=True):
     """Amplitude spectral density of a sensor against frequency."""
 
     asd: SpectralDensity | Annotated[list[PositiveDensity], Meta(min_length=2)] = key(
-        "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
-        " corner, or one per frequency"
+        "m/sqrt(Hz) or rad/sqrt(Hz): above the corner, or one per frequency"
     )
     corner: units.Corner | None = key("Hz; the density is asd sqrt(1 + corner / f)")
-    frequency: list[units.Frequency] | None = key(
-        "Hz, ascending; interpolated linearly in the logarithms, constant outside",
-        min_length=2,
-    )
+    frequency: list[units.Frequency] | None = key("Hz, ascending; log-interpolated", min_length=2)
 
     def check(self) -> Problems:
         """Check that lists have one length."""
@@ -58,7 +54,7 @@ class Osem(Table, frozen=True):
     stage: units.Name = key("the stage that it senses and pushes", names="stage")
     at: units.Vector = key("the point, from the stage's COM, m")
     direction: Literal["x", "y", "z", "-x", "-y", "-z"] | units.Direction = key(
-        "direction of positive readings and forces: an axis, or a vector of any length"
+        "of positive readings and forces: an axis, or a vector"
     )
     reference: Reference = key("that of a loop, whose OSEMs have the same one", "support")
     sensor: Literal["bosem"] | None = key("a known sensor, for its noise")

@@ -73,14 +73,17 @@ def doc(
     unit: str = "",
     plausible: Plausible | None = None,
     names: str = "",
+    count: int | None = None,
     **bounds: Any,
 ) -> Meta:
     """Describe a value of a type: SI unit, plausible range and bounds of numbers.
 
-    `names` is the kind of part that a text names: ``stage``, ``wire``, ... (`checks.known_names`).
+    `names` is the kind of part that a text names, ``stage``, ``wire``, ... (`checks`), `count` the
+    length of a list.
     """
     facts = {"unit": unit, "plausible": plausible, "names": names}
     extra = {name: fact for name, fact in facts.items() if fact}
+    bounds |= {} if count is None else {"min_length": count, "max_length": count}
     return Meta(description=description or None, extra=extra or None, **bounds)
 
 

@@ -72,11 +72,7 @@ class InvertedPendulum(Table, frozen=True):
     """Legs on which a stage stands: feet on the body above it in the file, or on the support."""
 
     length: units.Length = key("length of a leg, foot to top, m", plausible=units.PART_SIZE)
-    points: list[units.Vector] | None = key(
-        "tops of the legs from this body's COM, m; instead of count and radius",
-        min_length=3,
-        max_length=24,
-    )
+    points: list[units.Vector] | None = key("tops, from the COM, m", min_length=3, max_length=24)
     count: int | None = key("number of legs, evenly spaced on a circle", ge=3, le=24)
     radius: units.Length | None = key("radius of that circle, m", plausible=units.PART_SIZE)
     phase: units.Angle = key("angle of the first leg from the x axis towards y, rad", 0.0)
@@ -229,10 +225,7 @@ class Keystone(Table, frozen=True):
 
     mass: units.Mass
     inertia: list[Annotated[float, doc("", "kg m^2", gt=0, le=1e15)]] | None = key(
-        "moments of inertia about x, y, z, kg m^2; default those of a steel cylinder as"
-        " high as wide",
-        min_length=3,
-        max_length=3,
+        "moments about x, y, z; default a steel cylinder's", count=3
     )
 
 
@@ -257,19 +250,14 @@ class Filter(Table, frozen=True):
     lateral_stiffness: units.Stiffness = key("of the blades, horizontal, N/m", LATERAL)
     tilt_stiffness: units.Rigidity = key("stiffness of the blades against rotation, N m/rad", TILT)
     saturation: units.Saturation | None = key(
-        "fraction of the filter's vertical motion that reaches the keystone at high"
-        " frequency, with the load rigid; negative if the counterweight is too heavy"
+        "fraction of the filter's vertical motion that passes at high frequency"
     )
     mass_coupling: units.MassCoupling | None = key(
         "inertia of the blades that couples both bodies, kg"
     )
     loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
     q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=1, le=1e12)
-    modulus_slope: units.ModulusSlope = key(
-        "relative change of Young's modulus of the blades with temperature, 1/K, for the"
-        " shift of the working point that check reports",
-        0.0,
-    )
+    modulus_slope: units.ModulusSlope = key("of the blades; shifts the working point", 0.0)
     thermal_expansion: units.Expansion = key("of the blades in 1/K; adds to that shift", 0.0)
 
     rules = (

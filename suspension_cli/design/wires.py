@@ -25,7 +25,7 @@ TALL = Plausible(50.0, "larger than any suspension", serious=True)
 """Lengths and positions; mirror suspensions are up to about 10 m tall."""
 Radii = Annotated[
     list[units.WireSize],
-    doc("radius in m at the upper and at the lower end of a taper", min_length=2, max_length=2),
+    doc("radius in m at the upper and at the lower end of a taper", count=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
 Steps = Annotated[
@@ -44,8 +44,7 @@ class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
     length: units.Length | None = key(
-        "loaded length, m; the lengths sum to the wire's; one section may leave its own"
-        " out and takes the rest"
+        "loaded length, m; one section may leave its own out and takes the rest"
     )
     radius: units.WireSize | Radii | None = key("radius, m; [upper, lower] of a taper")
     section: Ribbon | None = None
@@ -109,13 +108,7 @@ class Profile(Table, frozen=True):
         "from the upper end down, ascending, m", [], max_length=20000
     )
     diameter: list[units.WireSize] = key("diameter at each position, m", [], max_length=20000)
-    error: float = key(
-        "relative error that reducing the profile to uniform sections may leave",
-        1e-3,
-        unit="1",
-        ge=1e-4,
-        le=0.1,
-    )
+    error: float = key("relative error of its reduction", 1e-3, unit="1", ge=1e-4, le=0.1)
 
     rules = (tables.same_length("diameter", "position"), tables.ascending("position"))
 
@@ -136,37 +129,25 @@ class AnyWire(Table, frozen=True):
     radius: units.WireSize | None = key("radius of a round wire, m")
     section: Ribbon | None = None
     sections: list[WireSection] | None = key(
-        "stretches from the upper to the lower end, instead of radius and section",
-        min_length=1,
-        max_length=100,
+        "from the upper to the lower end", min_length=1, max_length=100
     )
     neck: Neck | None = key("thick ends of a fibre of this radius, equal above and below")
     profile: Annotated[str, doc("a CSV file", max_length=1000)] | Profile | None = key(
-        "measured diameter against length instead of a radius: a CSV file from this file's"
-        " folder, or { file, error } or { position, diameter, error }"
+        "measured diameter: a CSV file, { file, error } or { position, diameter, error }"
     )
-    k: units.Stiffness | None = key(
-        "spring constant of one wire, N/m, instead of material and cross-section; beside them it"
-        " overrides E A / l, with the loaded length or, if given, the natural_length"
-    )
+    k: units.Stiffness | None = key("spring constant of one wire, N/m; overrides E A / l")
     torsion: units.Torsion | None = key(
-        "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
-        " up to string; in beam and violin that of its cross-section, material and tension,"
-        " (G J + T I_p / A) / l"
+        "torsional stiffness, N m/rad; default (G J + T I_p / A) / l in beam and violin, else 0"
     )
     clamp: Clamped = key(
-        'how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are'
-        " the effective bending points, the clamps lie beyond), or directions"
-        " { upper = [x, y, z], lower = [x, y, z] }",
+        '"wire": along the nominal wire; "bending-point": the ends are the effective bending'
+        " points; or directions { upper, lower }",
         "wire",
     )
     bending: Literal["hinged"] | None = key(
-        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
-        " approximation); beam and violin bend the wire exactly and ignore it"
+        'string model: "hinged" ends the string sqrt(E I / T) from each clamp'
     )
-    temperature: units.Kelvin | EndTemperatures | None = key(
-        "temperature in K, or { upper, lower }; default that of [constants]"
-    )
+    temperature: units.Kelvin | EndTemperatures | None = key("in K, or { upper, lower }")
 
     rules = (
         tables.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
@@ -302,14 +283,11 @@ class AnyBlade(Table, frozen=True):
 
     stiffness: units.Stiffness | None = key("vertical stiffness of one blade at its tip, N/m")
     uncoupled_frequency: units.IsolatingFrequency | None = key(
-        "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
-        " (2 pi f)^2 m / n"
+        "Hz, of this stage's mass m alone on its n blades: stiffness (2 pi f)^2 m / n"
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
-        "load in N, tip mass included, at which the tip is at its nominal position; under"
-        " another load it deflects and the pose is solved for; default: its load in the nominal"
-        " pose or, if all wires of the stage have natural lengths, in the pose solved for"
+        "N, tip mass included, with the tip at its nominal place; default that in the nominal pose"
     )
     tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
@@ -338,12 +316,7 @@ class AnyBlade(Table, frozen=True):
 class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
-    count: int = key(
-        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a"
-        " ring 1, or one per wire",
-        ge=1,
-        le=100,
-    )
+    count: int = key("1, 2 or 4; on a ring 1, or one per wire", ge=1, le=100)
 
 
 class Blade(AnyBlade, frozen=True):
