@@ -43,46 +43,28 @@ _LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{50}}")
 
 @dataclass(frozen=True)
 class Source:
-    """A design and its source.
-
-    Attributes
-    ----------
-    text
-        The whole design as TOML with overrides, as results embed it.
-    file
-        The path as the user gave it.
-    given_stem, overrides
-        Start of the names of written files, if the user gave one, and the overrides that they name.
-    """
+    """A design and its source."""
 
     design: Design
-    text: str
-    file: str
-    given_stem: str | None = None
-    overrides: tuple[str, ...] = ()
+    text: str  # the whole design as TOML with overrides, as results embed it
+    file: str  # the path as the user gave it
+    given_stem: str | None = None  # start of the names of written files, if the user gave one
+    overrides: tuple[str, ...] = ()  # that these names tell
 
     def stem(self, name: str = "") -> str:
         """Start of the names of written files: as given, else a name with the overrides.
 
-        `name` is that of the design by default.
+        `name` is that of the design by default. An override of `design.name` suffices; a digest
+        follows where letters had to be replaced or left out: ``my-test.wires.d=0.002``.
         """
-        return self.given_stem or _with_overrides(name or self.design.design.name, self.overrides)
-
-
-def _with_overrides(name: str, overrides: tuple[str, ...]) -> str:
-    """Add overrides to a name, and a digest of them where letters had to be replaced or left out.
-
-    A name that is itself an override (of `design.name`) suffices.
-
-    >>> _with_overrides("my", ("stage.test.wires.d=0.002", "design.title=Stiffer"))
-    'my-test.wires.d=0.002'
-    """
-    plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in overrides]
-    if any(text.startswith("design.name=") for text in plain):
-        return name
-    whole = "-".join([name, *(text for text in plain if not text.startswith("design."))])
-    short = re.sub(r"[^A-Za-z0-9._=+-]+", "_", whole)[:LONGEST_STEM]
-    return short if short == whole else f"{short}-{hashlib.sha256(whole.encode()).hexdigest()[:8]}"
+        name = name or self.design.design.name
+        plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in self.overrides]
+        if self.given_stem or any(text.startswith("design.name=") for text in plain):
+            return self.given_stem or name
+        whole = "-".join([name, *(text for text in plain if not text.startswith("design."))])
+        short = re.sub(r"[^A-Za-z0-9._=+-]+", "_", whole)[:LONGEST_STEM]
+        digest = hashlib.sha256(whole.encode()).hexdigest()[:8]
+        return short if short == whole else f"{short}-{digest}"
 
 
 def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
@@ -90,15 +72,14 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
 
     Raises `InputError` with every fault of the file.
     """
-    name, folder = str(file), Path(file).parent
     try:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw, "design")
-        insert_files(raw, folder)
-        return Source(convert(raw), write_toml(raw), name)
+        insert_files(raw, Path(file).parent)
+        return Source(convert(raw), write_toml(raw), str(file))
     except InputError as error:
-        raise error.in_file(name) from None
+        raise error.in_file(str(file)) from None
 
 
 def _check_kind(raw: Raw, wanted: str) -> None:
@@ -146,13 +127,10 @@ def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
 
 @dataclass(frozen=True)
 class VariedDesign:
-    """A design whose numbers are varied, as a parsed document, and its stages, which are valid.
-
-    A stage without a change is not checked again.
-    """
+    """A design whose numbers are varied: a stage without a change is not checked again."""
 
     raw: Raw
-    stages: list[Stage]
+    stages: list[Stage]  # as they are in the parsed document, valid
 
     @staticmethod
     def of(text: str) -> VariedDesign:
@@ -179,8 +157,7 @@ def convert(raw: Raw, sound: Sequence[Stage] = ()) -> Design:
         design = faults.convert(raw, Design, rules=False)
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
-    found = checks.check_design(design, sound)
-    if found:
+    if found := checks.check_design(design, sound):
         raise InputError(found)
     return add_keystones(design)
 
@@ -194,13 +171,12 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
     """
     found: list[Fault] = []
     for pattern, insert in FILES.items():
-        for path, holder, key in _find(raw, pattern.split(".")):
+        of_wire = insert is _insert_profile
+        for path, holder, key in _find(raw, pattern.split(".")) if of_links or of_wire else ():
             value = holder[key]
-            of_wire = insert is _insert_profile
             table = {"file": value} if of_wire and isinstance(value, str) else value
-            if not isinstance(table, dict) or not (of_links or of_wire):
-                continue
-            if not isinstance(name := table.get("file"), str):
+            name = table.get("file") if isinstance(table, dict) else None
+            if not isinstance(name, str):
                 continue
             try:
                 holder[key] = insert(table, folder / name)
@@ -239,27 +215,21 @@ def _insert_profile(table: Raw, file: Path) -> Raw:
     if table.keys() & {"position", "diameter"}:
         return table
     shipped = EXAMPLES / file.name
-    found = _columns(
-        shipped if shipped.exists() and not os.path.exists(file) else file,
-        (2,),
-        "write position,diameter in each line",
-    )
-    scales = [columns.split_unit(name, columns.PER_M)[1] for name in found.names]
-    return table | {
-        key: (found.numbers(n, key) / (scales[n] if found.headed else 1.0)).tolist()
-        for n, key in enumerate(("position", "diameter"))
-    }
+    own = shipped if shipped.exists() and not os.path.exists(file) else file
+    found = _columns(own, (2,), "write position,diameter in each line")
+    for n, key in enumerate(("position", "diameter")):
+        scale = columns.split_unit(found.names[n], columns.PER_M)[1] if found.headed else 1.0
+        table = table | {key: (found.numbers(n, key) / scale).tolist()}
+    return table
 
 
 def _insert_sections(table: Raw, file: Path) -> Raw:
     """Read sections of a Foton filter file as a design, if the table is sound."""
     module, numbers = table.get("module"), table.get("sections")
+    if not isinstance(numbers, list) or not numbers or not isinstance(module, str):
+        return table
     known = range(1, foton_file.SECTIONS + 1)
-    if (
-        not isinstance(module, str)
-        or not (isinstance(numbers, list) and numbers and all(n in known for n in numbers))
-        or table.keys() & {"design", "rate"}
-    ):
+    if any(n not in known for n in numbers) or table.keys() & {"design", "rate"}:
         return table
     text, rate = foton_file.read(file, module, numbers)
     rest = {key: table[key] for key in table if key not in ("file", "module", "sections")}
@@ -311,7 +281,7 @@ def _text(path: Path) -> str:
 
 def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
     try:
-        raw = copy.deepcopy(_parsed(text))
+        raw = copy.deepcopy(_loads(text))
     except tomllib.TOMLDecodeError as error:
         raise InputError.of("", f"is not TOML: {error}", "correct that line") from None
     except RecursionError:
@@ -325,12 +295,8 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
 
 
 @functools.lru_cache(maxsize=8)
-def _parsed(text: str) -> Raw:
-    """Parse TOML text; cached, as searches read one text with many overrides."""
-    return _loads(text)
-
-
 def _loads(text: str) -> Raw:
+    """Parse TOML text; cached, as searches read one text with many overrides."""
     if long := _LONG_KEY.search(text):
         line = text.count("\n", 0, long.start()) + 1
         raise InputError([replace(_TOO_DEEP, key=f"line {line}")])
@@ -358,7 +324,7 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
             remedy = "write for example --set stage.test.wires.d=0.002"
             raise InputError.of("--set", "is not of the form path=value", remedy, shown)
         try:
-            parsed = _loads(f"value = {value}")["value"]
+            parsed = copy.deepcopy(_loads(f"value = {value}")["value"])
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
             parsed = value.strip()
         paths.assign(raw, keys, parsed, override)
@@ -413,9 +379,9 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
     Raises `InputError` if a path leads nowhere or the new design has faults.
     """
     if not hasattr(changes, "items"):
-        remedy = 'write for example {"stage.test.wires.d": 0.002}'
-        problem = "must be a dictionary of paths"
-        raise InputError.of("changes", problem, remedy, format_value(changes))
+        problem, remedy = "must be a dictionary of paths", '{"stage.test.wires.d": 0.002}'
+        shown = format_value(changes)
+        raise InputError.of("changes", problem, f"write for example {remedy}", shown)
     raw = tomllib.loads(source.text)
     for path, value in changes.items():
         if not isinstance(path, str):
