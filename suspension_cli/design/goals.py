@@ -60,12 +60,7 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    def check(self) -> Problems:
-        """Check that there are terms."""
-        if not self.terms:
-            yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
-
-    rules = (tables.bounded,)
+    rules = (tables.bounded, tables.any_of("terms"))
 
 
 class Goal(Table, frozen=True):
