@@ -29,7 +29,9 @@ class Body(Table, frozen=True):
     """A rigid body: mass and inertia, or a homogeneous shape with a mass or a density."""
 
     mass: Mass | None = None
-    inertia: list[Inertia | Row3] | None = key("moments of inertia, or a full 3x3, kg m^2", count=3)
+    inertia: list[Inertia | Row3] | None = key(
+        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2", count=3
+    )
     shape: Literal["cylinder", "box"] | None = key("homogeneous shape, instead of inertia")
     axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
     radius: BodySize | None = key("radius of a cylinder, m")

@@ -63,6 +63,10 @@ class CrossSection:
         """mu S/V of stretching, 1/m: circumference over area, as the strain is uniform."""
         return 2 / self.depth[0] + 2 / self.depth[1]
 
+    def relaxation(self, phase: Frequencies) -> Spectrum:
+        """Thermoelastic loss angle of bending in a plane over its strength Delta."""
+        return relaxation(phase, self.order)
+
     def drag(self, normal: float, along: float) -> tuple[float, ...]:
         """Drag of a thin gas per length: in the two planes and along, N s/m^2, of rotation, N s.
 

@@ -231,6 +231,6 @@ def _described(node: Schema) -> str:
         return _described(node["anyOf"][0])
     if not text and "properties" in node:
         return f"a table with {', '.join(node.get('required') or node['properties'])}"
-    if node.get("pattern") == units.NAME:
+    if node.get("pattern") == units.NAME and units.NAMES not in text:
         return f"{text}: {units.NAMES}"
     return text or _TYPES.get(node.get("type", ""), (None, "a value"))[1]

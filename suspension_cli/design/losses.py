@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from suspension_cli.design import tables, units
-from suspension_cli.design.cross_sections import relaxation
 from suspension_cli.design.tables import Problems, Table, key
 
 if TYPE_CHECKING:
@@ -220,7 +219,7 @@ class Thermoelastic(Mechanism):
         capacity = self.density * self.heat_capacity
         strength = self.youngs_modulus * temperature / capacity
         phase = np.asarray(omega) * (capacity * (depth / 2) ** 2 / self.conductivity)
-        return strength * relaxation(phase, shape.order)
+        return strength * shape.relaxation(phase)
 
     def coefficient(self, area: float) -> tuple[float, float]:
         """a without tension, 1/K, and its decrease per tension, 1/(K N)."""

@@ -38,7 +38,7 @@ class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
     gravity: units.Acceleration | units.GravityVector = key(
-        "acceleration due to gravity in m/s^2; a vector acts after trimming level", 9.81
+        "acceleration due to gravity in m/s^2; a vector acts after the suspension was trimmed", 9.81
     )
     gravity_gradient: units.GravityGradient | units.GravityGradients = key(
         "dg_z/dz in 1/s^2 (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j", 0.0

@@ -11,7 +11,7 @@ from suspension_cli.design.tables import Plausible, doc
 NAMES = "letters, digits, _ and -, starting with a letter"
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
-Name = Annotated[str, doc("a name", pattern=NAME, max_length=60)]
+Name = Annotated[str, doc(NAMES, pattern=NAME, max_length=60)]
 Stem = Annotated[
     str,
     doc(

@@ -9,7 +9,7 @@ from suspension_cli.errors import InputError
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.statics import Statics, WireWeights
-    from suspension_cli.design.plausibility import ImplausibleNumber
+    from suspension_cli.design.checks import ImplausibleNumber
     from suspension_cli.design.reader import Source
     from suspension_cli.models.registry import Choice
 
@@ -49,12 +49,12 @@ def solve(source: Source) -> Check:
     import tomllib
 
     from suspension_cli.analyses.check import statics, warnings
-    from suspension_cli.design import plausibility
+    from suspension_cli.design import checks
     from suspension_cli.design.paths import value_at
     from suspension_cli.models import registry
 
     design = source.design
-    found = plausibility.find_implausible(design)
+    found = checks.find_implausible(design)
     try:
         choice, loads = registry.choose(design), statics.solve(design)
     except InputError as error:

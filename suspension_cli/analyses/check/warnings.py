@@ -1,6 +1,6 @@
 """Warnings of a design: implausible loads, how close it is to its limits, and unknown names.
 
-`design.plausibility` checks its numbers; `results/stability.md` shows where each limit matters.
+`design.checks` checks its numbers; `results/stability.md` shows where each limit matters.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from suspension_cli.analyses.check.statics import (
 )
 from suspension_cli.analyses.check.towers import FilterLoad, LegLoad
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
-from suspension_cli.design import plausibility
-from suspension_cli.design.plausibility import ImplausibleNumber
+from suspension_cli.design import checks
+from suspension_cli.design.checks import ImplausibleNumber
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.residual_scale import carried_weights
@@ -177,7 +177,7 @@ def find_serious(design: Design) -> list[ImplausibleNumber]:
 
     A design without equilibrium has no loads.
     """
-    found = plausibility.find_implausible(design)
+    found = checks.find_implausible(design)
     with contextlib.suppress(InputError):
         found += find_implausible_loads(design, statics.solve(design))
     return [item for item in found if item.serious]
