@@ -200,12 +200,7 @@ def relaxation(phase: Frequencies, order: float) -> Spectrum:
     Zener's single relaxation Delta w tau/(1 + w^2 tau^2), with tau = R^2/(1.8412^2 D) or t^2/(pi^2
     D), is 1 % more at low frequencies; far above its peak Im g exceeds it by 18 or 22 %.
 
-    Parameters
-    ----------
-    phase
-        w h^2/D; complex for the analytic continuation.
-    order
-        n.
+    `phase` is w h^2/D, complex for the analytic continuation, and `order` n.
     """
     import numpy as np
     from scipy.special import ive

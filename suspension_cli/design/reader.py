@@ -306,12 +306,9 @@ def _loads(text: str) -> Raw:
 def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
     """Set values in a parsed document, in place.
 
-    Parameters
-    ----------
-    overrides
-        ``stage.test.wires.d=0.002``: a dotted path (members of lists by name or number from 1) and
-        a TOML value (a bare word is a string). Missing tables are added; a missing member of a list
-        is a fault.
+    An override ``stage.test.wires.d=0.002`` is a dotted path (members of lists by name or number
+    from 1) and a TOML value (a bare word is a string). Missing tables are added; a missing member
+    of a list is a fault.
     """
     for override in overrides:
         shown = format_value(override)
