@@ -35,7 +35,10 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
     """
     if wire.k is not None:
         return wire.k
-    return 1.0 / sum(_compliance(design, piece) for piece in stretches(wire, length))
+    pieces = stretches(wire, length)
+    if len(pieces) == 1 and wire.sections is None:
+        return _modulus(design, pieces[0].material or "") * pieces[0].shape.least_area / length
+    return 1.0 / sum(_compliance(design, piece) for piece in pieces)
 
 
 def _compliance(design: Design, piece: Stretch) -> float:
