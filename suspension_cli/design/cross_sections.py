@@ -203,18 +203,44 @@ def relaxation(phase: Frequencies, order: float) -> Spectrum:
     `phase` is w h^2/D, complex for the analytic continuation, and `order` n.
     """
     import numpy as np
-    from scipy.special import ive
 
-    def moment(x2: Spectrum) -> Spectrum:
-        """g up to |x| = 2, g - 1 beyond: both are free of cancellation."""
-        x, size = np.sqrt(x2), np.abs(x2)
-        inside = np.where((size > 1e-12) & (size < 1e16), x, 1.0)  # beyond, a limit has all digits
-        ratio = ive(order + 2, inside) / ive(order + 1, inside)
-        ratio = np.where(size <= 1e-12, x / (2 * (order + 2)), np.where(size < 1e16, ratio, 1.0))
-        v, c = x2 + x * ratio, 2 * (order + 1)
-        return np.where(size < 4, v, -c) / (v + c)
-
-    above = moment(1j * np.asarray(phase))
+    above = _moment(1j * np.asarray(phase), order)
     if not np.iscomplexobj(phase):
         return np.imag(above)
-    return (above - moment(-1j * np.asarray(phase))) / 2j  # as (g(i p) - g(-i p))/2i for real p
+    below = _moment(-1j * np.asarray(phase), order)
+    return (above - below) / 2j  # as Im g = (g(i p) - g(-i p))/2i for real p
+
+
+FAST = 1e4
+"""|x^2| beyond which the asymptotic series has all digits, and is quicker."""
+TERMS = 9
+"""Terms of that series: the next is below 1e-16."""
+MIDDLE = 2.0
+"""|x| below which g, and above which g - 1, is free of cancellation."""
+
+
+def _moment(x2: Spectrum, order: float) -> Spectrum:
+    """g = v/(v + c) up to |x| = `MIDDLE`, g - 1 = -c/(v + c) beyond, with c = 2 (n + 1).
+
+    v = x^2 (1 + q_(n+1)), by the continued fraction of the Bessel functions,
+    q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)); for large x with the series r = sum
+    a_k/x^k of r = x q, whose coefficients follow from r' = 1 - r^2 - (2 n + 3) r/x.
+    """
+    import numpy as np
+
+    x2 = np.asarray(x2)
+    fast = np.abs(x2) > FAST
+    slow, q = np.where(fast, 0.0, x2), 0.0
+    steps = 14 + int(1.5 * math.sqrt(np.abs(slow).max(initial=0.0)))  # for all digits
+    for n in range(steps, 0, -1):
+        q = 1 / (2 * (order + 1 + n) + slow * q)
+    v = np.asarray(x2 * (1 + q))
+    if fast.any():
+        a = [1.0]
+        for k in range(1, TERMS):
+            mixed = sum(a[i] * a[k - i] for i in range(1, k))
+            a.append(-(mixed + (2 * order + 4 - k) * a[-1]) / 2)
+        x = np.sqrt(x2[fast])
+        v[fast] = x2[fast] + x * np.polynomial.polynomial.polyval(1 / x, a)
+    c = 2 * (order + 1)
+    return np.where(np.abs(x2) < MIDDLE**2, v, -c) / (v + c)
