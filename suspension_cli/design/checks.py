@@ -85,11 +85,11 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
             problems.append((f"analysis.{format_key(command)}", "unknown command", remedy))
     problems += _check_links(design)
     found = [*faults.find_faults(tables), *(fault_of(design, "", *one) for one in problems)]
-    if not any(fault.key.startswith(("stage", "materials")) for fault in found):
-        for link in design.link:
-            if link.strands is not None and not any(link.name in one.key for one in found):
-                strands = _check_strands(design, link, link.strands, f"link.{link.name}.strands")
-                found += [fault_of(design, "", *one) for one in strands]
+    for link in design.link:
+        own = ("stage", "materials", f"link.{link.name}")
+        if link.strands is not None and not any(fault.key.startswith(own) for fault in found):
+            strands = _check_strands(design, link, link.strands, f"link.{link.name}.strands")
+            found += [fault_of(design, "", *one) for one in strands]
     for part, fault in () if found else find_active(design, tables):
         if not part.active:
             remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
