@@ -79,12 +79,12 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
     for stage in design.stage:
         if id(stage) not in known:
             problems += _check_suspension(stage, f"stage.{stage.name}")
-    for command in design.analysis:
-        if command not in ANALYSES:
-            remedy = suggest(command, [*ANALYSES])
-            problems.append((f"analysis.{format_key(command)}", "unknown command", remedy))
     problems += _check_links(design)
     found = [*faults.find_faults(tables), *(fault_of(design, "", *one) for one in problems)]
+    for command in design.analysis:
+        if command not in ANALYSES:
+            key, remedy = f"analysis.{format_key(command)}", suggest(command, [*ANALYSES])
+            found.append(Fault(key, "unknown command", remedy))
     for link in design.link:
         own = ("stage", "materials", f"link.{link.name}")
         if link.strands is not None and not any(fault.key.startswith(own) for fault in found):

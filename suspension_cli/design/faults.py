@@ -98,7 +98,7 @@ def step(path: str, key: object, item: object = None) -> str:
 def fault_of(table: Table, path: str, key: str, problem: str, remedy: str) -> Fault:
     """Make a fault of a (dotted) key of the table at a path, or of the table, with its value."""
     value: Any = paths.value_at(table, key) if key else None
-    tables = isinstance(value[0] if isinstance(value, list) and value else value, (Struct, dict))
+    tables = isinstance(value[0] if isinstance(value, list) and value else value, Struct)
     shown = None if value is None or tables or problem == "missing" else format_value(value)
     return Fault(".".join(filter(None, (path, key))), problem, remedy, shown)
 

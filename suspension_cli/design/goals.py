@@ -60,7 +60,12 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    rules = (tables.bounded, tables.any_of("terms"))
+    rules = (tables.bounded,)
+
+    def check(self) -> Problems:
+        """Check that there are terms."""
+        if not self.terms:
+            yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
 
 
 class Goal(Table, frozen=True):
