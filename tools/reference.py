@@ -26,16 +26,14 @@ from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
-    cavities,
-    filters,
-    inverted_pendulum,
+    imperfections,
     links,
     losses,
     materials,
     schema,
+    towers,
     wires,
 )
-from suspension_cli.design.units import NAMES
 
 ROOT = Path(__file__).parent.parent
 PAGES = tuple(ROOT / "docs" / name for name in ("design-file.md", "commands.md", "api.md"))
@@ -43,7 +41,7 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, wires, links, cavities, inverted_pendulum, filters, losses)
+MODULES = (schema, imperfections, wires, links, towers, losses)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))
@@ -228,16 +226,15 @@ def description(hint: Any) -> str:
             meaning = meaning[0].lower() + meaning[1:]
         if meaning:
             break
-    text = (meaning or "").removeprefix("a name: ")
+    text = meaning or ""
     for plain, set_in_type in (
         ("^2", "²"),
         ("^3", "³"),
         ("2 pi", "2π"),
         ("sqrt(Hz)", "√Hz"),
-        (f" ({NAMES})", ""),
     ):
         text = text.replace(plain, set_in_type)
-    return text.removesuffix(f": {NAMES}")
+    return text
 
 
 def options(name: str) -> str:

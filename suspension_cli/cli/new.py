@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from suspension_cli.cli import terminal
-from suspension_cli.design.detectors import DETECTORS
+from suspension_cli.design import DETECTORS
 
 KINDS = ("single", "double", "triple", "quad", "blades")
 """As `design.reader.TEMPLATES`, which is not imported just to print help."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from suspension_cli.design import demand
-from suspension_cli.design.tables import Problems, Table, if_sound, key
+from suspension_cli.design import tables
+from suspension_cli.design.tables import Problems, Table, key
 from suspension_cli.design.units import BodySize, Density, Inertia, Mass, Row3
 
 LEAST_INERTIA = 1e-30
@@ -30,13 +30,9 @@ class Body(Table, frozen=True):
 
     mass: Mass | None = None
     inertia: list[Inertia | Row3] | None = key(
-        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2",
-        min_length=3,
-        max_length=3,
+        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2", count=3
     )
-    shape: Literal["cylinder", "box"] | None = key(
-        "homogeneous shape, instead of moments of inertia"
-    )
+    shape: Literal["cylinder", "box"] | None = key("homogeneous shape, instead of inertia")
     axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
     radius: BodySize | None = key("radius of a cylinder, m")
     inner_radius: BodySize | None = key("inner radius of a hollow cylinder, m")
@@ -44,13 +40,13 @@ class Body(Table, frozen=True):
     size: tuple[BodySize, BodySize, BodySize] | None = key("sides of a box along x, y and z, m")
     density: Density | None = key("density of a shape in kg/m^3, instead of a mass")
 
-    def _check_mass(self) -> Problems:
+    def check(self) -> Problems:
         """Check that a rigid body can have this mass and inertia."""
         import numpy as np
 
         mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
-        if not demand.LEAST_MASS <= mass <= MOST_MASS:
-            problem = f"the body has {mass:.3g} kg, not {demand.LEAST_MASS:g} to {MOST_MASS:g} kg"
+        if not tables.LEAST_MASS <= mass <= MOST_MASS:
+            problem = f"the body has {mass:.3g} kg, not {tables.LEAST_MASS:g} to {MOST_MASS:g} kg"
             yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
         elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
             key, remedy = "", "check the sizes, in m"
@@ -62,12 +58,10 @@ class Body(Table, frozen=True):
             yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
 
     rules = (
-        demand.by_kind("shape", KEYS),
-        demand.symmetric("inertia", tolerance=1e-12),
-        demand.exactly_one("mass", "density", when=lambda body: body.shape is not None),
-        demand.ordered("inner_radius", "radius", "give a smaller hole"),
-        if_sound,
-        _check_mass,
+        tables.by_kind("shape", KEYS),
+        tables.symmetric("inertia", tolerance=1e-12),
+        tables.exactly_one("mass", "density", when=lambda body: body.shape is not None),
+        tables.ordered("inner_radius", "radius", "give a smaller hole"),
     )
 
 

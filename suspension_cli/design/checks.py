@@ -1,6 +1,12 @@
-"""Checks of a design across its tables: which names exist, and which lengths fit.
+"""Checks of a design across its tables: which names exist, which lengths fit, what is implausible.
 
-What a table must fulfil by itself is declared in its `rules`, see `design.demand`.
+What a table must fulfil by itself is declared in its `rules`, see `design.tables`. Problems are
+here behind whole key paths.
+
+Implausible numbers (millimetres written as metres, grams as kilograms, GPa as Pa) are valid, so
+there are warnings, not faults. Limits are wide: a unit that is wrong by a factor of a thousand
+exceeds them, an unusual design does not. Ranges of single numbers stand beside their keys
+(`tables.Plausible`); here are those that depend on several numbers.
 """
 
 from __future__ import annotations
@@ -8,22 +14,30 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import faults, materials, units
-from suspension_cli.design.cavities import Cavity
-from suspension_cli.design.derive import add_keystones, com_positions, part_loss, set_geometry
+from suspension_cli.design import faults, foton, materials, units
+from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
+from suspension_cli.design.derive import (
+    add_keystones,
+    com_positions,
+    part_loss,
+    set_geometry,
+    with_bodies_above,
+)
 from suspension_cli.design.faults import fault_of, suggest
-from suspension_cli.design.filters import SUFFIX
-from suspension_cli.design.inverted_pendulum import leg_count
-from suspension_cli.design.links import Damper, Link, Strands
+from suspension_cli.design.imperfections import Distribution
+from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.losses import MECHANISMS
 from suspension_cli.design.schema import Design, Spring, Stage
-from suspension_cli.design.tables import Table, keys_with
+from suspension_cli.design.tables import Plausible, Problems, Table, declared, keys_with
+from suspension_cli.design.towers import SUFFIX, leg_count
+from suspension_cli.design.units import OSMIUM
 from suspension_cli.design.wires import RADII, Clamp, Profile, Wire, WireSet, is_ring
-from suspension_cli.errors import Fault, format_key
+from suspension_cli.errors import Fault, format_key, format_value
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
 """Numbers of blades that can carry a symmetric set, by its number of wires."""
@@ -35,7 +49,23 @@ SPAN = 1e-6
 """Largest relative difference of a wire's length from the sum of its sections."""
 ROUNDING = 1e-9
 """Negative eigenvalue of a matrix, its diagonal scaled to 1, that is an error of its digits."""
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+AIR = 1.2
+"""kg/m^3; a lighter body would float."""
+USUAL = 3000.0
+"""kg/m^3; typical of masses of silica and steel with gaps."""
+OF_SHAPE = {"g for the mass": 1e-3, "mm for the sizes": 1e9}
+OF_INERTIA = {"g for the mass": 1e-3**2.5} | {
+    f"{name} for the inertia": size**-1.5
+    for name, size in (("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g mm^2", 1e-9))
+}
+"""Factor on the density of a body, given by its shape or its inertia, if another unit was meant."""
+BEYOND = 0.5
+"""Largest distance of a wire's end from a body (on posts, ears), in its largest half sides."""
+INFERRED = 3.0
+"""Factor on the half sides of the homogeneous box of its inertia, for a body of unknown shape."""
+SERIOUS = 5.0
+"""Factor on these bounds beyond which a number is an error."""
+Span = tuple[float, float, float]
 
 
 def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
@@ -45,25 +75,29 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
     """
     known = {id(stage) for stage in design.stage if stage in sound}
     tables = [*faults.tables(design, known=known)]
-    found = [*faults.find_faults(tables), *_check_stages(design), *_check_materials(design)]
-    found += _check_names(design, tables)
+    problems = [*_check_stages(design), *_check_materials(design), *_check_names(design, tables)]
     for stage in design.stage:
         if id(stage) not in known:
-            found += _check_suspension(stage, f"stage.{stage.name}")
-    wrong = any(fault.key.startswith(("stage", "materials")) for fault in found)
-    found += _check_links(design, placed=not wrong)
-    for part, fault in () if found else find_active(design, tables):
-        if not part.active:
-            remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
-            found.append(replace(fault, remedy=remedy))
+            problems += _check_suspension(stage, f"stage.{stage.name}")
+    problems += _check_links(design)
+    found = [*faults.find_faults(tables), *(fault_of(design, "", *one) for one in problems)]
     for command in design.analysis:
         if command not in ANALYSES:
             key, remedy = f"analysis.{format_key(command)}", suggest(command, [*ANALYSES])
             found.append(Fault(key, "unknown command", remedy))
+    for link in design.link:
+        own = ("stage", "materials", f"link.{link.name}")
+        if link.strands is not None and not any(fault.key.startswith(own) for fault in found):
+            strands = _check_strands(design, link, link.strands, f"link.{link.name}.strands")
+            found += [fault_of(design, "", *one) for one in strands]
+    for part, fault in () if found else find_active(design, tables):
+        if not part.active:
+            remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
+            found.append(replace(fault, remedy=remedy))
     return found
 
 
-def _check_stages(design: Design) -> Iterator[Fault]:
+def _check_stages(design: Design) -> Problems:
     """Check that the names of stages differ, and that one is the mirror."""
     taken = {SUPPORT: "the suspension point"}
     if design.support is not None:
@@ -71,35 +105,35 @@ def _check_stages(design: Design) -> Iterator[Fault]:
     if any(GROUND in item.between for _, item in design.between_bodies):
         taken[GROUND] = "the ground, where a link or damper ends"
     for stage in design.stage:
-        path = f"stage.{stage.name}"
         if stage.name in taken:
             problem = f"is the name of {taken[stage.name]}"
-            yield fault_of(stage, path, "name", problem, "give each stage another name")
-        for name in (stage.name, *([stage.name + SUFFIX] if stage.filter is not None else [])):
-            taken[name] = "an earlier stage"
+            yield f"stage.{stage.name}.name", problem, "give each stage another name"
+        taken |= dict.fromkeys(_bodies(stage), "an earlier stage")
     for stage in [stage for stage in design.stage if stage.mirror][1:]:
-        path, problem = f"stage.{stage.name}", "is given for an earlier stage too"
-        yield fault_of(stage, path, "mirror", problem, "keep it on the stage that is the mirror")
+        remedy = "keep it on the stage that is the mirror"
+        yield f"stage.{stage.name}.mirror", "is given for an earlier stage too", remedy
 
 
-def _check_materials(design: Design) -> Iterator[Fault]:
-    """Check the tables of materials, and that materials which are named are known."""
-    for name in design.materials:
-        path = f"materials.{format_key(name)}"
-        material = materials.resolve(design, name)
-        if not NAME.fullmatch(name):
-            problem = "is not a valid name, so no wire can refer to it"
-            yield Fault(
-                path, problem, "call it by letters, digits, _ and -, starting with a letter"
-            )
+def _bodies(stage: Stage) -> list[str]:
+    """Names of the bodies of a stage: its own, and its filter's keystone."""
+    return [stage.name, *([stage.name + SUFFIX] if stage.filter is not None else [])]
+
+
+def _check_materials(design: Design) -> Problems:
+    """Check the tables of materials."""
+    for name, own in design.materials.items():
+        path, material = f"materials.{format_key(name)}", materials.resolve(design, name)
+        if not re.fullmatch(units.NAME, name):
+            remedy = "call it by letters, digits, _ and -, starting with a letter"
+            yield path, "is not a valid name, so no wire can refer to it", remedy
         elif material.youngs_modulus is None:
-            yield Fault(f"{path}.youngs_modulus", "missing", "give Young's modulus in Pa")
+            yield f"{path}.youngs_modulus", "missing", "give Young's modulus in Pa"
         for mechanism in MECHANISMS:
-            for key, problem, remedy in mechanism.check(design.materials[name], material):
-                yield fault_of(design.materials[name], path, key, problem, remedy)
+            for key, problem, remedy in mechanism.check(own, material):
+                yield f"{path}.{key}", problem, remedy
 
 
-def _check_names(design: Design, tables: Iterable[tuple[str, Table]]) -> Iterator[Fault]:
+def _check_names(design: Design, tables: Iterable[tuple[str, Table]]) -> Problems:
     """Check that parts which are named exist."""
     known = _known_names(design)
     tabulated = {link.name for link in design.link if link.table is not None}
@@ -111,108 +145,10 @@ def _check_names(design: Design, tables: Iterable[tuple[str, Table]]) -> Iterato
                 remedy = suggest(name, names)
                 if kind == "material":
                     remedy += " or define it as [materials.NAME]"
-                yield fault_of(table, path, key, f"names no {kind}", remedy)
+                yield f"{path}.{key}", f"names no {kind}", remedy
             elif kind == "link" and name in tabulated:
                 problem = "names a link given by a table, whose stiffness does not scatter"
-                remedy = f"vary link.{name}.table.factor with --set or sweep"
-                yield fault_of(table, path, key, problem, remedy)
-
-
-def _check_suspension(stage: Stage, path: str) -> Iterator[Fault]:
-    """Check wires and blades of a stage against each other and against its position."""
-    if stage.wires is not None:
-        yield from _check_set(stage, stage.wires, f"{path}.wires")
-    blades = [blade.name for blade in stage.blade]
-    for number, wire in enumerate(stage.wire, 1):
-        where = f"{path}.wire.{number}"
-        if stage.position is not None:
-            ends = zip(stage.position, wire.lower, wire.upper, strict=True)
-            x, y, z = (p + q - u for p, q, u in ends)
-            if math.hypot(x, y, z) < 1e-9:
-                problem = "both ends of the wire are at one point"
-                yield fault_of(wire, where, "lower", problem, "check upper, lower and position")
-            else:
-                yield from _check_span(wire, (x, y, z), where)
-    for name in blades:
-        if not any(wire.blade == name for wire in stage.wire):
-            remedy = f'name it in a wire: blade = "{name}"'
-            yield Fault(f"{path}.blade.{name}", "carries no wire", remedy)
-
-
-def _check_set(stage: Stage, wires: WireSet, path: str) -> Iterator[Fault]:
-    """Check that the wires of a set exceed their horizontal span, and its number of blades."""
-    shape, (both, *halves) = set_geometry(wires), [getattr(wires, key) for key in RADII]
-    if (
-        both is not None
-        or None not in halves
-        or (not is_ring(wires) and wires.count in BLADES_FOR_WIRES)
-    ):
-        (a, b), (c, d) = shape.ends[0]
-        if shape.height_squared > 1e-12 * wires.l**2:
-            yield from _check_span(wires, (c - a, d - b, -shape.height), path)
-        else:
-            span = math.hypot(c - a, d - b)
-            problem = f"the wire is not longer than its horizontal span of {span:g} m"
-            millimetres = span > 1.0 and wires.l > 5e-4 * span
-            remedy = "give a longer wire or a smaller span" + " (did you mean mm?)" * millimetres
-            yield fault_of(wires, path, "l", problem, remedy)
-    if stage.blades is not None:
-        count = wires.count
-        allowed = (1, count) if is_ring(wires) else BLADES_FOR_WIRES.get(count)
-        if allowed is not None and stage.blades.count not in allowed:
-            remedy = f"give {' or '.join(map(str, allowed))}"
-            where, problem = f"stage.{stage.name}.blades", f"cannot carry {count} wires"
-            yield fault_of(stage.blades, where, "count", problem, remedy)
-
-
-def _check_span(
-    wire: WireSet | Wire, span: tuple[float, float, float], path: str
-) -> Iterator[Fault]:
-    """Check sections and clamps against the nominal wire (of a set, the first) along `span`, m."""
-    length, neck = math.hypot(*span), wire.neck
-    if isinstance(wire.profile, Profile) and len(wire.profile.position) > 1:
-        measured = wire.profile.position[-1] - wire.profile.position[0]
-        if abs(measured - length) > PROFILE * length:
-            problem = f"is {measured:.6g} m long, but the wire is {length:.6g} m"
-            remedy = "measure from clamp to clamp, or write the unit into the column's title"
-            yield Fault(f"{path}.profile", problem, f"{remedy} (position_mm)")
-    if neck is not None and 2 * (neck.length + neck.stock) >= length:
-        problem = f"both necks take {2 * (neck.length + neck.stock):g} m of {length:.6g} m"
-        remedy = "give a shorter neck" + (" (did you mean mm?)" if neck.length > 0.1 else "")
-        yield fault_of(neck, f"{path}.neck", "length", problem, remedy)
-    if wire.sections is not None:
-        given = sum(piece.length or 0.0 for piece in wire.sections)
-        if any(piece.length is None for piece in wire.sections):
-            if given >= length * (1 - SPAN):
-                problem = f"take {given:.9g} m of {length:.9g} m and leave nothing for the open one"
-                remedy = "give shorter sections, or all lengths"
-                yield Fault(f"{path}.sections", problem, remedy)
-        elif abs(given - length) > SPAN * length:
-            problem = f"sum to {given:.9g} m, but the wire is {length:.9g} m long"
-            remedy = "leave out one length, that section takes the rest"
-            yield Fault(f"{path}.sections", problem, remedy)
-    if isinstance(wire.clamp, Clamp):
-        for end in ("upper", "lower"):
-            yield from _check_direction(wire.clamp, end, span, f"{path}.clamp")
-
-
-def _check_direction(
-    clamp: Clamp, end: str, span: tuple[float, float, float], path: str
-) -> Iterator[Fault]:
-    given = getattr(clamp, end)
-    if given is None:
-        return
-    size, length = math.hypot(*given), math.hypot(*span)
-    if not size > 0:
-        remedy = "give x, y, z, not all zero"
-        yield fault_of(clamp, path, end, "has no direction", remedy)
-        return
-    cosine = sum(a / size * b / length for a, b in zip(given, span, strict=True))
-    if cosine < math.cos(CLAMP_ANGLE):
-        problem = f"makes an angle of {math.acos(max(-1.0, cosine)):.3g} rad with the wire"
-        within = f"within {CLAMP_ANGLE} rad of the wire"
-        remedy = f"give it from the upper towards the lower end, {within}"
-        yield fault_of(clamp, path, end, problem, remedy)
+                yield f"{path}.{key}", problem, f"vary link.{name}.table.factor with --set or sweep"
 
 
 def _known_names(design: Design) -> dict[str, list[str]]:
@@ -220,15 +156,13 @@ def _known_names(design: Design) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {kind: [] for kind in ("stage", "wire", "blade", "leg")}
     above = [SUPPORT]
     for number, stage in enumerate(design.stage, 1):
-        name, legs, count = stage.name, stage.inverted_pendulum, len(stage.wire)
+        name, legs, own = stage.name, stage.inverted_pendulum, _bodies(stage)
         blades = [blade.name for blade in stage.blade]
         for key in (name, number):  # by which paths call it
             found[f"earlier stage {key}"], found[f"blade of the stage {key}"] = [*above], blades
-        if stage.wires is not None:
-            count = stage.wires.count
+        count = len(stage.wire) if stage.wires is None else stage.wires.count
         if stage.blades is not None:
             blades = [f"blade{n}" for n in range(1, stage.blades.count + 1)]
-        own = [name, *([name + SUFFIX] if stage.filter is not None else [])]
         found["stage"] += own
         above += own
         found["wire"] += [f"{name}.{n}" for n in range(1, count + 1)]
@@ -240,15 +174,91 @@ def _known_names(design: Design) -> dict[str, list[str]]:
     return found | {"link": links, "material": materials.known(design)}
 
 
-def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
-    """Check all elements between two bodies; geometry only where the bodies are `placed`."""
+def _check_suspension(stage: Stage, path: str) -> Problems:
+    """Check wires and blades of a stage against each other and against its position."""
+    if stage.wires is not None:
+        yield from _check_set(stage, stage.wires, path)
+    for number, wire in enumerate(stage.wire if stage.position is not None else (), 1):
+        assert stage.position is not None
+        ends = zip(stage.position, wire.lower, wire.upper, strict=True)
+        x, y, z = (p + q - u for p, q, u in ends)
+        if math.hypot(x, y, z) < 1e-9:
+            problem = "both ends of the wire are at one point"
+            yield f"{path}.wire.{number}.lower", problem, "check upper, lower and position"
+        else:
+            yield from _check_span(wire, (x, y, z), f"{path}.wire.{number}")
+    for blade in stage.blade:
+        if not any(wire.blade == blade.name for wire in stage.wire):
+            remedy = f'name it in a wire: blade = "{blade.name}"'
+            yield f"{path}.blade.{blade.name}", "carries no wire", remedy
+
+
+def _check_set(stage: Stage, wires: WireSet, path: str) -> Problems:
+    """Check that the wires of a set exceed their horizontal span, and its number of blades."""
+    shape, (both, *halves) = set_geometry(wires), [getattr(wires, key) for key in RADII]
+    ring, count = is_ring(wires), wires.count
+    if both is not None or None not in halves or (not ring and count in BLADES_FOR_WIRES):
+        (a, b), (c, d) = shape.ends[0]
+        if shape.height_squared > 1e-12 * wires.l**2:
+            yield from _check_span(wires, (c - a, d - b, -shape.height), f"{path}.wires")
+        else:
+            span = math.hypot(c - a, d - b)
+            problem = f"the wire is not longer than its horizontal span of {span:g} m"
+            millimetres = span > 1.0 and wires.l > 5e-4 * span
+            remedy = "give a longer wire or a smaller span" + " (did you mean mm?)" * millimetres
+            yield f"{path}.wires.l", problem, remedy
+    allowed = (1, count) if ring else BLADES_FOR_WIRES.get(count)
+    if stage.blades is not None and allowed is not None and stage.blades.count not in allowed:
+        remedy = f"give {' or '.join(map(str, allowed))}"
+        yield f"{path}.blades.count", f"cannot carry {count} wires", remedy
+
+
+def _check_span(wire: WireSet | Wire, span: Span, path: str) -> Problems:
+    """Check sections and clamps against the nominal wire (of a set, the first) along `span`, m."""
+    length, neck, pieces = math.hypot(*span), wire.neck, wire.sections or []
+    if isinstance(wire.profile, Profile) and len(wire.profile.position) > 1:
+        measured = wire.profile.position[-1] - wire.profile.position[0]
+        if abs(measured - length) > PROFILE * length:
+            problem = f"is {measured:.6g} m long, but the wire is {length:.6g} m"
+            remedy = "measure from clamp to clamp, or write the unit into the column's title"
+            yield f"{path}.profile", problem, f"{remedy} (position_mm)"
+    if neck is not None and 2 * (neck.length + neck.stock) >= length:
+        problem = f"both necks take {2 * (neck.length + neck.stock):g} m of {length:.6g} m"
+        remedy = "give a shorter neck" + (" (did you mean mm?)" if neck.length > 0.1 else "")
+        yield f"{path}.neck.length", problem, remedy
+    given = sum(piece.length or 0.0 for piece in pieces)
+    if any(piece.length is None for piece in pieces):
+        if given >= length * (1 - SPAN):
+            problem = f"take {given:.9g} m of {length:.9g} m and leave nothing for the open one"
+            yield f"{path}.sections", problem, "give shorter sections, or all lengths"
+    elif pieces and abs(given - length) > SPAN * length:
+        problem = f"sum to {given:.9g} m, but the wire is {length:.9g} m long"
+        yield f"{path}.sections", problem, "leave out one length, that section takes the rest"
+    for end in ("upper", "lower") if isinstance(wire.clamp, Clamp) else ():
+        along = getattr(wire.clamp, end)
+        if along is None:
+            continue
+        size = math.hypot(*along)
+        if size == 0:
+            yield f"{path}.clamp.{end}", "has no direction", "give x, y, z, not all zero"
+            continue
+        cosine = sum(a / size * b / length for a, b in zip(along, span, strict=True))
+        if cosine < math.cos(CLAMP_ANGLE):
+            problem = f"makes an angle of {math.acos(max(-1.0, cosine)):.3g} rad with the wire"
+            within = f"within {CLAMP_ANGLE} rad of the wire"
+            remedy = f"give it from the upper towards the lower end, {within}"
+            yield f"{path}.clamp.{end}", problem, remedy
+
+
+def _check_links(design: Design) -> Problems:
+    """Check the names of all elements between two bodies."""
     stages = [stage.name for stage in design.stage]
     taken, ends = [*stages], [*stages, SUPPORT, GROUND]
     for kind, item in design.between_bodies:
         path, (first, second) = f"{kind}.{item.name}", item.between
         if item.name in taken:
             problem = "is the name of another link, damper, cavity or stage"
-            yield fault_of(item, path, "name", problem, "give each a name of its own")
+            yield f"{path}.name", problem, "give each a name of its own"
         taken.append(item.name)
         problem, remedy = "", "name two bodies"
         if first not in stages:
@@ -260,10 +270,33 @@ def _check_links(design: Design, *, placed: bool) -> Iterator[Fault]:
         elif first == second:
             problem = "joins a body to itself"
         if problem:
-            yield fault_of(item, path, "between", problem, remedy)
-    for link in design.link if placed else ():
-        if link.strands is not None:
-            yield from _check_strands(design, link, link.strands, f"link.{link.name}.strands")
+            yield f"{path}.between", problem, remedy
+
+
+def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Problems:
+    """Check that wires reach from end to end in their shape."""
+    position = com_positions(add_keystones(design)) | dict.fromkeys(
+        (SUPPORT, GROUND), (0.0, 0.0, 0.0)
+    )
+    first, second = (position[name] for name in link.between)
+    x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
+    width = math.hypot(x, y)
+    if given.shape == "points":
+        end = tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True))
+        points = [link.at, *given.points, end]
+        if any(math.dist(one, other) < 1e-9 for one, other in pairwise(points)):
+            yield f"{path}.points", "two points of the wire coincide", "check at, points, to"
+    elif width < 1e-6:
+        problem = "lies above or below the point at, so the shape has no plane"
+        yield f"{path}.to", problem, "move one end sideways, or give points"
+    elif given.length is not None:
+        least = math.hypot(width, z) if given.shape == "catenary" else math.pi / 2 * width + abs(z)
+        if given.length <= least * (1 + 1e-9):
+            problem = (
+                f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this"
+                f" shape needs more than {least:.4g} m"
+            )
+            yield f"{path}.length", problem, "give a longer wire, or check at and to (m)"
 
 
 def find_active(
@@ -283,20 +316,19 @@ def find_active(
         if isinstance(part, Damper):
             continue
         angle = part_loss(design, part) if isinstance(part, Spring) else part.loss_angle
-        problem = _negative(part.stiffness)
-        if angle and problem:
+        if angle and (problem := _negative(part.stiffness)):
             problem = f"is that of a stiffness that {problem}, so it drives the motion"
             yield part, fault_of(part, path, "loss_angle", problem, "give loss_angle = 0.0")
-        table = getattr(part, "table", None)
-        least = min((min(row, default=0.0) for row in table.imaginary), default=0.0) if table else 0
-        if table and least < 0:
-            row = next(row for row in table.imaginary if least in row)
-            axis = table.axis or DOFS[table.imaginary.index(row)]
-            problem = (
-                f"is negative along {axis} at {table.frequency[row.index(least)]:g} Hz, so it"
-                " drives the motion instead of damping it"
-            )
-            yield part, Fault(f"{path}.table.imaginary", problem, "make it positive", f"{least:g}")
+        table = part.table if isinstance(part, Link) else None
+        for n, row in enumerate(table.imaginary if table is not None else ()):
+            if table is not None and min(row) < 0:
+                at = table.frequency[row.index(min(row))]
+                problem = (
+                    f"is negative along {table.axis or DOFS[n]} at {at:g} Hz, so it drives the"
+                    " motion instead of damping it"
+                )
+                where = f"{path}.table.imaginary"
+                yield part, Fault(where, problem, "make it positive", f"{min(row):g}")
 
 
 def _negative(given: units.Matrix6 | None) -> str:
@@ -314,30 +346,136 @@ def _negative(given: units.Matrix6 | None) -> str:
     return f"is negative along {axis}" if values[0] < -ROUNDING else ""
 
 
-def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Iterator[Fault]:
-    """Check that wires reach from end to end in their shape."""
-    position = com_positions(add_keystones(design)) | dict.fromkeys(
-        (SUPPORT, GROUND), (0.0, 0.0, 0.0)
-    )
-    if any(name not in position for name in link.between):
+@dataclass(frozen=True)
+class ImplausibleNumber(Fault):
+    """An implausible number."""
+
+    serious: bool = False
+    """Whether results are then meaningless, so that analyses warn too."""
+
+    @classmethod
+    def of(cls, fault: Fault, serious: bool = False) -> ImplausibleNumber:
+        """Make a fault a warning."""
+        return cls(fault.key, fault.problem, fault.remedy, fault.value, serious)
+
+
+def find_implausible(design: Design) -> list[ImplausibleNumber]:
+    """Find implausible numbers of a design, from its tables alone."""
+    found: list[Row] = [*_check_ranges(design), *_check_planes(design)]
+    bodies = {stage.name: stage.body for stage in design.stage}
+    for stage, above in with_bodies_above(design):
+        own = [*_check_density(stage.body), *_check_attachments(stage, bodies.get(above))]
+        found += [(f"stage.{stage.name}.{row[0]}", *row[1:]) for row in own]
+    return [ImplausibleNumber(*row) for row in found]
+
+
+Row = tuple[str, str, str, str, bool]
+"""Key, problem, remedy, value as written, and whether it is serious."""
+
+
+def _check_ranges(design: Design) -> Iterator[Row]:
+    """Report numbers, lists with numbers and distributions outside their plausible ranges."""
+    for path, table in faults.tables(design):
+        for key, plausible in keys_with(type(table), "plausible"):
+            value, unit = getattr(table, key), declared(type(table))[key].get("unit", "")
+            if isinstance(value, Distribution):
+                value = value.normal or value.uniform
+            size = max(_sizes(value), default=plausible.high)
+            if problem := plausible.problem(size, unit):
+                remedy, shown = plausible.remedy(size, unit), format_value(value)
+                yield f"{path}.{key}", problem, remedy, shown, plausible.serious
+
+
+def _check_planes(design: Design) -> Iterator[Row]:
+    """Report filters with poles or zeros in rad/s because their strings name no plane."""
+    for loop in design.control.loop if design.control is not None else ():
+        for key in ("filter", "sensor_response"):
+            given = getattr(loop, key) or ""
+            text = given if isinstance(given, str) else given.design or ""
+            if factors := foton.find_without_plane(text):
+                problem = (
+                    f"{' and '.join(factors)} without a plane: in rad/s by Foton's rule, not in Hz,"
+                    " with another gain at 0 Hz than 1"
+                )
+                bare = factors[0][:-1]
+                remedy = (
+                    f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is meant'
+                )
+                yield f"control.loop.{loop.name}.{key}", problem, remedy, format_value(text), True
+
+
+def _sizes(value: Any) -> list[float]:
+    """Magnitudes of a number, or of those of a list."""
+    if isinstance(value, (list, tuple)):
+        return [size for item in value for size in _sizes(item)]
+    return [abs(value)] if isinstance(value, (int, float)) else []
+
+
+def _check_density(body: Body) -> Iterator[Row]:
+    """Report a body denser than osmium or less dense than air.
+
+    Its density follows from its mass and shape. Of a body that gives moments of inertia, it is that
+    of the homogeneous ellipsoid, whose half axes have the squares 5 S_i / m with the second moments
+    S_i of the mass m: the most compact body of these moments, so a lower bound.
+    """
+    mass, moments = body_mass(body), second_moments(body)
+    if min(moments) < -1e-6 * max(moments):
+        problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
+        remedy, shown = "check the three moments, in kg m^2", format_value(body.inertia)
+        yield "body.inertia", problem, remedy, shown, True
         return
-    first, second = (position[name] for name in link.between)
-    x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
-    width = math.hypot(x, y)
-    if given.shape == "points":
-        end = tuple(p + d for p, d in zip(link.at, (x, y, z), strict=True))
-        points = [link.at, *given.points, end]
-        if any(math.dist(one, other) < 1e-9 for one, other in pairwise(points)):
-            yield Fault(f"{path}.points", "two points of the wire coincide", "check at, points, to")
-    elif width < 1e-6:
-        problem = "lies above or below the point at, so the shape has no plane"
-        yield fault_of(given, path, "to", problem, "move one end sideways, or give points")
-    elif given.length is not None:
-        least = math.hypot(width, z) if given.shape == "catenary" else math.pi / 2 * width + abs(z)
-        if given.length <= least * (1 + 1e-9):
-            problem = (
-                f"is too short for ends {width:.4g} m apart and {abs(z):.4g} m in height: this"
-                f" shape needs more than {least:.4g} m"
-            )
-            remedy = "give a longer wire, or check at and to (m)"
-            yield fault_of(given, path, "length", problem, remedy)
+    if body.density is not None or min(moments) <= 1e-6 * max(moments):
+        return  # a density that is given has its own range; a plate or rod has no volume
+    axes = math.prod(5 * moment / mass for moment in moments)
+    density = mass / (4 * math.pi / 3 * math.sqrt(axes) if body.shape is None else volume(body))
+    if AIR <= density <= OSMIUM:
+        return
+    key, units = ("inertia", OF_INERTIA) if body.shape is None else ("mass", OF_SHAPE)
+    limit = f"denser than osmium ({OSMIUM:g})" if density > AIR else f"lighter than air ({AIR:g})"
+    meant = min(units, key=lambda name: abs(math.log(units[name] * density / USUAL)))
+    good = 100 <= units[meant] * density <= OSMIUM
+    remedy = f"did you mean {meant}?" if good else "check mass (kg), sizes (m), inertia (kg m^2)"
+    problem = f"a body of {mass:g} kg of this size has {density:.3g} kg/m^3, {limit}"
+    serious = body.shape is not None or not AIR / SERIOUS <= density <= OSMIUM
+    yield f"body.{key}", problem, remedy, format_value(getattr(body, key)), serious
+
+
+def _check_attachments(stage: Stage, above: Body | None) -> Iterator[Row]:
+    """Report ends of wires and springs far outside their bodies."""
+    if stage.wires is not None:
+        shape = set_geometry(stage.wires)
+        ring = "ring" if shape.is_ring else "s"
+        both = getattr(stage.wires, ring) is not None
+        lower, upper = (ring if both else f"{ring}_{end}" for end in ("lower", "upper"))
+        point = (max(shape.s_lower, shape.ring_lower), shape.t2, shape.d)
+        keys = [f"wires.{key}" for key in (lower, "t2", "d")]
+        yield from _check_point(stage.body, point, keys, "lower ends of wires lie")
+        point = (max(shape.s_upper, shape.ring_upper), shape.t1, shape.d_upper)
+        keys = [f"wires.{key}" for key in (upper, "t1", "d_upper")]
+        yield from _check_point(above, point, keys, "upper ends of wires lie")
+    for n, wire in enumerate(stage.wire, 1):
+        lower, upper = ([f"wire.{n}.{end}"] * 3 for end in ("lower", "upper"))
+        yield from _check_point(stage.body, wire.lower, lower, "the lower end lies")
+        yield from _check_point(above, wire.upper, upper, "the upper end lies")
+    for n, spring in enumerate(stage.spring, 1):
+        keys = [f"spring.{n}.at"] * 3
+        yield from _check_point(stage.body, spring.at, keys, "the point of the spring lies")
+
+
+def _check_point(body: Body | None, point: Span, keys: list[str], what: str) -> Iterator[Row]:
+    """Report the coordinate of a point of a body that lies furthest outside it."""
+    if body is None:
+        return
+    halves = half_sides(body)
+    inferred = 1.0 if body.shape is not None else INFERRED
+    limits = [inferred * half + BEYOND * max(halves) for half in halves]
+    far = [abs(value) / limit for value, limit in zip(point, limits, strict=True)]
+    n = far.index(max(far))
+    if far[n] > 1:
+        about = "" if body.shape is not None else "about "
+        problem = (
+            f"{what} {abs(point[n]):.3g} m from the COM, far outside the body (whose half along"
+            f" {'xyz'[n]} is {about}{halves[n]:.2g} m)"
+        )
+        remedy = Plausible(limits[n], "").remedy(abs(point[n]), "m, as the body's size")
+        yield keys[n], problem, remedy, format_value(point[n]), far[n] > SERIOUS

@@ -1,9 +1,8 @@
-"""Quantities derived from a design: inertia of shapes, k of wires, stiffness of blades, losses."""
+"""Quantities derived from a design: stiffness of wires and blades, losses, places, gravity."""
 
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -11,12 +10,21 @@ from typing import Any
 import msgspec
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design import inverted_pendulum, materials
-from suspension_cli.design.filters import SUFFIX, keystone_inertia
+from suspension_cli.design import materials, towers
 from suspension_cli.design.links import Link
 from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.sections import Stretch, given_sections, stretches, thinnest
-from suspension_cli.design.wires import AnyBlade, BladeGeometry, Wire, WireSet, is_ring
+from suspension_cli.design.towers import SUFFIX, keystone_inertia
+from suspension_cli.design.wires import (
+    AnyBlade,
+    BladeGeometry,
+    Stretch,
+    Wire,
+    WireSet,
+    is_ring,
+    stretches,
+)
+
+Point = tuple[float, float, float]
 
 
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
@@ -27,11 +35,10 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
     """
     if wire.k is not None:
         return wire.k
-    if given_sections(wire) is None:
-        area = thinnest(wire)
-        assert wire.material is not None and area is not None
-        return _modulus(design, wire.material) * area / length
-    return 1.0 / sum(_compliance(design, piece) for piece in stretches(wire, length))
+    pieces = stretches(wire, length)
+    if len(pieces) == 1 and wire.sections is None:
+        return _modulus(design, pieces[0].material or "") * pieces[0].shape.least_area / length
+    return 1.0 / sum(_compliance(design, piece) for piece in pieces)
 
 
 def _compliance(design: Design, piece: Stretch) -> float:
@@ -43,6 +50,27 @@ def _modulus(design: Design, material: str) -> float:
     modulus = materials.resolve(design, material).youngs_modulus
     assert modulus is not None
     return modulus
+
+
+def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
+    """Compute the loss angle of the stretching of a wire of a loaded length (m), rad.
+
+    That of its material in the design, or 0; of several sections the mean weighted by compliance.
+    """
+    pieces = [piece for piece in stretches(wire, length) if piece.material is not None]
+    names = [piece.material for piece in pieces] or [wire.material]
+    angles = [0.0 if name is None else materials.constant_angle(design, name) for name in names]
+    if len({*angles}) == 1:
+        return angles[0]
+    compliances = [_compliance(design, piece) for piece in pieces]
+    return sum(c * a for c, a in zip(compliances, angles, strict=True)) / sum(compliances)
+
+
+def part_loss(design: Design, part: AnyBlade | Spring | Link) -> float:
+    """Look up the loss angle of a part, rad: its own, or that of its material in the design."""
+    if part.loss_angle is not None:
+        return part.loss_angle
+    return 0.0 if part.made_of is None else materials.constant_angle(design, part.made_of)
 
 
 def blade_stiffness(design: Design, blade: AnyBlade, stage_mass: float, count: int) -> float:
@@ -59,11 +87,6 @@ def blade_stiffness(design: Design, blade: AnyBlade, stage_mass: float, count: i
     return cantilever_stiffness(blade.geometry, _modulus(design, blade.geometry.material))
 
 
-def gives_natural_lengths(design: Design) -> bool:
-    """Whether a design gives a natural length, so that its nominal pose need not balance."""
-    return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
-
-
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
     """Compute the vertical stiffness of a cantilever blade from its geometry, N/m.
 
@@ -73,6 +96,11 @@ def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:
     """
     rest = 4 * blade.shape_factor * blade.length**3
     return youngs_modulus * blade.base_width * blade.thickness**3 / rest
+
+
+def gives_natural_lengths(design: Design) -> bool:
+    """Whether a design gives a natural length, so that its nominal pose need not balance."""
+    return any(wire.natural_length is not None for stage in design.stage for wire in stage.wire)
 
 
 @dataclass(frozen=True)
@@ -100,7 +128,7 @@ class SetGeometry:
                 ((x * self.s_upper, y * self.t1), (x * self.s_lower, y * self.t2))
                 for x, y in wire_signs(self.count)
             ]
-        turns = (inverted_pendulum.direction(self.phase, n, self.count) for n in range(self.count))
+        turns = (towers.direction(self.phase, n, self.count) for n in range(self.count))
         upper, lower = self.ring_upper, self.ring_lower
         return [((upper * x, upper * y), (lower * x, lower * y)) for x, y in turns]
 
@@ -124,32 +152,34 @@ def wire_signs(count: int) -> list[tuple[int, int]]:
 
 def set_geometry(wires: WireSet) -> SetGeometry:
     """Fill in the defaults of the geometry of a symmetric set."""
-    s = wires.s or 0.0
-    return SetGeometry(
-        count=wires.count,
-        length=wires.l,
-        s_upper=s if wires.s_upper is None else wires.s_upper,
-        s_lower=s if wires.s_lower is None else wires.s_lower,
-        t1=wires.t1 or 0.0,
-        t2=wires.t2 or 0.0,
-        d=wires.d,
-        d_upper=wires.d_upper,
-        ring_upper=(wires.ring if wires.ring_upper is None else wires.ring_upper) or 0.0,
-        ring_lower=(wires.ring if wires.ring_lower is None else wires.ring_lower) or 0.0,
-        phase=wires.phase,
-        is_ring=is_ring(wires),
-    )
+    values = msgspec.structs.asdict(wires)
+    given = {key: values[key] or 0.0 for key in ("t1", "t2", "d", "d_upper", "phase")}
+    for whole in ("s", "ring"):
+        for end in ("upper", "lower"):
+            key = f"{whole}_{end}"
+            given[key] = (values[whole] if values[key] is None else values[key]) or 0.0
+    return SetGeometry(count=wires.count, length=wires.l, is_ring=is_ring(wires), **given)
 
 
-def com_offset(stage: Stage) -> tuple[float, float, float]:
+def com_offset(stage: Stage) -> Point:
     """Compute the vector from the COM above (or support point) to a stage's nominal COM, m."""
-    if stage.wires is None:
-        if stage.position is None:
-            assert stage.inverted_pendulum is not None
-            return inverted_pendulum.offset(stage.inverted_pendulum)
+    if stage.wires is not None:
+        shape = set_geometry(stage.wires)
+        return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))
+    if stage.position is not None:
         return stage.position
-    shape = set_geometry(stage.wires)
-    return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))
+    assert stage.inverted_pendulum is not None
+    return towers.offset(stage.inverted_pendulum)
+
+
+def com_positions(design: Design) -> dict[str, Point]:
+    """Compute the nominal COM of every stage from the suspension point, m."""
+    found = {SUPPORT: (0.0, 0.0, 0.0)}
+    for stage, above in with_bodies_above(design):
+        x, y, z = found[above]
+        dx, dy, dz = com_offset(stage)
+        found[stage.name] = (x + dx, y + dy, z + dz)
+    return found
 
 
 def with_bodies_above(design: Design) -> Iterator[tuple[Stage, str]]:
@@ -178,44 +208,10 @@ def mirror(design: Design) -> str:
     return main_chain(design)[-1]
 
 
-def com_positions(design: Design) -> dict[str, tuple[float, float, float]]:
-    """Compute the nominal COM of every stage from the suspension point, m."""
-    found = {SUPPORT: (0.0, 0.0, 0.0)}
-    for stage, above in with_bodies_above(design):
-        x, y, z = found[above]
-        dx, dy, dz = com_offset(stage)
-        found[stage.name] = (x + dx, y + dy, z + dz)
-    return found
-
-
-def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
-    """Compute the loss angle of the stretching of a wire of a loaded length (m), rad.
-
-    That of its material in the design, or 0; of several sections the mean weighted by compliance.
-    """
-    if given_sections(wire) is None:
-        return 0.0 if wire.material is None else materials.constant_angle(design, wire.material)
-    pieces = [piece for piece in stretches(wire, length) if piece.material is not None]
-    angles = [materials.constant_angle(design, piece.material or "") for piece in pieces]
-    if not any(angles):
-        return 0.0
-    compliances = [_compliance(design, piece) for piece in pieces]
-    return sum(map(operator.mul, compliances, angles)) / sum(compliances)
-
-
-def part_loss(design: Design, part: AnyBlade | Spring | Link) -> float:
-    """Look up the loss angle of a part, rad: its own, or that of its material in the design."""
-    if part.loss_angle is not None:
-        return part.loss_angle
-    return 0.0 if part.made_of is None else materials.constant_angle(design, part.made_of)
-
-
 def gravity_strength(design: Design) -> Any:
     """Compute the strength of gravity at the suspension point, m/s^2."""
     given = design.constants.gravity
-    if not isinstance(given, list):
-        return given
-    return math.hypot(*given)
+    return math.hypot(*given) if isinstance(given, list) else given
 
 
 def gravity_field(design: Design) -> tuple[list[float], list[list[float]]] | None:
@@ -236,19 +232,15 @@ def gravity_field(design: Design) -> tuple[list[float], list[list[float]]] | Non
     return vector, gradient
 
 
-def wire_mass_moments(
-    design: Design, wire: WireSet | Wire, length: float
-) -> tuple[float, float, float]:
+def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> Point:
     """Compute the moments of the mass of a wire of a loaded length (m), kg.
 
     The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass, with the fraction s of its length
     from the upper end; 0 without ``constants.wire_weight`` or for unknown density or cross-section.
     """
-    if not design.constants.wire_weight:
-        return 0.0, 0.0, 0.0
-    upper = mixed = lower = 0.0
-    start = 0.0
-    for piece, density in wire_line_densities(design, wire, length):
+    upper = mixed = lower = start = 0.0
+    weighed = design.constants.wire_weight
+    for piece, density in wire_line_densities(design, wire, length) if weighed else ():
         end = start + piece / length
         # of uniform stretches: integrals of powers of s
         zeroth, first, second = end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3
@@ -279,47 +271,32 @@ def beyond_symmetric_chains(design: Design) -> str:
     for stage in design.stage:
         if stage.wires is not None and is_ring(stage.wires):
             return f"the wires of stage {stage.name} are on a ring"
-        for wire in stage.wire_tables:
-            if wire.bending is not None:
-                return f"wires of stage {stage.name} are hinged"
+        if any(wire.bending is not None for wire in stage.wire_tables):
+            return f"wires of stage {stage.name} are hinged"
     return ""
 
 
 class Keystone(Stage, frozen=True):
-    """The keystone of a filter: a stage that is not in the file, held by the filter's blades.
-
-    Attributes
-    ----------
-    blades_of
-        Name of the stage with the filter.
-    """
+    """The keystone of a filter: a stage that is not in the file, held by the filter's blades."""
 
     blades_of: str
+    """Name of the stage with the filter."""
 
 
 def add_keystones(design: Design) -> Design:
     """Insert the keystone of each filter as a stage after that of the filter."""
-    if all(stage.filter is None for stage in design.stage):
-        return design
     stages: list[Stage] = []
     for stage in design.stage:
         stages.append(stage)
         if stage.filter is not None:
-            keystone = stage.filter.keystone
-            stages.append(
-                Keystone(
-                    name=stage.name + SUFFIX,
-                    body=Body(mass=keystone.mass, inertia=list(keystone_inertia(keystone))),
-                    position=stage.filter.at,
-                    blades_of=stage.name,
-                )
-            )
+            table, name = stage.filter.keystone, stage.name + SUFFIX
+            body = Body(mass=table.mass, inertia=list(keystone_inertia(table)))
+            position, own = stage.filter.at, stage.name
+            stages.append(Keystone(name=name, body=body, position=position, blades_of=own))
     return msgspec.structs.replace(design, stage=stages)
 
 
 def drop_keystones(design: Design) -> Design:
     """Remove the stages that `add_keystones` inserted."""
     stages = [stage for stage in design.stage if not isinstance(stage, Keystone)]
-    if len(stages) == len(design.stage):
-        return design
     return msgspec.structs.replace(design, stage=stages)

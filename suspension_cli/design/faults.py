@@ -1,9 +1,7 @@
 """The walker that applies what tables declare to a whole document, and lists all its faults.
 
 First single values: msgspec stops at the first error, so a file that it refuses is compared, value
-by value, with the JSON Schema of its type. (`jsonschema`, with which the tests check that schema,
-would not shorten this file, and fails on integers of thousands of digits.) Then the rules of each
-table, see `design.demand`.
+by value, with the JSON Schema of its type. Then the rules of each table, see `design.tables`.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from suspension_cli.design import paths
+from suspension_cli.design import paths, units
 from suspension_cli.design.tables import Raw, Schema, Table, keys_with
 from suspension_cli.errors import Fault, InputError, format_key, format_value, suggest
 
@@ -30,6 +28,7 @@ _TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
     "integer": (int, "an integer"),
     "number": ((int, float), "a number"),
     "array": (list, "an array"),
+    "object": (dict, "a table"),
 }
 _BOUNDS = {
     "exclusiveMinimum": ("greater than", operator.gt),
@@ -72,22 +71,19 @@ def tables(node: Any, path: str = "", known: Collection[int] = ()) -> Iterator[t
 
     Without those whose identities (`id`) are `known`.
     """
-    if id(node) in known:
-        return
-    if isinstance(node, Struct):
+    members: Iterable[tuple[str, Any]] = ()
+    if isinstance(node, Struct) and id(node) not in known:
         yield path, node
-        for key, _ in keys_with(type(node), "tables"):
-            if value := getattr(node, key):
-                yield from tables(value, f"{path}.{key}" if path else key, known)
+        keys = [key for key, _ in keys_with(type(node), "tables")]
+        members = [(f"{path}.{key}" if path else key, getattr(node, key)) for key in keys]
     elif isinstance(node, dict):
-        for key, value in node.items():
-            if isinstance(value, Struct):
-                yield from tables(value, step(path, key), known)
-    elif isinstance(node, list) and isinstance(node[0], Struct):
-        names = [getattr(value, "name", None) for value in node]
-        for number, value in enumerate(node):
-            named = value if names.count(names[number]) == 1 else None
-            yield from tables(value, step(path, number, named), known)
+        members = [(step(path, key), value) for key, value in node.items()]
+    elif isinstance(node, list):
+        names = [paths.name_of(value) for value in node]
+        single = [value if names.count(paths.name_of(value)) == 1 else None for value in node]
+        members = [(step(path, n, single[n]), value) for n, value in enumerate(node)]
+    for place, value in members:
+        yield from tables(value, place, known)
 
 
 def step(path: str, key: object, item: object = None) -> str:
@@ -114,8 +110,7 @@ def _is_ordinary(value: Any) -> bool:
     numbers whose squares underflow.
     """
     if isinstance(value, (dict, list)):
-        inside = value.values() if isinstance(value, dict) else value
-        return all(map(_is_ordinary, inside))
+        return all(map(_is_ordinary, value.values() if isinstance(value, dict) else value))
     if isinstance(value, str):
         return not value.endswith("\n")
     return not isinstance(value, (int, float)) or value == 0 or TINY <= abs(value) < 2**63
@@ -144,13 +139,25 @@ def _schema(kind: type) -> Schema:
 
 
 def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
+    """List the faults of a value, and of all in it, under its schema."""
     node = _member(node, value) if "anyOf" in node else node or _free(value)
-    if node.get("type") == "object":
-        yield from _walk_table(node, value, path)
-    elif node.get("type") == "array":
-        yield from _walk_array(node, value, path)
-    elif node and (problem := _problem(node, value)):
-        yield Fault(path, problem, f"give {_described(node)}", format_value(value))
+    if node and (problem := _problem(node, value)):
+        yield Fault(path, problem, _remedy(node, value, path), format_value(value))
+    elif isinstance(value, dict):
+        known, rest = node.get("properties", {}), node.get("additionalProperties", {})
+        for key, item in value.items():
+            if key in known or rest is not False:
+                yield from _walk(known.get(key, rest), item, step(path, key))
+            else:
+                remedy = suggest(key, list(known))
+                yield Fault(step(path, key), "unknown key", remedy, format_value(item))
+        for key in node.get("required", ()):
+            if key not in value:
+                yield Fault(step(path, key), "missing", f"give {_described(known[key])}")
+    elif isinstance(value, list):
+        kinds = node.get("prefixItems") or [node.get("items", {})] * len(value)
+        for number, (kind, item) in enumerate(zip(kinds, value, strict=True)):
+            yield from _walk(kind, item, step(path, number, item))
 
 
 def _free(value: object) -> Schema:
@@ -168,56 +175,17 @@ def _member(node: Schema, value: Any) -> Schema:
     return member | {"description": text} if text and member.get("type") != "object" else member
 
 
-def _walk_table(node: Schema, value: object, path: str) -> Iterator[Fault]:
-    known, rest = node.get("properties", {}), node.get("additionalProperties", {})
-    if not isinstance(value, dict):
-        give = f"{{ {', '.join(known)} }}" if known else "key = value pairs under it"
-        yield Fault(path, "must be a table", f"give {give}", format_value(value))
-        return
-    for key, item in value.items():
-        misnamed = isinstance(item, dict) and known.get(key, {}).get("type") == "array"
-        others = [name for name in value if misnamed and name in known and name != key]
-        if (hint := suggest(key, others)).startswith("did you mean"):
-            yield Fault(step(path, key), "must be an array", hint, format_value(item))
-        elif key in known or rest is not False:
-            yield from _walk(known.get(key, rest), item, step(path, key))
-        else:
-            yield Fault(
-                step(path, key), "unknown key", suggest(key, list(known)), format_value(item)
-            )
-    for key in node.get("required", ()):
-        if key not in value:
-            yield Fault(step(path, key), "missing", f"give {_described(known[key])}")
-
-
-def _walk_array(node: Schema, value: object, path: str) -> Iterator[Fault]:
-    kinds = node.get("prefixItems")
-    if kinds is not None and (not isinstance(value, list) or len(value) != len(kinds)):
-        give = "give x, y, z" if len(kinds) == 3 else f"give {len(kinds)} numbers"
-        yield Fault(path, f"must be an array of {len(kinds)} numbers", give, format_value(value))
-        return
-    inside = node.get("items") or {}
-    tables = inside.get("type") == "object"
-    if not isinstance(value, list):
-        give = f"write it as [[{path}]]" if tables else f"give {_described(node)}"
-        yield Fault(path, "must be an array", give, format_value(value))
-        return
-    if not node.get("minItems", 0) <= len(value) <= node.get("maxItems", math.inf):
-        give = f"give {_described(node)}"
-        yield Fault(path, f"has {len(value)} elements", give, format_value(value))
-    for number, item in enumerate(value):
-        place = step(path, number, item if tables else None)
-        yield from _walk(inside if kinds is None else kinds[number], item, place)
-
-
 def _problem(node: Schema, value: Any) -> str:
-    """Describe the problem of a number, a string or a flag; "" if there is none."""
+    """Describe the problem of a value without what is in it; "" if there is none."""
     if isinstance(value, float) and not math.isfinite(value):
         return "must be finite"
     if "enum" in node:
         good = any(value == one and type(value) is type(one) for one in node["enum"])
         return "" if good else f"must be one of {', '.join(map(str, node['enum']))}"
     kind, word = _TYPES[node["type"]]
+    count = len(node.get("prefixItems", ()))
+    if count and not (isinstance(value, list) and len(value) == count):
+        return f"must be an array of {count} numbers"
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         return f"must be {word}"
     bounds = {key: node[key] for key in _BOUNDS if key in node}
@@ -227,17 +195,30 @@ def _problem(node: Schema, value: Any) -> str:
         return "is too large an integer"
     if isinstance(value, float) and 0 < abs(value) < TINY:
         return f"is too small (products of numbers below {TINY:g} lose their digits)"
-    return _text_problem(node, value) if isinstance(value, str) else ""
-
-
-def _text_problem(node: Schema, value: str) -> str:
+    if isinstance(value, list):
+        good = node.get("minItems", 0) <= len(value) <= node.get("maxItems", math.inf)
+        return "" if good else f"has {len(value)} elements"
+    if not isinstance(value, str):
+        return ""
     if len(value) > node.get("maxLength", math.inf):
         return f"is longer than {node['maxLength']} characters"
-    if len(value) < node.get("minLength", 0):
-        return "is empty"
     # $ also matches before a last newline
-    good = re.search(node.get("pattern", "") + r"(?!\n)", value)
-    return "" if good else "is not acceptable"
+    good = len(value) >= node.get("minLength", 0) and re.search(
+        node.get("pattern", "") + r"(?!\n)", value
+    )
+    return "" if good else "is not acceptable" if value else "is empty"
+
+
+def _remedy(node: Schema, value: Any, path: str) -> str:
+    if node.get("type") == "object":
+        known = node.get("properties", {})
+        return f"give {{ {', '.join(known)} }}" if known else "give key = value pairs under it"
+    if len(node.get("prefixItems", ())) == 3:
+        return "give x, y, z"
+    of_tables = node.get("type") == "array" and (node.get("items") or {}).get("type") == "object"
+    if of_tables and not isinstance(value, list):
+        return f"write it as [[{path}]]"
+    return f"give {_described(node)}"
 
 
 def _described(node: Schema) -> str:
@@ -250,4 +231,6 @@ def _described(node: Schema) -> str:
         return _described(node["anyOf"][0])
     if not text and "properties" in node:
         return f"a table with {', '.join(node.get('required') or node['properties'])}"
+    if node.get("pattern") == units.NAME and units.NAMES not in text:
+        return f"{text}: {units.NAMES}"
     return text or _TYPES.get(node.get("type", ""), (None, "a value"))[1]

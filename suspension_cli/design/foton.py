@@ -18,6 +18,11 @@ f (documentation of `FilterDesign` in LIGO's Global Diagnostics System):
 - ``"n"``: roots r in Hz, factors 1 + i f / r, and i f where r = 0. Real parts are *positive* in the
   left half plane.
 
+A notch of the depth d has the poles of s^2 + 2 w s / Q + w^2, and zeros damped d times less or,
+without depth, not at all (definition of Foton's notch in the package kontrol,
+`kontrol.transfer_function.Notch`). A `resgain` is taken as a notch of the inverse depth, and a
+`comb` as a series of either.
+
 A digital filter is a function of z = exp(s / rate), or of w = 2 rate (z - 1) / (z + 1) =
 2 rate tanh(s / (2 rate)), near s at low frequencies. In w it has zeros and poles like a continuous
 filter. Foton makes it of a design in s by moving each root to |w| = 2 rate tan(|s| / (2 rate)),
@@ -29,61 +34,48 @@ from __future__ import annotations
 import cmath
 import math
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import zip_longest
 from typing import Any
 
-from suspension_cli.design import foton_designs as designs
-from suspension_cli.design.foton_designs import RIPPLES, FotonError
-
 PAIRED = 1e-9
 """Relative distance within which two complex roots are conjugates."""
 SIDE = {"s": "negative", "f": "negative", "n": "positive"}
 """Sign of the real part of a root of `zpk` in the left half plane, per plane."""
-IN_Z = ("sos", "biquad", "zroots", "direct")
-FORMATS = {"gain": ("scalar", "dB"), "sos": ("s", "o")}
-FORMATS |= dict.fromkeys(("zpk", "pole", "zero", "pole2", "zero2"), tuple(SIDE))
-"""Texts that may be the last argument of a factor, the first by default."""
-COUNTS = {
-    (1, 1): "gain",
-    (1, 2): "pole zero sos",
-    (2, 2): "direct setgain",
-    (2, 3): "pole2 zero2 notch resgain zroots",
-    (2, 4): "comb",
-    (3, 3): "zpk rpoly",
-    (5, 5): "biquad",
-    (1, 6): " ".join(RIPPLES),
-}
-NUMBERS = {name: count for count, names in COUNTS.items() for name in names.split()}
-"""Factors, with the least and largest number of their other arguments."""
 FACTOR = re.compile(
     r"\s*(?P<times>\*|/\.)?\s*(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
     r"|(?P<name>[A-Za-z_]\w*)\s*"
     r"\((?P<arguments>(?:[^()\"']|\"[^\"]*\"|'[^']*')*+)\))"
 )
 EXAMPLE = 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")'
+TYPES = ("LowPass", "HighPass", "BandPass", "BandStop")
+MOST = 100
+"""Highest order of a design, and most harmonics of a comb."""
+OUTSIDE = 1e-12
+"""Distance beyond the unit circle that may be a rounding error of a coefficient."""
+
+Roots = Sequence[complex]
+
+
+class FotonError(ValueError):
+    """Error in a Foton string: what is wrong, with its column, and what to do."""
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(f"{problem}; {remedy}")
+        self.problem, self.remedy = problem, remedy
 
 
 @dataclass(frozen=True)
 class Filter:
-    """Filter H(f) = gain times the product of (i f + z) divided by that of (i f + p), f in Hz.
-
-    Attributes
-    ----------
-    zeros, poles
-        Hz, positive in the left half plane; complex ones with their conjugates.
-    rate
-        Of a digital filter the sample rate in Hz, with w / 2 pi (see the module) in place of i f.
-    others
-        Filters of other rates in series.
-    """
+    """Filter H(f) = gain times the product of (i f + z) divided by that of (i f + p), f in Hz."""
 
     gain: float
-    zeros: tuple[complex, ...] = ()
+    zeros: tuple[complex, ...] = ()  # Hz, positive in the left half plane, with their conjugates
     poles: tuple[complex, ...] = ()
-    rate: float = 0.0
-    others: tuple[Filter, ...] = ()
+    rate: float = 0.0  # sample rate of a digital filter, Hz, with w / 2 pi in place of i f
+    others: tuple[Filter, ...] = ()  # filters of other rates in series
 
     def __mul__(self, other: Filter) -> Filter:
         if other.rate != self.rate and (other.zeros or other.poles or other.others):
@@ -107,10 +99,7 @@ class Filter:
         return max(1 / one.rate if one.rate else 0.0 for one in self.parts)
 
     def at(self, frequency: Any) -> Any:
-        """Evaluate the filter at a frequency, or an array of frequencies, in Hz.
-
-        A digital filter gives 0 above half its sample rate.
-        """
+        """Evaluate the filter at frequencies in Hz; a digital one is 0 above half its rate."""
         import numpy as np
 
         step, _ = warp(2j * math.pi * frequency, self.rate)
@@ -154,17 +143,42 @@ def change_rate(made: Filter, rate: float) -> Filter:
     return replace(normalised(gain, zeros, poles), rate=rate)
 
 
+def normalised(gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...]) -> Filter:
+    """Make a filter of plane "n"."""
+    return Filter(gain * normal(poles) / normal(zeros), zeros, poles)
+
+
+def normal(roots: tuple[complex, ...]) -> float:
+    """Product of the roots that are not 0: factor between (i f + r) and (1 + i f / r)."""
+    return complex(math.prod(root or 1.0 for root in roots)).real
+
+
+def format_filter(filter_: Filter) -> str:
+    """Write a filter as a Foton string in plane "n" (of digital ones the design), to all digits.
+
+    >>> format_filter(Filter(2.0, (0.0,), (4.0,)))
+    'zpk([0],[4],0.5,"n")'
+    """
+    filter_ = change_rate(filter_, 0.0) if filter_.rate else filter_
+    gain = filter_.gain * normal(filter_.zeros) / normal(filter_.poles)
+    zeros, poles = (";".join(map(_write, some)) for some in (filter_.zeros, filter_.poles))
+    return f'zpk([{zeros}],[{poles}],{_write(gain)},"n")'
+
+
+def _write(root: complex) -> str:
+    real, imaginary = (
+        repr(float(part) + 0.0).removesuffix(".0")  # no negative zero
+        for part in (root.real, abs(root.imag))
+    )
+    return f"{real}{'-' if root.imag < 0 else '+'}i*{imaginary}" if root.imag else real
+
+
 @lru_cache(maxsize=256)
 def parse(text: str, rate: float = 0.0) -> Filter:
     """Parse a Foton string; with a sample rate in Hz the filter is digital.
 
-    Raises
-    ------
-    FotonError
-        With the column of the factor at fault.
+    Raises `FotonError` with the column of the factor at fault.
 
-    Examples
-    --------
     >>> parse('zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")').zeros
     (0j,)
     >>> round(abs(parse('zpk([],[1],10,"n")').at(1.0)), 6)
@@ -195,125 +209,29 @@ def parse(text: str, rate: float = 0.0) -> Filter:
 def find_without_plane(text: str) -> list[str]:
     """List the factors `pole`, `zero`, `pole2`, `zero2` of a valid string that name no plane.
 
-    Examples
-    --------
     >>> find_without_plane('gain(2) pole(30) zero(1, "n")')
     ['pole(30)']
     """
     return re.findall(r"(?:pole|zero)2?\s*\([^()\"']*\)", text)
 
 
-def format_filter(filter_: Filter) -> str:
-    """Write a filter as a Foton string in plane "n" (of digital ones the design), to all digits.
-
-    Examples
-    --------
-    >>> format_filter(Filter(2.0, (0.0,), (4.0,)))
-    'zpk([0],[4],0.5,"n")'
-    """
-    filter_ = change_rate(filter_, 0.0) if filter_.rate else filter_
-    gain = filter_.gain * normal(filter_.zeros) / normal(filter_.poles)
-    zeros, poles = (";".join(map(_write_root, some)) for some in (filter_.zeros, filter_.poles))
-    return f'zpk([{zeros}],[{poles}],{_write(gain)},"n")'
-
-
-def normalised(gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...]) -> Filter:
-    """Make a filter of plane "n"."""
-    return Filter(gain * normal(poles) / normal(zeros), zeros, poles)
-
-
-def normal(roots: tuple[complex, ...]) -> float:
-    """Product of the roots that are not 0: factor between (i f + r) and (1 + i f / r)."""
-    return complex(math.prod(root or 1.0 for root in roots)).real
-
-
-def _write(value: float) -> str:
-    text = repr(float(value) + 0.0)  # no negative zero
-    return text.removesuffix(".0")
-
-
-def _write_root(root: complex) -> str:
-    root = complex(root)
-    if root.imag == 0:
-        return _write(root.real)
-    return f"{_write(root.real)}{'-' if root.imag < 0 else '+'}i*{_write(abs(root.imag))}"
-
-
 def _add(made: Filter, name: str, arguments: str) -> Filter:
     """Append the filter of one factor with its arguments."""
-    given, plane = _split_arguments(name, arguments)
-    if name in IN_Z:
-        if not made.rate:
-            remedy = 'write filter = { design = "...", rate = 16384.0 }'
-            raise FotonError("is in z, which needs a sample rate", remedy)
-        numbers = [_pair_roots(one) if name == "zroots" else _reals(one) for one in given]
-        order = {"order": plane} if name == "sos" else {}
-        found = getattr(designs, name)(*numbers, **order)
-        gain, zeros, poles = designs.from_z(found, made.rate)
-        return made * Filter(gain, zeros, poles, made.rate)
-    if name in ("gain", "setgain"):
-        gain, *at = _reals(given)[::-1]
-        gain = 10 ** (gain / 20) if plane == "dB" else gain
-        return replace(made, gain=made.gain * (gain / _size(made, at[0]) if at else gain))
-    if name == "zpk":
-        factor = _zpk(given[0], given[1], given[2], plane)
-    elif name == "rpoly":
-        factor = _zpk(*designs.rpoly(*map(_reals, given)), "s")
-    elif name in RIPPLES:
-        factor = _zpk(*designs.prototype(name, str(given[0]), _reals(given[1:])), "s")
-    elif name in ("notch", "resgain", "comb"):
-        zeros, poles = map(tuple, designs.peaks(name, *_reals(given)))
-        factor = Filter(1.0, zeros, poles)
-    else:
-        f0, *others = _reals(given)
-        roots = designs.pair(f0, others.pop(0)) if name.endswith("2") else [complex(f0)]
-        if f0 < 0:
-            raise FotonError("takes a positive frequency and Q", "correct them")
-        both = ((), tuple(roots)) if name.startswith("pole") else (tuple(roots), ())
-        factor = _in_hertz(sum(others) if others else 1.0, *both, plane)
-    return made * (change_rate(factor, made.rate) if made.rate else factor)
-
-
-def _split_arguments(name: str, arguments: str) -> tuple[list[Any], str]:
-    """Read the arguments of a factor; the plane or format, the last of them, by itself."""
-    if name not in NUMBERS:
+    if name not in FACTORS:
         remedy = "have Foton write the filter as zeros, poles and gain"
-        raise FotonError(f"is not known here ({', '.join(NUMBERS)})", remedy)
+        raise FotonError(f"is not known here ({', '.join(FACTORS)})", remedy)
+    least, most, make, planes = FACTORS[name]
     given = [_read(one.strip()) for one in re.split(r",(?![^\[]*\])", arguments) if arguments]
-    allowed = FORMATS.get(name, ("",))
-    own = name not in RIPPLES and isinstance((given or [0])[-1], str)
-    plane = given.pop() if own else allowed[0]
-    if plane not in allowed:
-        known = " or ".join(f'"{one}"' for one in allowed)
-        raise FotonError(f'has no plane "{plane}"', f"write {known}")
-    least, most = NUMBERS[name]
+    plane = planes[0] if planes else "s"
+    if planes and given and isinstance(given[-1], str):
+        plane = given.pop()
+        if plane not in planes:
+            known = " or ".join(f'"{one}"' for one in planes)
+            raise FotonError(f'has no plane "{plane}"', f"write {known}")
     if not least <= len(given) <= most:
         count = f"{least}" if least == most else f"{least} or {most}"
         raise FotonError(f"takes {count} numbers, found {len(given)}", EXAMPLE)
-    return given, plane
-
-
-def _size(made: Filter, frequency: float) -> float:
-    """Magnitude of a filter at a frequency in Hz."""
-    import numpy as np
-
-    with np.errstate(all="ignore"):
-        size = float(abs(made.at(np.array([frequency]))[0]))
-    if not 0 < size < math.inf:
-        raise FotonError("sets a gain where the filter is 0 or infinite", "name another place")
-    return size
-
-
-def _zpk(zeros: Any, poles: Any, gain: Any, plane: str) -> Filter:
-    side = 1 if plane == "n" else -1  # `pole` and `zero` have positive frequencies in every plane
-    zeros, poles = (tuple(side * root for root in _pair_roots(some)) for some in (zeros, poles))
-    made = _in_hertz(_real(gain), zeros, poles, plane)
-    for pole in made.poles:
-        if pole.real < 0:
-            problem = f"has a pole at {_write_root(-pole)} Hz in the right half plane, which grows"
-            remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
-            raise FotonError(problem, remedy)
-    return made
+    return make(made, name, plane, *given)
 
 
 def _read(text: str) -> Any:
@@ -334,15 +252,12 @@ def _read(text: str) -> Any:
     return number
 
 
-def _real(value: Any) -> float:
-    if not isinstance(value, (complex, float)) or value.imag:
+def _reals(*value: Any) -> list[float]:
+    """Check numbers, or those of a vector, which are real."""
+    numbers = value[0] if len(value) == 1 and isinstance(value[0], list) else value
+    if any(not isinstance(one, (complex, float)) or one.imag for one in numbers):
         raise FotonError("takes real numbers here", EXAMPLE)
-    return value.real
-
-
-def _reals(value: Any) -> list[float]:
-    """Check the numbers of a vector (or one alone), which are real."""
-    return [_real(one) for one in (value if isinstance(value, list) else [value])]
+    return [one.real for one in numbers]
 
 
 def _pair_roots(value: Any) -> tuple[complex, ...]:
@@ -357,19 +272,216 @@ def _pair_roots(value: Any) -> tuple[complex, ...]:
         if root.imag:
             near = min(left, key=lambda other: abs(other - root.conjugate()), default=root)
             if abs(near - root.conjugate()) > PAIRED * abs(root):
-                problem = f"has no conjugate of the complex root {_write_root(root)}"
-                raise FotonError(problem, f"add {_write_root(root.conjugate())}")
+                problem = f"has no conjugate of the complex root {_write(root)}"
+                raise FotonError(problem, f"add {_write(root.conjugate())}")
             left.remove(near)
             result.append(root.conjugate())
     return tuple(result)
 
 
-def _in_hertz(
-    gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...], plane: str
+# Factors in s: each is appended to `made`, with its name, its plane and its arguments.
+
+
+def _append(
+    made: Filter, gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...], plane: str
 ) -> Filter:
-    """Convert the gain and the roots of a plane, positive in the left half plane."""
-    if plane == "n":
-        return normalised(gain, zeros, poles)
+    """Append gain and roots of a plane, positive in the left half plane."""
     if plane == "s":
         zeros, poles = (tuple(root / (2 * math.pi) for root in roots) for roots in (zeros, poles))
-    return Filter(gain * (2 * math.pi) ** (len(zeros) - len(poles)), zeros, poles)
+    whole = Filter(gain * (2 * math.pi) ** (len(zeros) - len(poles)), zeros, poles)
+    if plane == "n":
+        whole = normalised(gain, zeros, poles)
+    return made * (change_rate(whole, made.rate) if made.rate else whole)
+
+
+def _gain(made: Filter, name: str, unit: str, *numbers: Any) -> Filter:
+    """Multiply the filter, or set its magnitude at a frequency in Hz."""
+    import numpy as np
+
+    *at, gain = _reals(*numbers)
+    gain = 10 ** (gain / 20) if unit == "dB" else gain
+    if name == "setgain":
+        with np.errstate(all="ignore"):
+            size = float(abs(made.at(np.array(at))[0]))
+        if not 0 < size < math.inf:
+            raise FotonError("sets a gain where the filter is 0 or infinite", "name another place")
+        gain /= size
+    return replace(made, gain=made.gain * gain)
+
+
+def _zpk(made: Filter, name: str, plane: str, zeros: Any, poles: Any, gain: Any) -> Filter:
+    del name
+    (gain,) = _reals(gain)
+    side = 1 if plane == "n" else -1  # `pole` and `zero` have positive frequencies in every plane
+    zeros, poles = (tuple(side * root for root in _pair_roots(some)) for some in (zeros, poles))
+    for pole in poles:
+        if pole.real < 0:
+            hertz = -pole / (2 * math.pi) if plane == "s" else -pole
+            problem = f"has a pole at {_write(hertz)} Hz in the right half plane, which grows"
+            remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
+            raise FotonError(problem, remedy)
+    return _append(made, gain, zeros, poles, plane)
+
+
+def _roots(made: Filter, name: str, plane: str, *numbers: Any) -> Filter:
+    """One pole or zero, or a pair with a Q."""
+    f0, *others = _reals(*numbers)
+    roots = _pair(f0, others.pop(0)) if name.endswith("2") else (complex(f0),)
+    if f0 < 0:
+        raise FotonError("takes a positive frequency and Q", "correct them")
+    both = ((), roots) if name.startswith("pole") else (roots, ())
+    return _append(made, sum(others) if others else 1.0, *both, plane)
+
+
+def _pair(f0: float, q: float) -> tuple[complex, complex]:
+    """Roots r of f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2)."""
+    if not (f0 > 0 and q > 0):
+        raise FotonError("takes a positive frequency and Q", "correct them")
+    half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
+    return half + root, half - root
+
+
+def _peaks(made: Filter, name: str, plane: str, *numbers: Any) -> Filter:
+    """A notch, a resonant gain, or a comb, with peaks where its height is positive."""
+    del plane
+    f0, q, size, count = (*_reals(*numbers), *[0.0, 1.0][len(numbers) - 2 :])
+    if (name != "notch" and not size) or not 1 <= count <= MOST:
+        remedy = f"give frequency (Hz), Q, height (dB) and, for a comb, 1 to {MOST} harmonics"
+        raise FotonError("has no height, or no number of harmonics", remedy)
+    places = [n * f0 for n in range(1, int(count) + 1)]
+    sharp = q / 2 * 10 ** ((size if name == "notch" else -size) / 20)
+    poles = [root for f in places for root in _pair(f, q / 2)]
+    zeros = [root for f in places for root in (_pair(f, sharp) if size else (1j * f, -1j * f))]
+    return _append(made, 1.0, tuple(zeros), tuple(poles), "f")
+
+
+def _prototype(made: Filter, name: str, plane: str, kind: Any, *numbers: Any) -> Filter:
+    """A design of scipy: `butter`, `cheby1`, `cheby2` or `ellip`."""
+    import numpy as np
+    from scipy import signal
+
+    count, given = 1 + RIPPLES[name], _reals(*numbers)
+    order = int(given[0]) if given else 0
+    band = [2 * math.pi * edge for edge in given[count:]]
+    if kind not in TYPES or not 1 <= order <= MOST or len(band) != 1 + kind.startswith("Band"):
+        problem = f"takes a type, an order up to {MOST}, {count - 1} ripples (dB), band edges (Hz)"
+        remedy = f'write {", ".join(TYPES)} as in ellip("BandPass",4,1,40,10,20)'
+        raise FotonError(problem, remedy)
+    edges, shape = (band if len(band) > 1 else band[0]), kind.lower()
+    try:
+        with np.errstate(all="ignore"):
+            found = getattr(signal, name)(order, *given[1:count], edges, shape, True, "zpk")
+    except ValueError as error:
+        raise FotonError(f"cannot be designed: {error}", "correct it") from None
+    return _zpk(made, name, plane, list(found[0]), list(found[1]), float(found[2]))
+
+
+def _rpoly(made: Filter, name: str, plane: str, above: Any, below: Any, gain: Any) -> Filter:
+    """A ratio of polynomials in s, highest power first."""
+    from scipy.signal import tf2zpk
+
+    above, below = _reals(above), _reals(below)
+    if not any(above) or not any(below):
+        raise FotonError("has a polynomial that is 0", "correct it")
+    zeros, poles, leading = tf2zpk(above, below)
+    whole = float(leading) * _reals(gain)[0]
+    return _zpk(made, name, plane, zeros.tolist(), poles.tolist(), whole)
+
+
+# Factors in z: a gain, and numbers 1 - z0 of zeros and poles z0, as many of each.
+
+
+def _zroots(zeros: Any, poles: Any, gain: Any = 1.0) -> tuple[float, Roots, Roots]:
+    zeros, poles = _pair_roots(zeros), _pair_roots(poles)
+    if len(zeros) != len(poles):
+        problem = f"has {len(zeros)} zeros and {len(poles)} poles"
+        raise FotonError(problem, "give as many of each, with roots 0 for delays")
+    return _reals(gain)[0], [1 - zero for zero in zeros], [1 - pole for pole in poles]
+
+
+def _direct(above: Any, below: Any) -> tuple[float, Roots, Roots]:
+    """The sum of b_k/z^k, over 1 less that of a_k/z^k from k = 1."""
+    import numpy as np
+
+    above, below = _reals(above), _reals(below)
+    size = max(len(above), len(below) + 1)
+    rows = ([*row, *[0.0] * (size - len(row))] for row in (above, [1.0, *(-a for a in below)]))
+    zeros, poles = (1 - np.roots(row) for row in rows)
+    return above[0], zeros.tolist(), poles.tolist()
+
+
+def _biquad(*numbers: Any) -> tuple[float, Roots, Roots]:
+    b0, b1, b2, a1, a2 = _reals(*numbers)
+    return b0, _quadratic(b1 / b0, b2 / b0), _quadratic(a1, a2)
+
+
+def _sos(first: Any, others: Any = None, order: str = "s") -> tuple[float, Roots, Roots]:
+    """Second-order sections: a gain, then b1, b2, a1, a2; or a1, a2, b1, b2 ("o")."""
+    gain, *numbers = *_reals(first), *_reals(others or [])
+    if len(numbers) % 4:
+        problem = f"has {len(numbers)} numbers beside the gain, instead of 4 for each section"
+        raise FotonError(problem, 'write sos(gain,[a1;a2;b1;b2;...],"o")')
+    found: list[list[complex]] = [[], []]
+    for n in range(0, len(numbers), 2):
+        found[(n // 2 + (order == "o")) % 2] += _quadratic(*numbers[n : n + 2])
+    return gain, found[0], found[1]
+
+
+def _quadratic(first: float, second: float) -> list[complex]:
+    """Numbers 1 - z0 of the roots z0 of 1 + first/z + second/z^2, which keep their digits."""
+    if second == 0:
+        return [1 + first, 1.0]
+    half, product = (2 + first) / 2, math.fsum((1.0, first, second))
+    root = cmath.sqrt(half * half - product)
+    large = half + (root if root.imag or half >= 0 else -root)
+    return [large, large.conjugate() if root.imag else product / large if large else 0.0]
+
+
+def _in_z(made: Filter, name: str, order: str, *given: Any) -> Filter:
+    """Append gain prod(1 - z0/z) / prod(1 - p/z), with zeros and poles in w. As z is
+    (1 + w / 2 rate) / (1 - w / 2 rate), 1 - z0/z is
+
+        (1 + z0) / (2 rate) (w + 2 rate (1 - z0) / (1 + z0)) / (1 + w / 2 rate).
+    """
+    if not (rate := made.rate):
+        remedy = 'write filter = { design = "...", rate = 16384.0 }'
+        raise FotonError("is in z, which needs a sample rate", remedy)
+    make = {"sos": _sos, "biquad": _biquad, "zroots": _zroots, "direct": _direct}[name]
+    gain, zeros, poles = make(*given, **({"order": order} if name == "sos" else {}))
+    delays = min(zeros.count(1.0), poles.count(1.0))  # z0 = 0, which cancel
+    found: list[tuple[complex, ...]] = []
+    for sign, roots in ((1, zeros), (-1, poles)):
+        kept = sorted(roots, key=lambda root: root != 1.0)[delays:]
+        inside = [root for root in kept if root != 2]  # the others are at half the rate
+        if sign < 0 and (len(inside) < len(kept) or any(abs(1 - p) > 1 + OUTSIDE for p in kept)):
+            problem = "has a pole outside the unit circle, which grows, or at half the sample rate"
+            raise FotonError(problem, "check the signs and the order of the coefficients")
+        size = math.prod((2 - root) * math.pi / rate for root in inside)
+        gain *= (complex(size).real * 2.0 ** (len(kept) - len(inside))) ** sign
+        found.append(tuple(rate / math.pi * root / (2 - root) for root in inside))
+    return made * Filter(gain, found[0], found[1], rate)
+
+
+RIPPLES = {"butter": 0, "cheby1": 1, "cheby2": 1, "ellip": 2}
+"""Designs of scipy, with their number of ripples and attenuations, dB."""
+PLANES = tuple(SIDE)
+FACTORS: dict[str, tuple[int, int, Callable[..., Filter], tuple[str, ...]]] = {
+    "gain": (1, 1, _gain, ("scalar", "dB")),
+    "setgain": (2, 2, _gain, ()),
+    "zpk": (3, 3, _zpk, PLANES),
+    "pole": (1, 2, _roots, PLANES),
+    "zero": (1, 2, _roots, PLANES),
+    "pole2": (2, 3, _roots, PLANES),
+    "zero2": (2, 3, _roots, PLANES),
+    "rpoly": (3, 3, _rpoly, ()),
+    "notch": (2, 3, _peaks, ()),
+    "resgain": (2, 3, _peaks, ()),
+    "comb": (2, 4, _peaks, ()),
+    "sos": (1, 2, _in_z, ("s", "o")),
+    "biquad": (5, 5, _in_z, ()),
+    "zroots": (2, 3, _in_z, ()),
+    "direct": (2, 2, _in_z, ()),
+    **dict.fromkeys(RIPPLES, (1, 6, _prototype, ())),
+}
+"""Least and largest number of arguments of each factor, its function, and texts that may be its
+last argument, the first by default."""

@@ -42,24 +42,14 @@ COMMENT: dict[str, Any] = {"initial_indent": "# ", "subsequent_indent": "# "}
 
 @dataclass(frozen=True)
 class Module:
-    """A filter module that stands for a response.
-
-    Attributes
-    ----------
-    section
-        Filters in s, in series.
-    text
-        Their coefficients at the sample rate, as design strings with `sos`.
-    error
-        Largest relative error in the band, off resonance.
-    """
+    """A filter module that stands for a response."""
 
     name: str
     output: str
     input: str
-    section: list[Filter]
-    text: list[str]
-    error: float
+    section: list[Filter]  # in s, in series
+    text: list[str]  # their coefficients at the sample rate, as design strings with `sos`
+    error: float  # largest relative error in the band, off resonance
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from suspension_cli.conventions import DOFS
-from suspension_cli.design import demand, reader
+from suspension_cli.design import reader, tables
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.tables import Problems, Table, given, key
@@ -43,12 +42,13 @@ class Free(Table, frozen=True):
     start: Number | None = key("where to begin; default: the design's value")
     scale: Literal["linear", "log"] = key('"log": steps of equal ratio', "linear")
 
-    def _check_scale(self) -> Problems:
+    def check(self) -> Problems:
+        """Check the bounds of a logarithmic scale."""
         if self.scale == "log" and self.lower <= 0:
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
 
-    rules = (demand.bounded, _check_scale)
+    rules = (tables.bounded,)
 
 
 class Equal(Table, frozen=True):
@@ -60,11 +60,12 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    def _check_terms(self) -> Problems:
+    rules = (tables.bounded,)
+
+    def check(self) -> Problems:
+        """Check that there are terms."""
         if not self.terms:
             yield "terms", "is empty", 'give { "dotted.path" = coefficient }'
-
-    rules = (demand.bounded, _check_terms)
 
 
 class Goal(Table, frozen=True):
@@ -78,25 +79,21 @@ class Goal(Table, frozen=True):
     minimise: bool = False
     maximise: bool = False
     weight: Positive | None = None
-    dof: list[Dof] | None = key(
-        f"modes of the families that these belong to: {', '.join(DOFS)}", min_length=1
-    )
+    dof: list[Dof] | None = key("coordinates whose families of modes are meant", min_length=1)
     lowest: int | None = key("of each family, this many of the lowest modes", ge=1, le=1000)
-    modes: list[str] | None = key(
-        "labels in pendsus modes --fidelity string; shapes identify them", min_length=1
-    )
+    modes: list[str] | None = key("labels in pendsus modes --fidelity string", min_length=1)
     apart: Literal["ratio", "hertz"] | None = key("measure of a separation")
     response: str | None = key(
-        "OUTPUT/INPUT:FREQUENCY, or OVER/UNDER/INPUT:FREQUENCY of a cross-coupling"
+        "OUTPUT/INPUT:FREQUENCY, or, of a cross-coupling, OVER/UNDER/INPUT:FREQUENCY"
     )
     perturbation: list[Perturbation] | None = key(
-        "imperfections with which the response is computed", min_length=1
+        "imperfections of the build that responds", min_length=1
     )
     wires: list[Name] | None = key("stages whose wires are meant", min_length=1)
     blades: list[Name] | None = key("stages whose blades are meant", min_length=1)
     stage: Name | None = key("stage whose depth below the suspension point is meant")
 
-    def _check_limits(self) -> Problems:
+    def check(self) -> Problems:
         """Check that it has one limit or direction, which suits its kind."""
         if self.weight is not None and not (self.minimise or self.maximise):
             yield "weight", "has no effect on a limit", "give minimise or maximise too"
@@ -119,12 +116,11 @@ class Goal(Table, frozen=True):
             yield "response", f"has the wrong form for {self.kind}", f"write {example}"
 
     rules = (
-        demand.by_kind("kind", TAKES),
-        demand.excludes("equals", "at_least", "at_most"),
-        demand.needs("lowest", "dof"),
-        demand.ordered("at_least", "at_most"),
-        demand.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
-        _check_limits,
+        tables.by_kind("kind", TAKES),
+        tables.excludes("equals", "at_least", "at_most"),
+        tables.needs("lowest", "dof"),
+        tables.ordered("at_least", "at_most"),
+        tables.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
     )
 
 
@@ -136,14 +132,10 @@ class Goals(Table, frozen=True):
     equal: list[Equal] = []
     title: str = ""
     reference: str = ""
-    prefer: Literal["near", "margin"] = key(
-        "without minimise and maximise: the nearest design, or the largest margins", "near"
-    )
-    margin: float = key(
-        "distance that the search keeps from each limit, as a fraction of it", 1e-6, ge=1e-7, le=1
-    )
+    prefer: Literal["near", "margin"] = key("nearest design, or largest margins", "near")
+    margin: float = key("distance kept from each limit, as a fraction of it", 1e-6, ge=1e-7, le=1)
 
-    def _check_names(self) -> Problems:
+    def check(self) -> Problems:
         """Check that each number is free, or follows from free ones."""
         free, tied = [item.name for item in self.free], [item.name for item in self.equal]
         for kind, own, others in (("free", free, []), ("equal", tied, free)):
@@ -155,8 +147,6 @@ class Goals(Table, frozen=True):
             for term in [term for term in item.terms if term in tied]:
                 remedy = f"express it by free numbers; {suggest(term, free)}"
                 yield f"equal.{n}.terms", f"{term} is itself given by [[equal]]", remedy
-
-    rules = (_check_names,)
 
 
 def read(file: str | Path, text: str | None = None) -> Goals:

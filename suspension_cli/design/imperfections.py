@@ -11,9 +11,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Optional
 
-from suspension_cli.design import units
-from suspension_cli.design.tables import Plausible, Table, doc, extend_table, facts
-from suspension_cli.design.units import NAMES
+from msgspec import Meta
+
+from suspension_cli.design import tables, units
+from suspension_cli.design.tables import (
+    Plausible,
+    Problems,
+    Table,
+    doc,
+    extend_table,
+    facts,
+    given,
+    key,
+)
 
 AXES = ("x", "y", "z")
 Part = Literal["wire", "body", "blade", "leg", "link"]
@@ -33,36 +43,16 @@ Turn = Annotated[units.Angle, doc("angle in rad", "rad", LARGE_TURN)]
 
 @dataclass(frozen=True)
 class Imperfection:
-    """A quantity in which one part of a build differs from the design.
+    """A quantity in which one part of a build differs from the design."""
 
-    Attributes
-    ----------
-    name
-        The key of `[[perturbation]]`, and the name in `scene.imperfections`.
-    part
-        One of `PARTS`.
-    kind
-        Type of a number, with its unit and bounds: `Factor` for a relative error.
-    quantity
-        The quantity that the factor multiplies, or that the number gives.
-    spread
-        Key of `[[tolerance.wire]]` and so on; "" if it does not scatter.
-    sweep
-        Short name for `pendsus xcouple`; "" if none.
-    vector
-        Whether there are three numbers, for x, y and z.
-    perturbation
-        Whether `[[perturbation]]` takes it.
-    """
-
-    name: str
+    name: str  # key of `[[perturbation]]`, and name in `scene.imperfections`
     part: Part
-    kind: object
-    quantity: str
-    spread: str = ""
-    sweep: str = ""
-    vector: bool = False
-    perturbation: bool = True
+    kind: object  # type of a number, with its unit and bounds: `Factor` for a relative error
+    quantity: str  # that the factor multiplies, or that the number gives
+    spread: str = ""  # key of `[[tolerance.wire]]` and so on; "" if it does not scatter
+    sweep: str = ""  # short name for `pendsus xcouple`; "" if none
+    vector: bool = False  # whether there are three numbers, for x, y and z
+    perturbation: bool = True  # whether `[[perturbation]]` takes it
 
     def __reduce__(self) -> tuple[Callable[..., object], tuple[str, str]]:
         """Pickle by name, as types with bounds cannot be pickled."""
@@ -129,8 +119,6 @@ IMPERFECTIONS = (
     ),
     *_of("link", ("stiffness_factor", units.Factor, "the link's stiffness", "stiffness")),
 )
-
-
 SHARED = {
     "length_change": "change of the unstretched length of the wire (after trimming) or leg, m",
     "stiffness_factor": "factor on the stiffness of blades, of the flexures of a leg, or of a link",
@@ -146,19 +134,14 @@ def named(part: str, name: str) -> Imperfection:
 def swept() -> dict[str, tuple[Imperfection, int | None]]:
     """Map the short names of sweeps to imperfections and axes.
 
-    Returns
-    -------
-    dict
-        The axis is 0, 1 or 2 for x, y or z (``offset``, ``offset_y``, ``offset_z``), and None for
-        one number, also for one factor on all axes.
+    The axis is 0, 1 or 2 for x, y or z (``offset``, ``offset_y``, ``offset_z``), and None for one
+    number, also for one factor on all axes.
     """
     found: dict[str, tuple[Imperfection, int | None]] = {}
-    for item in IMPERFECTIONS:
-        if item.sweep and item.vector and not item.relative:
-            for axis, suffix in enumerate(("", "_y", "_z")):
-                found[item.sweep + suffix] = (item, axis)
-        elif item.sweep:
-            found[item.sweep] = (item, None)
+    for item in [item for item in IMPERFECTIONS if item.sweep]:
+        each = item.vector and not item.relative
+        axes = enumerate(("", "_y", "_z")) if each else [(None, "")]
+        found |= {item.sweep + suffix: (item, axis) for axis, suffix in axes}
     return found
 
 
@@ -177,12 +160,7 @@ def scattered(part: str) -> tuple[Imperfection, ...]:
     return tuple(item for item in IMPERFECTIONS if item.spread and item.part == part)
 
 
-def spreads(part: str) -> list[str]:
-    """List the keys of `[[tolerance.PART]]` that give a distribution."""
-    return [item.spread for item in scattered(part)]
-
-
-def with_perturbations(base: type[Table]) -> type:
+def _with_perturbations(base: type[Table]) -> type:
     """Derive a table of the file from `base`, with a key per imperfection of any part."""
     keys: dict[str, Any] = {}
     for item in (item for part in PARTS for item in perturbed(part)):
@@ -193,18 +171,129 @@ def with_perturbations(base: type[Table]) -> type:
     return extend_table(base, keys)
 
 
-def with_spreads(base: type[Table], part: str, distribution: type[Table]) -> type:
+class _Imperfect(Table, frozen=True):
+    wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
+    body: units.Name | None = key("a stage's name, instead of a wire", names="stage")
+    blade: str | None = key(
+        "a blade, test.blade1; a filter's: its stage", max_length=80, names="blade"
+    )
+    leg: str | None = key("a leg of an inverted pendulum: ip.leg1", max_length=80, names="leg")
+    link: str | None = key("the name of a link", max_length=80, names="link")
+
+
+class Perturbation(_with_perturbations(_Imperfect)):
+    """Imperfections of one wire, body, blade, leg or link in this build."""
+
+    hold: units.Hold = "loaded-length"
+
+    rules = (tables.exactly_one(*PARTS),)
+
+    def check(self) -> Problems:
+        """Check that the part can change in this way."""
+        part, _ = perturbed_part(self)
+        known = [row.name for row in perturbed(part)]
+        every = dict.fromkeys(row.name for one in PARTS for row in perturbed(one))
+        for name in given(self, *every):
+            if name not in known:
+                yield name, f"is not for a {part}", f"known here: {', '.join(known)}"
+        if not given(self, *known):
+            yield "", "changes nothing", f"give {' or '.join(known)}"
+
+
+Spread = Annotated[float, Meta(ge=0, le=1e3)]
+
+
+class Distribution(Table, frozen=True):
+    """Scatter of builds about the nominal value, independent from build to build."""
+
+    normal: Spread | None = key("standard deviation")
+    uniform: Spread | None = key("half width")
+    truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
+
+    rules = (tables.exactly_one("normal", "uniform"), tables.needs("truncate", "normal"))
+
+
+def _with_spreads(base: type[Table], part: str) -> type:
     """Derive a table of the file from `base`, with a distribution per imperfection of a part."""
     keys: dict[str, Any] = {}
     rows = scattered(part)
     if part in ("body", "blade", "leg"):
         whole = "stage" if part == "body" else f"stage with {part}s"
-        keys["stage"] = Annotated[units.Name, doc(f"a stage's name: {NAMES}", names=whole)]
+        keys["stage"] = Annotated[units.Name, doc("a stage's name", names=whole)]
     for item in rows:
         each = " (each axis)" * item.vector
         text = f"relative error of {item.quantity}" if item.relative else item.help("x, y and z")
         unit = item.unit.removeprefix("1")
-        kind: Any = Annotated[distribution, doc(text + each, unit, item.plausible)]
+        kind: Any = Annotated[Distribution, doc(text + each, unit, item.plausible)]
         # a table without its only quantity would say nothing
         keys[item.spread] = kind if len(rows) == 1 else Optional[kind]  # noqa: UP045
     return extend_table(base, keys)
+
+
+class _WireScatter(Table, frozen=True):
+    stage: units.Name | None = key("a stage, for each of its wires", names="stage with wires")
+    wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
+
+
+class WireTolerance(_with_spreads(_WireScatter, "wire")):
+    """Scatter of one wire, or independently of every wire of a stage."""
+
+    hold: units.Hold = "loaded-length"
+
+    rules = (
+        tables.exactly_one("stage", "wire"),
+        tables.any_of(*(row.spread for row in scattered("wire"))),
+    )
+
+
+class BodyTolerance(_with_spreads(Table, "body")):
+    """Scatter of one body."""
+
+    rules = (tables.any_of(*(row.spread for row in scattered("body"))),)
+
+
+class BladeTolerance(_with_spreads(Table, "blade")):
+    """Scatter of every blade of a stage, independently; those of a filter as one spring."""
+
+
+class LegTolerance(_with_spreads(Table, "leg")):
+    """Scatter of every leg of an inverted pendulum, independently."""
+
+
+class _LinkScatter(Table, frozen=True):
+    link: str = key("the name of a link", max_length=80, names="link")
+
+
+class LinkTolerance(_with_spreads(_LinkScatter, "link")):
+    """Scatter of one link."""
+
+
+Limit = Annotated[float, doc("limit above zero, SI", gt=0, le=1e20)]
+
+
+class Requirement(Table, frozen=True):
+    """Requirement on every build, in SI units (Hz for modes)."""
+
+    quantity: str = key(
+        "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
+        " a response OUTPUT/INPUT:FREQUENCY",
+        max_length=200,
+    )
+    band: list[units.Number] | None = key("least and largest value", count=2)
+    below: Limit | None = key("upper limit of the magnitude")
+    above: Limit | None = key("lower limit of the magnitude")
+
+    rules = (tables.exactly_one("band", "below", "above"), tables.ascending("band"))
+
+
+class Tolerance(Table, frozen=True):
+    """Scatter of parts from build to build, and requirements on builds."""
+
+    wire: list[WireTolerance] = []
+    body: list[BodyTolerance] = []
+    blade: list[BladeTolerance] = []
+    leg: list[LegTolerance] = []
+    link: list[LinkTolerance] = []
+    require: list[Requirement] = []
+
+    rules = (tables.any_of(*PARTS),)

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.tables import Problems, Table, key
 
 if TYPE_CHECKING:
@@ -28,31 +28,24 @@ if TYPE_CHECKING:
 class LossTable(Table, frozen=True):
     """Loss angle by frequency: interpolated linearly in the logarithms, constant outside."""
 
-    frequency: list[units.Frequency] = key(
-        "ascending frequencies in Hz", min_length=1, max_length=10000
-    )
+    frequency: list[units.Frequency] = key("Hz, ascending", min_length=1, max_length=10000)
     angle: list[units.PositiveLossAngle] = key(
-        "loss angle in rad at each of the frequencies", min_length=1, max_length=10000
+        "loss angle at each of them, rad", min_length=1, max_length=10000
     )
 
-    rules = (demand.same_length("angle", "frequency"), demand.ascending("frequency"))
+    rules = (tables.same_length("angle", "frequency"), tables.ascending("frequency"))
 
 
 class MaterialLoss(Table, frozen=True):
     """Losses of a material, for the models in which wires bend."""
 
     angle: units.LossAngle | None = key("constant loss angle of the bulk in rad")
-    table: LossTable | None = key(
-        "loss angle of the bulk by frequency, instead of a constant one:"
-        " interpolated linearly in the logarithms"
-    )
+    table: LossTable | None = key("loss angle of the bulk by frequency, instead")
     surface_depth: units.Separation | None = key(
-        "dissipation depth of the surface in m; default 0, or that of the built-in"
-        " material unless the design gives another loss of the bulk"
+        "dissipation depth of the surface in m; default that of a built-in bulk loss, or 0"
     )
     thermoelastic: bool | None = key(
-        "false omits thermoelastic loss, which needs density, expansion, specific"
-        " heat and conductivity (the slope of the modulus may be missing)"
+        "false omits thermoelastic loss, which needs expansion, density and thermal constants"
     )
 
 
@@ -63,28 +56,19 @@ class Mechanism:
 
     Loss angles are in rad, finite at zero frequency, and add up; `omega` is in rad/s, of any shape,
     not negative, or complex (of a damped mode).
-
-    Attributes
-    ----------
-    name
-        For messages.
-    uniform
-        Whether it acts in every deformation; otherwise in bending alone.
-    cause
-        Cause under which `pendsus thermal` lists its dissipation in the bending of wires:
-        ``clamps`` for ``test.clamps``; "" to list it with the bending of either end.
     """
 
     name: ClassVar[str]
+    """For messages."""
     uniform: ClassVar[bool] = False
+    """Whether it acts in every deformation; otherwise in bending alone."""
     cause: ClassVar[str] = ""
+    """Cause under which `pendsus thermal` lists its dissipation in the bending of wires: ``clamps``
+    for ``test.clamps``; "" to list it with the bending of either end."""
 
     @classmethod
     def check(cls, own: Any, material: Any) -> Problems:
-        """Check a design's table of a material; `material` has the built-in values too.
-
-        Bounds of single numbers are in their types.
-        """
+        """Check a design's table of a material; `material` has the built-in values too."""
         del own, material
         yield from ()
 
@@ -127,30 +111,19 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class Bulk(Mechanism):
-    """Loss of bulk and surface.
-
-    Attributes
-    ----------
-    angle
-        Constant loss angle of the bulk, rad.
-    table
-        Frequencies (Hz, ascending) and loss angles of the bulk (rad), instead of `angle`.
-    surface_depth
-        Dissipation depth d_s of the surface, m.
-    """
+    """Loss of bulk and surface."""
 
     name: ClassVar[str] = "bulk"
     uniform: ClassVar[bool] = True
 
-    angle: float
-    table: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    surface_depth: float = 0.0
+    angle: float  # constant, of the bulk, rad
+    table: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # Hz and rad, instead
+    surface_depth: float = 0.0  # dissipation depth d_s, m
 
     @classmethod
     def check(cls, own: Any, material: Any) -> Problems:
         """Check that one loss of the bulk is given."""
-        loss = own.loss
-        if loss is None:
+        if (loss := own.loss) is None:
             return
         if loss.angle is not None and own.loss_angle is not None:
             problem = "conflicts with loss_angle, which is short for it"
@@ -166,10 +139,10 @@ class Bulk(Mechanism):
         """Read the constants; None for a material without bulk loss."""
         del wire
         loss = material.loss
-        if loss.table is not None:
-            table = (tuple(loss.table.frequency), tuple(loss.table.angle))
-            return cls(loss.angle or 0.0, table, loss.surface_depth or 0.0)
-        return cls(loss.angle, None, loss.surface_depth or 0.0) if loss.angle else None
+        if loss.table is None and not loss.angle:
+            return None
+        table = loss.table and (tuple(loss.table.frequency), tuple(loss.table.angle))
+        return cls(loss.angle or 0.0, table, loss.surface_depth or 0.0)
 
     def bending(
         self, shape: CrossSection, plane: int, omega: Frequencies, temperature: float
@@ -204,30 +177,16 @@ CONSTANTS = ("density", "thermal_expansion", "specific_heat", "thermal_conductiv
 
 @dataclass(frozen=True)
 class Thermoelastic(Mechanism):
-    """Thermoelastic loss of bending.
-
-    Attributes
-    ----------
-    youngs_modulus, density
-        Pa, kg/m^3.
-    expansion
-        Linear thermal expansion alpha, 1/K.
-    modulus_slope
-        beta = (1/E) dE/dT, 1/K.
-    heat_capacity
-        Specific heat, J/(kg K).
-    conductivity
-        Thermal conductivity, W/(m K).
-    """
+    """Thermoelastic loss of bending."""
 
     name: ClassVar[str] = "thermoelastic"
 
-    youngs_modulus: float
-    density: float
-    expansion: float
-    modulus_slope: float
-    heat_capacity: float
-    conductivity: float
+    youngs_modulus: float  # Pa
+    density: float  # kg/m^3
+    expansion: float  # linear thermal expansion alpha, 1/K
+    modulus_slope: float  # beta = (1/E) dE/dT, 1/K
+    heat_capacity: float  # specific heat, J/(kg K)
+    conductivity: float  # thermal, W/(m K)
 
     @classmethod
     def check(cls, own: Any, material: Any) -> Problems:

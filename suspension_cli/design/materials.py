@@ -16,30 +16,26 @@ BUILT_IN = msgspec.convert(
     dict[str, Material],
 )
 """Built-in materials by name; the file has their sources."""
-BULK = ("angle", "table", "surface_depth")
-"""Keys of the loss of the bulk and of what is relative to it."""
 
 
 def resolve(design: Design, name: str) -> Material:
     """Look up a material: values of the design, then built-in ones, with all losses in `loss`.
 
-    A surface depth is relative to the loss angle of the bulk, so the built-in depth is dropped if
+    A surface depth is relative to the loss angle of the bulk, so both built-in ones are dropped if
     the design gives a bulk loss.
     """
-    own = design.materials.get(name, Material())
-    base = BUILT_IN.get(name, Material())
-    given, loss = _given(own), _given(base.loss or MaterialLoss())
-    own_loss: dict[str, Any] = _given(own.loss or MaterialLoss())
+    own, base = design.materials.get(name, Material()), BUILT_IN.get(name, Material())
+    loss, own_loss = _given(base.loss), _given(own.loss)
     if own.loss_angle is not None:
-        own_loss = {"angle": own.loss_angle} | own_loss
+        own_loss = {"angle": own.loss_angle, **own_loss}
     if {"angle", "table"} & own_loss.keys():
-        loss = {key: value for key, value in loss.items() if key not in BULK}
-    return msgspec.structs.replace(base, **given | {"loss": MaterialLoss(**loss | own_loss)})
+        loss = {key: loss[key] for key in loss.keys() - {"angle", "table", "surface_depth"}}
+    return msgspec.structs.replace(base, **_given(own) | {"loss": MaterialLoss(**loss | own_loss)})
 
 
-def _given(table: Material | MaterialLoss) -> dict[str, Any]:
+def _given(table: Material | MaterialLoss | None) -> dict[str, Any]:
     """Values that a table gives."""
-    values = msgspec.structs.asdict(table)
+    values = {} if table is None else msgspec.structs.asdict(table)
     return {key: value for key, value in values.items() if value not in (None, "")}
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import demand, faults, reader, tables
+from suspension_cli.design import faults, reader, tables
 from suspension_cli.design.tables import Problems, Schema, Table, key
 from suspension_cli.design.units import Dof, Frequency, Number, Positive, Stem
 from suspension_cli.errors import format_value
@@ -19,13 +19,13 @@ class Mode(Table, frozen=True):
     frequency: Frequency
     uncertainty: float = key("standard deviation, Hz", unit="Hz", gt=0, le=1e6)
     label: str | None = key(
-        "as pendsus modes prints it with the model of the fit; default: the nearest mode"
+        "as pendsus modes prints it for the model of the fit; default the nearest mode"
     )
     dof: list[Dof] | None = key(
-        "without a label: coordinates of which one must dominate the mode", min_length=1
+        "without a label: coordinates of which one dominates the mode", min_length=1
     )
 
-    rules = (demand.excludes("label", "dof"),)
+    rules = (tables.excludes("label", "dof"),)
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -52,27 +52,18 @@ class TransferFunction(Table, frozen=True):
     value: Column | None = None
     coherence: Column | None = None
     uncertainty: Column | Annotated[float, Meta(gt=0, le=10)] | None = key(
-        "column of the standard deviation of real and imaginary part, in the unit of"
-        " the value; or a number, relative to the value"
+        "column of the standard deviation of real and imaginary part; or relative to the value"
     )
     input_channel: str | None = None
     output_channel: str | None = None
-    magnitude_unit: Literal["1", "dB"] | None = key(
-        '"1" or "dB"; default: that of the heading, or 1'
-    )
-    phase_unit: Literal["deg", "rad"] | None = key(
-        '"deg" or "rad"; default: that of the heading, or deg'
-    )
-    frequency_unit: Literal["Hz", "rad/s"] | None = key(
-        '"Hz" or "rad/s"; default: that of the heading, or Hz'
-    )
-    averages: float | None = key(
-        "number of averages; with the coherence, gives the uncertainty", ge=1, le=1e9
-    )
+    magnitude_unit: Literal["1", "dB"] | None = key("default that of the heading, or 1")
+    phase_unit: Literal["deg", "rad"] | None = key("default that of the heading, or deg")
+    frequency_unit: Literal["Hz", "rad/s"] | None = key("default that of the heading, or Hz")
+    averages: float | None = key("number of averages, for the uncertainty", ge=1, le=1e9)
     gain: Number = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
-    band: list[Frequency] | None = key("use frequencies from, to, Hz", min_length=2, max_length=2)
+    band: list[Frequency] | None = key("use frequencies from, to, Hz", count=2)
 
-    rules = (demand.nonzero("gain"), demand.ascending("band"))
+    rules = (tables.nonzero("gain"), tables.ascending("band"))
 
 
 class Transducer(Table, frozen=True):
@@ -87,20 +78,16 @@ class Transducer(Table, frozen=True):
     name: str = key(pattern=r"^[A-Za-z][A-Za-z0-9_:-]*$", max_length=60)
     signal: str = key("upper.x (sensor), upper.force_x (actuator)")
     gain: Number = key("reading over signal (a sensor), force over drive (an actuator)", 1.0)
-    gain_uncertainty: float | None = key(
-        "relative standard deviation; the gain is then fitted", gt=0, le=10
-    )
+    gain_uncertainty: float | None = key("relative, of a gain that is then fitted", gt=0, le=10)
     sign_known: bool = key("false: fit tries the other sign of the gain, too", True)
     delay: float = key("delay of the channel, s", 0.0, ge=-10, le=10)
-    delay_uncertainty: float | None = key(
-        "standard deviation, s; the delay is then fitted", gt=0, le=10
-    )
+    delay_uncertainty: float | None = key("of a delay that is then fitted, s", gt=0, le=10)
     unit: str | None = key(
-        "unit of the reading or the drive: V; default: SI unit of signal", max_length=20
+        "of the reading or the drive: V; default SI unit of signal", max_length=20
     )
     mix: dict[str, Number] = key("other signals that the channel contains, and how much", {})
     mix_uncertainty: dict[str, Positive] = key(
-        "standard deviations of entries of mix, which are then fitted from 0 or mix", {}
+        "of entries of mix, which are then fitted from 0 or mix", {}
     )
 
     @property
@@ -108,13 +95,14 @@ class Transducer(Table, frozen=True):
         """Signals of the design in the channel, with those fitted from 0 (`mix_uncertainty`)."""
         return (self.signal, *self.mix, *self.mix_uncertainty)
 
-    def _check_signals(self) -> Problems:
+    def check(self) -> Problems:
+        """Check that it has signals of the design."""
         for name, signal in [("signal", self.signal), *(("mix", signal) for signal in self.mix)]:
             if "." not in signal:
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
 
-    rules = (demand.nonzero("gain"), _check_signals)
+    rules = (tables.nonzero("gain"),)
 
 
 class Experiment(Table, frozen=True):
@@ -122,9 +110,7 @@ class Experiment(Table, frozen=True):
 
     design: str = key("path of a design file, from the folder of this one", min_length=1)
     mode: list[Mode] = key(min_length=1)
-    name: Stem | None = key(
-        "letters, digits, . _ and -, unique; default: the stem of the design file"
-    )
+    name: Stem | None = key("letters, digits, . _ and -, unique; default the design's file name")
     set: list[str] = key("overrides as --set takes them", [])
 
     @property
@@ -142,11 +128,9 @@ class Free(Table, frozen=True):
     uncertainty: Positive | None = key("standard deviation of the prior")
     lower: Number | None = None
     upper: Number | None = None
-    experiments: list[str] | None = key(
-        "names of the experiments that share it; default: all", min_length=1
-    )
+    experiments: list[str] | None = key("names of those that share it; default all", min_length=1)
 
-    rules = (demand.together("prior", "uncertainty"), demand.bounded)
+    rules = (tables.together("prior", "uncertainty"), tables.bounded)
 
 
 class Measured(Table, frozen=True):
@@ -184,13 +168,12 @@ class Measured(Table, frozen=True):
         given = self.parameter[n].experiments
         return tuple(given is None or name in given for name in self.names)
 
-    def _check_names(self) -> Problems:
+    def check(self) -> Problems:
+        """Check names of experiments, signals, and numbers that are fitted."""
         for n, title in enumerate(self.names):
             if title in self.names[:n]:
                 remedy = "give each a name of its own"
                 yield f"experiment.{n + 1}.name", f"{title} is also that of an earlier one", remedy
-
-    def _check_signals(self) -> Problems:
         for n, one in enumerate(self.transfer_function, 1):
             for end, kind, example in (
                 ("input", "actuator", "upper.force_x"),
@@ -202,8 +185,6 @@ class Measured(Table, frozen=True):
                     remedy = f"{remedy}; {faults.suggest(name, known)}" if known else remedy
                     problem = f"is neither a signal nor the name of a [[{kind}]]"
                     yield f"transfer_function.{one.name or n}.{end}", problem, remedy
-
-    def _check_parameters(self) -> Problems:
         for n, item in enumerate(self.parameter):
             path = f"parameter.{n + 1}"
             unknown = [name for name in item.experiments or () if name not in self.names]
@@ -220,14 +201,11 @@ class Measured(Table, frozen=True):
                     break
 
     rules = (
-        demand.any_of("mode", "transfer_function", "experiment"),
-        demand.excludes("experiment", "mode", "transfer_function"),
-        demand.unique("sensor"),
-        demand.unique("actuator"),
-        demand.unique("transfer_function"),
-        _check_names,
-        _check_signals,
-        _check_parameters,
+        tables.any_of("mode", "transfer_function", "experiment"),
+        tables.excludes("experiment", "mode", "transfer_function"),
+        tables.unique("sensor"),
+        tables.unique("actuator"),
+        tables.unique("transfer_function"),
     )
 
 

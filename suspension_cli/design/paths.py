@@ -60,59 +60,43 @@ def value_at(document: Raw | Table, path: str) -> Value:
 
 
 def assign(document: Raw, keys: list[str], value: object, override: str) -> None:
-    """Set a value in a parsed document, in place; missing tables are made.
+    """Set a value in a parsed document, in place; missing tables are made. See `changed`."""
+    document |= changed(document, keys, lambda _: value, override)
 
-    `keys` are the parts of the path, `override` is the setting as given, for errors. Raises
-    `InputError` if a list is missing or has no such member, or the path leads through a value.
+
+def changed(
+    node: Value, keys: Sequence[str], change: Callable[[Value], Value], override: str = ""
+) -> Value:
+    """Copy a document or a tree of structs with one value replaced by a function of it.
+
+    It shares all tables and lists that do not change. Missing tables of a document are made.
+    `override` is the setting as given, for errors. Raises `InputError` if a list is missing or has
+    no such member, or the path leads through a value.
     """
-    node: Value = document
-    place: Value = ""
-    shown = format_value(override)
-    for depth, key in enumerate(keys):
-        last = depth == len(keys) - 1
-        place = key
-        if isinstance(node, list):
-            place = member(node, key)
-            if place is None:
-                names = [str(name_of(item) or n) for n, item in enumerate(node, 1)]
-                remedy = suggest(key, names)
-                raise InputError.of("--set", f"there is no {key!r} here", remedy, shown)
-        elif not isinstance(node, dict):
-            problem = f"{'.'.join(keys[:depth])} is a value, not a table"
-            raise InputError.of("--set", problem, "shorten the path", shown)
-        elif not last and key not in node:
-            if keys[depth + 1].isdigit():
-                whole = ".".join(keys[: depth + 1])
-                problem = f"the design gives no {whole} of which this is a member"
-                remedy = f"give {whole} whole, or take what the design gives there"
-                raise InputError.of("--set", problem, f"{remedy}: {', '.join(node)}", shown)
-            node[key] = {}
-        if not last:
-            node = node[place]
-    node[place] = value
-
-
-def copied(node: Value, keys: Sequence[str]) -> Value:
-    """Copy the tables and lists of a parsed document along a path; it shares all others."""
-    if isinstance(node, list):
-        place = member(node, keys[0]) if keys else None
-        return [copied(item, keys[1:]) if n == place else item for n, item in enumerate(node)]
-    if not isinstance(node, dict):
-        return node
-    return node | {key: copied(node[key], keys[1:]) for key in keys[:1] if key in node}
-
-
-def changed(node: Value, keys: Sequence[str], change: Callable[[Value], Value]) -> Value:
-    """Copy a tree of structs and lists with one value replaced by a function of it."""
     if not keys:
         return change(node)
     key, rest = keys[0], keys[1:]
+    done = override.partition("=")[0].split(".")[: -len(keys)]
+    if isinstance(node, msgspec.Struct):
+        new = changed(getattr(node, key), rest, change, override)
+        return msgspec.structs.replace(node, **{key: new})
     if isinstance(node, (list, tuple)):
         place = member(node, key)
-        return type(node)(
-            changed(item, rest, change) if n == place else item for n, item in enumerate(node)
-        )
-    return msgspec.structs.replace(node, **{key: changed(getattr(node, key), rest, change)})
+        if place is None:
+            names = [str(name_of(item) or n) for n, item in enumerate(node, 1)]
+            problem = f"there is no {key!r} here"
+            raise InputError.of("--set", problem, suggest(key, names), format_value(override))
+        own = changed(node[place], rest, change, override)
+        return type(node)(own if n == place else item for n, item in enumerate(node))
+    if not isinstance(node, dict):
+        problem = f"{'.'.join(done)} is a value, not a table"
+        raise InputError.of("--set", problem, "shorten the path", format_value(override))
+    if rest and key not in node and rest[0].isdigit():
+        whole = ".".join([*done, key])
+        problem = f"the design gives no {whole} of which this is a member"
+        remedy = f"give {whole} whole, or take what the design gives there: {', '.join(node)}"
+        raise InputError.of("--set", problem, remedy, format_value(override))
+    return node | {key: changed(node.get(key, {}), rest, change, override)}
 
 
 def numbers(path: str, value: object, skip: Collection[str] = ()) -> Iterator[tuple[str, float]]:
@@ -165,12 +149,8 @@ def symmetric_settings(values: Mapping[str, float]) -> tuple[str, ...]:
 def unit_of(path: str) -> str:
     """Return the SI unit of the number at a dotted path, as ``--set`` takes it; "" if it has none.
 
-    Examples
-    --------
-    >>> unit_of("stage.test.wires.d"), unit_of("materials.steel302.density")
-    ('m', 'kg/m^3')
-    >>> unit_of("stage.test.body.inertia.2"), unit_of("design.name")
-    ('kg m^2', '')
+    >>> unit_of("stage.test.wires.d"), unit_of("design.name")
+    ('m', '')
     """
     kinds: tuple[type[Table], ...] = (Design,)
     facts: dict[str, Any] = {}
@@ -191,8 +171,6 @@ def displayed_unit(path: str, value: float) -> tuple[str, float]:
 
     The unit of a pure number is "".
 
-    Examples
-    --------
     >>> displayed_unit("stage.test.wires.d", 0.0015), displayed_unit("gas.pressure", 1e-5)
     (('mm', 1000.0), ('Pa', 1.0))
     """
@@ -205,8 +183,6 @@ def displayed_unit(path: str, value: float) -> tuple[str, float]:
 def format_with_unit(path: str, value: float, digits: int = 4) -> str:
     """Write a number of a design in its customary unit.
 
-    Examples
-    --------
     >>> format_with_unit("stage.test.wires.d", 0.0015)
     '1.5 mm'
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import functools
 import hashlib
@@ -16,9 +15,8 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
-from suspension_cli.design import checks, faults, foton_file, paths
+from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
-from suspension_cli.design.detectors import DETECTORS
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
@@ -45,46 +43,28 @@ _LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{50}}")
 
 @dataclass(frozen=True)
 class Source:
-    """A design and its source.
-
-    Attributes
-    ----------
-    text
-        The whole design as TOML with overrides, as results embed it.
-    file
-        The path as the user gave it.
-    given_stem, overrides
-        Start of the names of written files, if the user gave one, and the overrides that they name.
-    """
+    """A design and its source."""
 
     design: Design
-    text: str
-    file: str
-    given_stem: str | None = None
-    overrides: tuple[str, ...] = ()
+    text: str  # the whole design as TOML with overrides, as results embed it
+    file: str  # the path as the user gave it
+    given_stem: str | None = None  # start of the names of written files, if the user gave one
+    overrides: tuple[str, ...] = ()  # that these names tell
 
     def stem(self, name: str = "") -> str:
         """Start of the names of written files: as given, else a name with the overrides.
 
-        `name` is that of the design by default.
+        `name` is that of the design by default. An override of `design.name` suffices; a digest
+        follows where letters had to be replaced or left out: ``my-test.wires.d=0.002``.
         """
-        return self.given_stem or _with_overrides(name or self.design.design.name, self.overrides)
-
-
-def _with_overrides(name: str, overrides: tuple[str, ...]) -> str:
-    """Add overrides to a name, and a digest of them where letters had to be replaced or left out.
-
-    A name that is itself an override (of `design.name`) suffices.
-
-    >>> _with_overrides("my", ("stage.test.wires.d=0.002", "design.title=Stiffer"))
-    'my-test.wires.d=0.002'
-    """
-    plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in overrides]
-    if any(text.startswith("design.name=") for text in plain):
-        return name
-    whole = "-".join([name, *(text for text in plain if not text.startswith("design."))])
-    short = re.sub(r"[^A-Za-z0-9._=+-]+", "_", whole)[:LONGEST_STEM]
-    return short if short == whole else f"{short}-{hashlib.sha256(whole.encode()).hexdigest()[:8]}"
+        name = name or self.design.design.name
+        plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in self.overrides]
+        if self.given_stem or any(text.startswith("design.name=") for text in plain):
+            return self.given_stem or name
+        whole = "-".join([name, *(text for text in plain if not text.startswith("design."))])
+        short = re.sub(r"[^A-Za-z0-9._=+-]+", "_", whole)[:LONGEST_STEM]
+        digest = hashlib.sha256(whole.encode()).hexdigest()[:8]
+        return short if short == whole else f"{short}-{digest}"
 
 
 def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
@@ -92,15 +72,14 @@ def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
 
     Raises `InputError` with every fault of the file.
     """
-    name, folder = str(file), Path(file).parent
     try:
         raw = _parse(_text(Path(file)))
         apply_overrides(raw, overrides)
         _check_kind(raw, "design")
-        insert_files(raw, folder)
-        return Source(convert(raw), write_toml(raw), name)
+        insert_files(raw, Path(file).parent)
+        return Source(convert(raw), write_toml(raw), str(file))
     except InputError as error:
-        raise error.in_file(name) from None
+        raise error.in_file(str(file)) from None
 
 
 def _check_kind(raw: Raw, wanted: str) -> None:
@@ -148,13 +127,10 @@ def parse_with_overrides(text: str, overrides: tuple[str, ...]) -> Design:
 
 @dataclass(frozen=True)
 class VariedDesign:
-    """A design whose numbers are varied, as a parsed document, and its stages, which are valid.
-
-    A stage without a change is not checked again.
-    """
+    """A design whose numbers are varied: a stage without a change is not checked again."""
 
     raw: Raw
-    stages: list[Stage]
+    stages: list[Stage]  # as they are in the parsed document, valid
 
     @staticmethod
     def of(text: str) -> VariedDesign:
@@ -167,9 +143,8 @@ class VariedDesign:
         """The design with other numbers at dotted paths; raises `InputError`."""
         raw = self.raw
         for path, value in values.items():
-            keys = path.split(".")
-            raw = paths.copied(raw, keys)
-            paths.assign(raw, keys, float(value), f"{path}={value!r}")
+            keys, number = path.split("."), float(value)
+            raw = paths.changed(raw, keys, lambda _, new=number: new, f"{path}={value!r}")
         return convert(raw, self.stages)
 
 
@@ -182,8 +157,7 @@ def convert(raw: Raw, sound: Sequence[Stage] = ()) -> Design:
         design = faults.convert(raw, Design, rules=False)
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
-    found = checks.check_design(design, sound)
-    if found:
+    if found := checks.check_design(design, sound):
         raise InputError(found)
     return add_keystones(design)
 
@@ -196,60 +170,36 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
     read or have another form.
     """
     found: list[Fault] = []
-    for path, link in _members(raw, "link", "link") if of_links else ():
-        table = link.get("table")
-        if isinstance(table, dict) and isinstance(table.get("file"), str):
-            if given := [name for name in ("frequency", "real", "imaginary") if name in table]:
-                key = f"{path}.table.{given[0]}"
-                found.append(Fault(key, "is also in the file", "remove it, or file"))
+    for pattern, insert in FILES.items():
+        of_wire = insert is _insert_profile
+        for path, holder, key in _find(raw, pattern.split(".")) if of_links or of_wire else ():
+            value = holder[key]
+            table = {"file": value} if of_wire and isinstance(value, str) else value
+            name = table.get("file") if isinstance(table, dict) else None
+            if not isinstance(name, str):
                 continue
-            name, form = table.pop("file"), table.pop("form", "real-imaginary")
-            with _reported(found, f"{path}.table.file", name):
-                table |= _stiffness(folder / name, form)
-    control = raw.get("control") if of_links else None
-    for path, loop in _members(
-        control if isinstance(control, dict) else {}, "loop", "control.loop"
-    ):
-        for key in ("filter", "sensor_response"):
-            table = loop.get(key)
-            if isinstance(table, dict):
-                with _reported(found, f"{path}.{key}.file", str(table.get("file"))):
-                    _insert_sections(table, folder)
-    for where, stage in _members(raw, "stage", "stage"):
-        wires = [(f"{where}.wires", stage.get("wires")), *_members(stage, "wire", f"{where}.wire")]
-        for path, wire in wires:
-            own = wire.get("profile") if isinstance(wire, dict) else None
-            own = {"file": own} if isinstance(own, str) else own
-            if not isinstance(own, dict) or "position" in own or "diameter" in own:
-                continue
-            if isinstance(name := own.get("file"), str):
-                shipped = EXAMPLES / Path(name).name
-                local = os.path.exists(folder / name) or not shipped.exists()
-                with _reported(found, f"{path}.profile", name):
-                    wire["profile"] = own | _diameters(folder / name if local else shipped)
+            try:
+                holder[key] = insert(table, folder / name)
+            except InputError as error:
+                for fault in error.faults:
+                    problem = ": ".join(filter(None, (fault.key, fault.problem)))
+                    lost = "give its path from the folder of the design file"
+                    remedy = lost if problem.startswith("cannot be read") else fault.remedy
+                    where = f"{path}.file" if table is value else path
+                    found.append(Fault(where, problem, remedy, format_value(name)))
     if found:
         raise InputError(found)
 
 
-def _members(raw: Raw, key: str, path: str) -> Iterator[tuple[str, Raw]]:
-    """List the tables of an array, each behind its path."""
-    rows = raw.get(key)
-    for number, row in enumerate(rows if isinstance(rows, list) else [], 1):
-        if isinstance(row, dict):
-            yield f"{path}.{row.get('name', number)}", row
-
-
-@contextlib.contextmanager
-def _reported(found: list[Fault], key: str, name: str) -> Iterator[None]:
-    """Collect the faults of a file that is read inside."""
-    try:
-        yield
-    except InputError as error:
-        for fault in error.faults:
-            problem = ": ".join(filter(None, (fault.key, fault.problem)))
-            lost = "give its path from the folder of the design file"
-            remedy = lost if problem.startswith("cannot be read") else fault.remedy
-            found.append(Fault(key, problem, remedy, format_value(name)))
+def _find(node: object, keys: Sequence[str], path: str = "") -> Iterator[tuple[str, Raw, str]]:
+    """List the places in a document that fit some keys: key path, table and last key."""
+    key, *rest = keys
+    if key == "*":
+        for n, item in enumerate(node if isinstance(node, list) else ()):
+            yield from _find(item, rest, faults.step(path, n, item))
+    elif isinstance(node, dict) and key in node:
+        place = faults.step(path, key)
+        yield from _find(node[key], rest, place) if rest else [(place, node, key)]
 
 
 def _columns(file: Path, counts: tuple[int, ...], remedy: str) -> columns.Columns:
@@ -260,46 +210,59 @@ def _columns(file: Path, counts: tuple[int, ...], remedy: str) -> columns.Column
     return found
 
 
-def _diameters(file: Path) -> Raw:
-    """Read positions and diameters (m) from a CSV file of two columns."""
-    found = _columns(file, (2,), "write position,diameter in each line")
-    scales = [columns.split_unit(name, columns.PER_M)[1] for name in found.names]
-    return {
-        key: (found.numbers(n, key) / (scales[n] if found.headed else 1.0)).tolist()
-        for n, key in enumerate(("position", "diameter"))
-    }
+def _insert_profile(table: Raw, file: Path) -> Raw:
+    """Read positions and diameters (m) of a profile from a CSV file of two columns."""
+    if table.keys() & {"position", "diameter"}:
+        return table
+    shipped = EXAMPLES / file.name
+    own = shipped if shipped.exists() and not os.path.exists(file) else file
+    found = _columns(own, (2,), "write position,diameter in each line")
+    for n, key in enumerate(("position", "diameter")):
+        scale = columns.split_unit(found.names[n], columns.PER_M)[1] if found.headed else 1.0
+        table = table | {key: (found.numbers(n, key) / scale).tolist()}
+    return table
 
 
-def _insert_sections(table: Raw, folder: Path) -> None:
-    """Replace the sections of a Foton filter file in a table, if sound, by a design."""
-    match table:
-        case {"file": str(file), "module": str(module), "sections": [*numbers]} if (
-            all(isinstance(n, int) and 1 <= n <= foton_file.SECTIONS for n in numbers)
-            and numbers
-            and not table.keys() & {"design", "rate"}
-        ):
-            text, rate = foton_file.read(folder / file, module, numbers)
-            for key in ("file", "module", "sections"):
-                del table[key]
-            listed = ", ".join(map(str, numbers))
-            table |= {"design": text, "rate": rate}
-            table.setdefault("source", f"{file}, {module}, sections {listed}")
-        case _:
-            pass
+def _insert_sections(table: Raw, file: Path) -> Raw:
+    """Read sections of a Foton filter file as a design, if the table is sound."""
+    module, numbers = table.get("module"), table.get("sections")
+    if not isinstance(numbers, list) or not numbers or not isinstance(module, str):
+        return table
+    known = range(1, foton_file.SECTIONS + 1)
+    if any(n not in known for n in numbers) or table.keys() & {"design", "rate"}:
+        return table
+    text, rate = foton_file.read(file, module, numbers)
+    rest = {key: table[key] for key in table if key not in ("file", "module", "sections")}
+    source = f"{table['file']}, {module}, sections {', '.join(map(str, numbers))}"
+    return {**rest, "design": text, "rate": rate, "source": rest.get("source", source)}
 
 
-def _stiffness(file: Path, form: str) -> Raw:
-    """Frequency, real and imaginary parts per axis of a CSV file."""
+def _insert_stiffness(table: Raw, file: Path) -> Raw:
+    """Read frequency, real and imaginary parts per axis from a CSV file."""
     import numpy as np
 
+    for name in ("frequency", "real", "imaginary"):
+        if name in table:
+            raise InputError.of(name, "is also in the file", "remove it, or file")
     remedy = "give frequency and two columns per axis: 3 columns for one axis, 13 for six"
     found = _columns(file, (3, 13), remedy)
     frequency, *rows = [found.numbers(n, "number") for n in range(len(found.names))]
     first, second = np.array(rows[::2]), np.array(rows[1::2])
-    if form == "modulus-loss":
+    if table.get("form") == "modulus-loss":
         first, second = first * np.cos(second), first * np.sin(second)
     parts = {"frequency": frequency, "real": first, "imaginary": second}
-    return {key: part.tolist() for key, part in parts.items()}
+    rest = {key: table[key] for key in table if key not in ("file", "form")}
+    return rest | {key: part.tolist() for key, part in parts.items()}
+
+
+FILES = {
+    "link.*.table": _insert_stiffness,
+    "control.loop.*.filter": _insert_sections,
+    "control.loop.*.sensor_response": _insert_sections,
+    "stage.*.wires.profile": _insert_profile,
+    "stage.*.wire.*.profile": _insert_profile,
+}
+"""Tables whose numbers may stand in a file, by key path."""
 
 
 def write_toml(raw: Raw) -> str:
@@ -318,7 +281,7 @@ def _text(path: Path) -> str:
 
 def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
     try:
-        raw = copy.deepcopy(_parsed(text))
+        raw = copy.deepcopy(_loads(text))
     except tomllib.TOMLDecodeError as error:
         raise InputError.of("", f"is not TOML: {error}", "correct that line") from None
     except RecursionError:
@@ -332,12 +295,8 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
 
 
 @functools.lru_cache(maxsize=8)
-def _parsed(text: str) -> Raw:
-    """Parse TOML text; cached, as searches read one text with many overrides."""
-    return _loads(text)
-
-
 def _loads(text: str) -> Raw:
+    """Parse TOML text; cached, as searches read one text with many overrides."""
     if long := _LONG_KEY.search(text):
         line = text.count("\n", 0, long.start()) + 1
         raise InputError([replace(_TOO_DEEP, key=f"line {line}")])
@@ -347,12 +306,9 @@ def _loads(text: str) -> Raw:
 def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
     """Set values in a parsed document, in place.
 
-    Parameters
-    ----------
-    overrides
-        ``stage.test.wires.d=0.002``: a dotted path (members of lists by name or number from 1) and
-        a TOML value (a bare word is a string). Missing tables are added; a missing member of a list
-        is a fault.
+    An override ``stage.test.wires.d=0.002`` is a dotted path (members of lists by name or number
+    from 1) and a TOML value (a bare word is a string). Missing tables are added; a missing member
+    of a list is a fault.
     """
     for override in overrides:
         shown = format_value(override)
@@ -365,7 +321,7 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
             remedy = "write for example --set stage.test.wires.d=0.002"
             raise InputError.of("--set", "is not of the form path=value", remedy, shown)
         try:
-            parsed = _loads(f"value = {value}")["value"]
+            parsed = copy.deepcopy(_loads(f"value = {value}")["value"])
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
             parsed = value.strip()
         paths.assign(raw, keys, parsed, override)
@@ -420,9 +376,9 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
     Raises `InputError` if a path leads nowhere or the new design has faults.
     """
     if not hasattr(changes, "items"):
-        remedy = 'write for example {"stage.test.wires.d": 0.002}'
-        problem = "must be a dictionary of paths"
-        raise InputError.of("changes", problem, remedy, format_value(changes))
+        problem, remedy = "must be a dictionary of paths", '{"stage.test.wires.d": 0.002}'
+        shown = format_value(changes)
+        raise InputError.of("changes", problem, f"write for example {remedy}", shown)
     raw = tomllib.loads(source.text)
     for path, value in changes.items():
         if not isinstance(path, str):
@@ -445,17 +401,14 @@ def _as_toml(value: paths.Value) -> paths.Value:
 
     Raises `TypeError` with what is not one of them.
     """
+    if hasattr(value, "__array__"):
+        value = value.__array__().tolist()
     if isinstance(value, Mapping):
         return {str(key): _as_toml(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_as_toml(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    if hasattr(value, "__array__") and not hasattr(value, "tolist"):  # arrays of xarray
-        value = value.__array__()
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-        return _as_toml(value) if isinstance(value, list) else value
     if isinstance(value, str) and not _is_text(value):
         raise TypeError("bytes that are not text")
     if not isinstance(value, (str, int, float, Decimal, date, time)):

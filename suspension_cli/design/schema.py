@@ -14,25 +14,15 @@ from typing import Annotated
 from msgspec import Meta
 
 from suspension_cli.conventions import AVOGADRO, DOFS
-from suspension_cli.design import demand, foton, imperfections, tables, units
+from suspension_cli.design import foton, tables, units
 from suspension_cli.design.bodies import Body
-from suspension_cli.design.cavities import Cavity
-from suspension_cli.design.filters import Filter
-from suspension_cli.design.inverted_pendulum import InvertedPendulum
-from suspension_cli.design.links import Active, BetweenBodies, Damper, Link
+from suspension_cli.design.imperfections import Distribution as Distribution
+from suspension_cli.design.imperfections import Perturbation, Tolerance
+from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
 from suspension_cli.design.losses import MaterialLoss
 from suspension_cli.design.sensors import NoiseSpectrum, Osem, Reference, SpectralDensity
-from suspension_cli.design.tables import (
-    Problems,
-    Raw,
-    Schema,
-    Table,
-    doc,
-    given,
-    if_sound,
-    key,
-)
-from suspension_cli.design.units import NAMES
+from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
+from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 
@@ -48,48 +38,37 @@ class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
     gravity: units.Acceleration | units.GravityVector = key(
-        "acceleration due to gravity in m/s^2; a vector [x, y, z] with z below 0 acts after"
-        " the suspension was trimmed level",
-        9.81,
+        "acceleration due to gravity in m/s^2; a vector acts after the suspension was trimmed", 9.81
     )
     gravity_gradient: units.GravityGradient | units.GravityGradients = key(
-        "gradient of gravity in 1/s^2: dg_z/dz (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j",
-        0.0,
+        "dg_z/dz in 1/s^2 (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j", 0.0
     )
-    wire_weight: bool = key(
-        "whether wires of known density and cross-section have weight, and inertia in all models",
-        False,
-    )
+    wire_weight: bool = key("whether wires have weight, and inertia in all models", False)
     temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
-    def _check_direction(self) -> Problems:
+    rules = (tables.symmetric("gravity_gradient"),)
+
+    def check(self) -> Problems:
+        """Check the direction of gravity."""
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-
-    rules = (demand.symmetric("gravity_gradient"), _check_direction)
 
 
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
     youngs_modulus: units.Modulus | None = key("Young's modulus in Pa")
-    poisson_ratio: float | None = key(
-        "Poisson's ratio, for the twisting of wires; 0.3 if not given", unit="1", gt=-1, lt=0.5
-    )
+    poisson_ratio: float | None = key("for twisting; 0.3 if not given", unit="1", gt=-1, lt=0.5)
     density: units.Density | None = None
     thermal_expansion: units.Expansion | None = None
     modulus_slope: units.ModulusSlope | None = None
     specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
-    thermal_conductivity: float | None = key(
-        "thermal conductivity in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6
-    )
+    thermal_conductivity: float | None = key("in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6)
     tensile_strength: units.Strength | None = key(
-        "stress in Pa at which the material breaks (or, of blades, yields)"
+        "stress in Pa at which it breaks (blades: yields)"
     )
-    loss_angle: units.LossAngle | None = key(
-        "constant loss angle in rad: short for angle in the table loss"
-    )
+    loss_angle: units.LossAngle | None = key("constant loss angle in rad, short for loss.angle")
     loss: MaterialLoss | None = None
     source: str = key("where the numbers come from", "")
 
@@ -97,15 +76,9 @@ class Material(Table, frozen=True):
 class Gas(Table, frozen=True):
     """Residual gas around the suspension."""
 
-    pressure: units.Pressure = key(
-        "pressure in Pa, of a gas so dilute that its molecules do not collide"
-    )
-    molar_mass: float = key(
-        "molar mass in kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0
-    )
-    temperature: units.Kelvin | None = key(
-        "temperature of the gas in K; default that of [constants]"
-    )
+    pressure: units.Pressure = key("pressure in Pa, so low that molecules do not collide")
+    molar_mass: float = key("kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0)
+    temperature: units.Kelvin | None = key("in K; default that of [constants]")
 
     @property
     def molecule(self) -> float:
@@ -121,22 +94,14 @@ class Spring(Table, frozen=True):
     )
     at: units.Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
-    preload: units.Wrench = key(
-        "force (N) and torque (N m) on this body in the nominal pose", [0.0] * 6
-    )
-    loss_angle: units.LossAngle | None = key(
-        "loss angle of the stiffness in rad; default that of the material"
-    )
-    material: units.MaterialName | None = key(
-        f"name of the spring's material, for its loss: {NAMES}"
-    )
-    thickness: units.Length | None = key("thickness in m of a flexure that bends, for its loss")
-    temperature: units.Kelvin | None = key(
-        "temperature in K, for its loss; default that of [constants]"
-    )
+    preload: units.Wrench = key("force (N) and torque (N m) on this body, nominal pose", [0.0] * 6)
+    loss_angle: units.LossAngle | None = key("of the stiffness, rad; default that of the material")
+    material: units.MaterialName | None = key("the spring's material, for its loss")
+    thickness: units.Length | None = key("of a flexure that bends, m, for its loss")
+    temperature: units.Kelvin | None = key("in K, for its loss; default that of [constants]")
     active: Active = False
 
-    rules = (demand.symmetric("stiffness", "damping"), demand.needs("thickness", "material"))
+    rules = (tables.symmetric("stiffness", "damping"), tables.needs("thickness", "material"))
 
     @property
     def made_of(self) -> str | None:
@@ -161,9 +126,7 @@ class FrameDamping(Table, frozen=True):
 class Damping(FrameDamping, frozen=True):
     """Viscous damping of a body's motion relative to another body or the support, at its COM."""
 
-    against: units.Name = key(
-        f'"support", or the name of a stage above: {NAMES}', "support", names="earlier stage"
-    )
+    against: units.Name = key('"support", or a stage above', "support", names="earlier stage")
 
 
 class Compliance(Table, frozen=True):
@@ -182,16 +145,13 @@ class Support(Table, frozen=True):
 
     stiffness: Compliance
     mass: units.MassOrZero = key("mass that moves with the suspension point, kg", 0.0)
-    inertia: list[units.MomentOrZero] = key(
-        "moments of inertia about x, y, z at the suspension point, kg m^2",
-        [0.0] * 3,
-        min_length=3,
-        max_length=3,
-    )
+    inertia: list[units.MomentOrZero] = key("at the suspension point, kg m^2", [0.0] * 3, count=3)
     damping: FrameDamping = FrameDamping()
     loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
-    def _check_directions(self) -> Problems:
+    rules = (tables.not_tiny("mass", "inertia"),)
+
+    def check(self) -> Problems:
         """Check that it moves in some direction, and is damped only where it moves."""
         elastic = given(self.stiffness, *DOFS)
         if not elastic:
@@ -202,8 +162,6 @@ class Support(Table, frozen=True):
                 remedy = f"give support.stiffness.{dof} too"
                 yield f"damping.{dof}", "damps a rigid direction", remedy
 
-    rules = (demand.not_tiny("mass", "inertia"), _check_directions)
-
 
 class Stage(Table, frozen=True):
     """A body and what it hangs on."""
@@ -211,19 +169,14 @@ class Stage(Table, frozen=True):
     name: units.Name
     body: Body
     hangs_from: units.Name | None = key(
-        '"support" or an earlier stage, which makes a tree; default the stage before,'
-        f" or the keystone of its filter ({NAMES})",
+        '"support" or an earlier stage; default the stage before, or its keystone',
         names="earlier stage",
     )
     mirror: bool = key(
-        "whether this is the mirror, whose motion commands output by default; without one, the"
-        " end of the longest chain, of several as long the one listed first",
-        False,
+        "whether its motion is the default output; else that of the end of the longest chain", False
     )
     position: units.Vector | None = key(
-        "nominal COM from the COM above (or support point), m; implied by a symmetric"
-        " set or an inverted pendulum, needed otherwise",
-        plausible=TALL,
+        "nominal COM from the COM above (or support point), m, unless implied", plausible=TALL
     )
     wires: WireSet | None = None
     wire: list[Wire] = key("wires anywhere, instead of a symmetric set", [])
@@ -235,15 +188,15 @@ class Stage(Table, frozen=True):
     damping: Damping | None = None
 
     rules = (
-        demand.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
-        demand.excludes("wires", "position", problem="a symmetric set implies the position"),
-        demand.unique("blade"),
-        demand.excludes("inverted_pendulum", "wires", "wire"),
-        demand.needs(
+        tables.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
+        tables.excludes("wires", "position", problem="a symmetric set implies the position"),
+        tables.unique("blade"),
+        tables.excludes("inverted_pendulum", "wires", "wire"),
+        tables.needs(
             "blades", "wires", remedy="use [[stage.blade]] and name the blade in each wire"
         ),
-        demand.any_of("wires", "wire", "spring", "inverted_pendulum"),
-        demand.required(
+        tables.any_of("wires", "wire", "spring", "inverted_pendulum"),
+        tables.required(
             "position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")
         ),
     )
@@ -259,40 +212,9 @@ class Stage(Table, frozen=True):
         return [*([self.blades] if self.blades is not None else []), *self.blade]
 
 
-class _Imperfect(Table, frozen=True):
-    wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
-    body: units.Name | None = key(f"a stage's name, instead of a wire: {NAMES}", names="stage")
-    blade: str | None = key(
-        "a blade: test.blade1; for the blades of a filter its stage", max_length=80, names="blade"
-    )
-    leg: str | None = key(
-        "a leg of an inverted pendulum: platform.leg1", max_length=80, names="leg"
-    )
-    link: str | None = key("the name of a link", max_length=80, names="link")
-
-
-class Perturbation(imperfections.with_perturbations(_Imperfect)):
-    """Imperfections of one wire, body, blade, leg or link in this build."""
-
-    hold: units.Hold = "loaded-length"
-
-    def _check_part(self) -> Problems:
-        """Check that the part can change in this way."""
-        part = given(self, *imperfections.PARTS)[0]
-        known = [row.name for row in imperfections.perturbed(part)]
-        every = [row.name for one in imperfections.PARTS for row in imperfections.perturbed(one)]
-        for name in given(self, *dict.fromkeys(every)):
-            if name not in known:
-                yield name, f"is not for a {part}", f"known here: {', '.join(known)}"
-        if not given(self, *known):
-            yield "", "changes nothing", f"give {' or '.join(known)}"
-
-    rules = (demand.exactly_one(*imperfections.PARTS), if_sound, _check_part)
-
-
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
 Root = Annotated[
-    list[Hertz | Annotated[list[Hertz], Meta(min_length=2, max_length=2)]],
+    list[Hertz | Annotated[list[Hertz], doc(count=2)]],
     doc("roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
 ]
 
@@ -312,27 +234,24 @@ class DigitalFilter(Table, frozen=True):
 
     file: str | None = key("Foton filter file (.txt) of a front end, from this file's folder")
     module: str | None = key("name of the filter module in the file: M0_DAMP_L")
-    sections: list[Annotated[int, Meta(ge=1, le=10)]] = key(
-        "sections of the module that are on: 1 is FM1", []
-    )
+    sections: list[Annotated[int, Meta(ge=1, le=10)]] = key("sections that are on: 1 is FM1", [])
     design: str | None = key(f"{FOTON}, made digital as Foton does; of a file, its sections")
     rate: float | None = key("sample rate in Hz of the design", unit="Hz", gt=0, le=1e9)
     gain: float = key("factor on the filter", 1.0, unit="1", ge=-1e12, le=1e12)
     source: str = key("where the design comes from; filled in for a file", "")
 
-    def _check_file(self) -> Problems:
+    rules = (
+        tables.exactly_one("file", "design"),
+        tables.needs("file", "module"),
+        tables.needs("file", "sections"),
+        tables.together("design", "rate"),
+    )
+
+    def check(self) -> Problems:
+        """Check that a file was read."""
         if self.file is not None:
             remedy = "read the design from its file, or give design and rate"
             yield "file", "is read only with a design file, not with its text alone", remedy
-
-    rules = (
-        demand.exactly_one("file", "design"),
-        demand.needs("file", "module"),
-        demand.needs("file", "sections"),
-        demand.together("design", "rate"),
-        if_sound,
-        _check_file,
-    )
 
 
 def make_response(given: str | DigitalFilter) -> foton.Filter:
@@ -354,13 +273,10 @@ class Loop(Table, frozen=True):
     sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
     actuator: str = key("a force or torque on a stage: upper.force_x")
     reference: Reference = key(
-        '"support": sensor and actuator act between body and support structure;'
-        ' "inertial": against inertial space',
+        '"support": between body and support structure; "inertial": inertial space',
         "support",
     )
-    damper: float | None = key(
-        "force per velocity, N s/m (N m s/rad): H = 2 pi i f times this", ge=-1e12, le=1e12
-    )
+    damper: float | None = key("force per velocity, N s/m (N m s/rad)", ge=-1e12, le=1e12)
     gain: units.Number | None = key(
         "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
         " times Hz^(number of poles - number of zeros)"
@@ -371,58 +287,48 @@ class Loop(Table, frozen=True):
         f"H in N/m (N m/rad) as {FOTON}; or a digital filter: sections of a Foton filter file"
     )
     gain_at: GainAt | None = key("sets the gain of zeros and poles, or of filter")
-    delay: float = key(
-        "delay of the loop in s, a factor exp(-2 pi i f delay)", 0.0, unit="s", ge=0, le=10.0
-    )
+    delay: float = key("delay of the loop in s, exp(-2 pi i f delay)", 0.0, unit="s", ge=0, le=10.0)
     sensor_response: str | DigitalFilter | None = key(
         f"reading over motion of the sensor: {FOTON}; or a digital filter"
     )
     sensor_noise: SpectralDensity | NoiseSpectrum = key(
-        "amplitude spectral density as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, or {asd,"
-        " corner}, or {frequency, asd}",
-        0.0,
+        "as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, {asd, corner} or {frequency, asd}", 0.0
     )
-    actuator_noise: float = key(
-        "amplitude spectral density in N/sqrt(Hz) or N m/sqrt(Hz), flat", 0.0, ge=0, le=1e3
+    actuator_noise: float = key("flat, N/sqrt(Hz) or N m/sqrt(Hz)", 0.0, ge=0, le=1e3)
+
+    rules = (
+        tables.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
+        tables.excludes("gain_at", "damper", "gain"),
+        tables.excludes(
+            "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
+        ),
+        tables.excludes(
+            "damper", "zeros", "poles", problem="conflicts with damper, which has none"
+        ),
     )
 
-    def _check_order(self) -> Problems:
+    def check(self) -> Problems:
         """Check that the gain can be set, and does not grow without bound."""
+        for name in given(self, "filter", "sensor_response"):
+            try:
+                make_response(getattr(self, name))
+            except foton.FotonError as error:
+                yield name, error.problem, error.remedy
+                return
         if self.gain_at is not None:
             size = abs(self.without_gain_at.at(self.gain_at.frequency))
             if not 0 < size < math.inf or self.gain_at.magnitude == 0:
                 problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
                 yield "gain_at", problem, "give another frequency or magnitude"
                 return
-        whole = self.controller_and_sensor
-        zeros, poles = len(whole.continuous.zeros), len(whole.continuous.poles)
+        whole = self.controller_and_sensor.continuous
+        zeros, poles = len(whole.zeros), len(whole.poles)
         if zeros <= poles or (self.damper is not None and self.sensor_response is None):
             return  # a damper acts on the velocity, which is known
         key = given(self, "filter", "sensor_response", "zeros")[0]
         what = "a filter" if self.sensor_response is None else "a filter and sensor"
         problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
         yield key, problem, "add poles, or its gain grows with frequency without bound"
-
-    def _check_strings(self) -> Problems:
-        for name in given(self, "filter", "sensor_response"):
-            try:
-                make_response(getattr(self, name))
-            except foton.FotonError as error:
-                yield name, error.problem, error.remedy
-
-    rules = (
-        demand.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
-        demand.excludes("gain_at", "damper", "gain"),
-        demand.excludes(
-            "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
-        ),
-        demand.excludes(
-            "damper", "zeros", "poles", problem="conflicts with damper, which has none"
-        ),
-        _check_strings,
-        if_sound,
-        _check_order,
-    )
 
     @property
     def without_gain_at(self) -> foton.Filter:
@@ -462,88 +368,7 @@ class Control(Table, frozen=True):
     loop: list[Loop] = key(min_length=1)
     osem: list[Osem] = key("sensors and coils at points of stages", [])
 
-    rules = (demand.unique("loop", "osem"),)
-
-
-Spread = Annotated[float, Meta(ge=0, le=1e3)]
-
-
-class Distribution(Table, frozen=True):
-    """Scatter of builds about the nominal value, independent from build to build."""
-
-    normal: Spread | None = key("standard deviation")
-    uniform: Spread | None = key("half width")
-    truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
-
-    rules = (demand.exactly_one("normal", "uniform"), demand.needs("truncate", "normal"))
-
-
-class _WireScatter(Table, frozen=True):
-    stage: units.Name | None = key(
-        f"a stage's name, for each of its wires: {NAMES}", names="stage with wires"
-    )
-    wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
-
-
-class WireTolerance(imperfections.with_spreads(_WireScatter, "wire", Distribution)):
-    """Scatter of one wire, or independently of every wire of a stage."""
-
-    hold: units.Hold = "loaded-length"
-
-    rules = (demand.exactly_one("stage", "wire"), demand.any_of(*imperfections.spreads("wire")))
-
-
-class BodyTolerance(imperfections.with_spreads(Table, "body", Distribution)):
-    """Scatter of one body."""
-
-    rules = (demand.any_of(*imperfections.spreads("body")),)
-
-
-class BladeTolerance(imperfections.with_spreads(Table, "blade", Distribution)):
-    """Scatter of every blade of a stage, independently; those of a filter as one spring."""
-
-
-class LegTolerance(imperfections.with_spreads(Table, "leg", Distribution)):
-    """Scatter of every leg of an inverted pendulum, independently."""
-
-
-class _LinkScatter(Table, frozen=True):
-    link: str = key("the name of a link", max_length=80, names="link")
-
-
-class LinkTolerance(imperfections.with_spreads(_LinkScatter, "link", Distribution)):
-    """Scatter of one link."""
-
-
-Limit = Annotated[float, doc("limit above zero, SI", gt=0, le=1e20)]
-
-
-class Requirement(Table, frozen=True):
-    """Requirement on every build, in SI units (Hz for modes)."""
-
-    quantity: str = key(
-        "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
-        " a response OUTPUT/INPUT:FREQUENCY",
-        max_length=200,
-    )
-    band: list[units.Number] | None = key("least and largest value", min_length=2, max_length=2)
-    below: Limit | None = key("upper limit of the magnitude")
-    above: Limit | None = key("lower limit of the magnitude")
-
-    rules = (demand.exactly_one("band", "below", "above"), demand.ascending("band"))
-
-
-class Tolerance(Table, frozen=True):
-    """Scatter of parts from build to build, and requirements on builds."""
-
-    wire: list[WireTolerance] = []
-    body: list[BodyTolerance] = []
-    blade: list[BladeTolerance] = []
-    leg: list[LegTolerance] = []
-    link: list[LinkTolerance] = []
-    require: list[Requirement] = []
-
-    rules = (demand.any_of(*imperfections.PARTS),)
+    rules = (tables.unique("loop", "osem"),)
 
 
 class Design(Table, frozen=True):
@@ -561,9 +386,7 @@ class Design(Table, frozen=True):
     link: list[Link] = key("springs between any two bodies", [])
     damper: list[Damper] = key("dampers between any two bodies", [])
     cavity: list[Cavity] = key("light between two mirrors, with its pressure on them", [])
-    analysis: dict[str, Raw] = key(
-        "defaults for a command's options, under the options' own names", {}
-    )
+    analysis: dict[str, Raw] = key("defaults for a command's options, by their names", {})
 
     @property
     def is_active(self) -> bool:
@@ -574,9 +397,8 @@ class Design(Table, frozen=True):
     @property
     def between_bodies(self) -> list[tuple[str, BetweenBodies]]:
         """All elements between two bodies, each behind the name of its kind of table."""
-        lists = ((kind, getattr(self, kind)) for kind in self.__struct_fields__)
-        rows = [(kind, row) for kind, rows in lists if isinstance(rows, list) for row in rows]
-        return [(kind, row) for kind, row in rows if isinstance(row, BetweenBodies)]
+        kinds = ("link", "damper", "cavity")
+        return [(kind, row) for kind in kinds for row in getattr(self, kind)]
 
 
 def json_schema() -> Schema:

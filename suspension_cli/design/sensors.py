@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import demand, units
+from suspension_cli.design import tables, units
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, key
 
 NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
@@ -21,24 +21,19 @@ class NoiseSpectrum(Table, frozen=True):
     """Amplitude spectral density of a sensor against frequency."""
 
     asd: SpectralDensity | Annotated[list[PositiveDensity], Meta(min_length=2)] = key(
-        "amplitude spectral density in m/sqrt(Hz) or rad/sqrt(Hz): that far above the"
-        " corner, or one per frequency"
+        "m/sqrt(Hz) or rad/sqrt(Hz): above the corner, or one per frequency"
     )
-    corner: units.Corner | None = key(
-        "Hz; the density is asd sqrt(1 + corner / f), whose square rises as 1/f below"
-    )
-    frequency: list[units.Frequency] | None = key(
-        "Hz, ascending; interpolated linearly in the logarithms, constant outside",
-        min_length=2,
-    )
+    corner: units.Corner | None = key("Hz; the density is asd sqrt(1 + corner / f)")
+    frequency: list[units.Frequency] | None = key("Hz, ascending; log-interpolated", min_length=2)
 
-    def _check_lengths(self) -> Problems:
+    def check(self) -> Problems:
+        """Check that lists have one length."""
         counts = [len(one) if isinstance(one, list) else 0 for one in (self.asd, self.frequency)]
         if counts[0] != counts[1]:
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
 
-    rules = (demand.excludes("frequency", "corner"), demand.ascending("frequency"), _check_lengths)
+    rules = (tables.excludes("frequency", "corner"), tables.ascending("frequency"))
 
 
 SENSORS = {
@@ -59,7 +54,7 @@ class Osem(Table, frozen=True):
     stage: units.Name = key("the stage that it senses and pushes", names="stage")
     at: units.Vector = key("the point, from the stage's COM, m")
     direction: Literal["x", "y", "z", "-x", "-y", "-z"] | units.Direction = key(
-        "direction of positive readings and forces: an axis, or a vector of any length"
+        "of positive readings and forces: an axis, or a vector"
     )
     reference: Reference = key("that of a loop, whose OSEMs have the same one", "support")
     sensor: Literal["bosem"] | None = key("a known sensor, for its noise")
@@ -71,17 +66,17 @@ class Osem(Table, frozen=True):
     counts_per_volt: units.Positive | None = key("counts per voltage, 1/V", unit="1/V")
     range: units.Positive | None = key("largest input, V; without transconductance current, A")
 
-    def _check_direction(self) -> Problems:
+    def check(self) -> Problems:
+        """Check the direction."""
         if not any(self.vector):
             yield "direction", "has no direction", "give x, y, z, not all zero"
 
     rules = (
-        demand.excludes("sensor", "sensor_noise"),
-        demand.needs("transconductance", "coil"),
-        demand.needs("counts_per_volt", "transconductance"),
-        demand.needs("driver_noise", "transconductance"),
-        demand.needs("range", "coil"),
-        _check_direction,
+        tables.excludes("sensor", "sensor_noise"),
+        tables.needs("transconductance", "coil"),
+        tables.needs("counts_per_volt", "transconductance"),
+        tables.needs("driver_noise", "transconductance"),
+        tables.needs("range", "coil"),
     )
 
     @property

@@ -10,7 +10,8 @@ from suspension_cli.design.tables import Plausible, doc
 
 NAMES = "letters, digits, _ and -, starting with a letter"
 
-Name = Annotated[str, doc(f"a name: {NAMES}", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=60)]
+NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
+Name = Annotated[str, doc(NAMES, pattern=NAME, max_length=60)]
 Stem = Annotated[
     str,
     doc(
@@ -96,9 +97,7 @@ PER_SECOND = (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
 GRAVITY = Plausible(30.0, "more than on Jupiter", PER_SECOND, 1.0, "less than on the Moon")
 Acceleration = Annotated[float, doc("acceleration in m/s^2", "m/s^2", GRAVITY, gt=0, le=1e3)]
 Pull = Annotated[float, doc("component of gravity in m/s^2", "m/s^2", ge=-1e3, le=1e3)]
-GravityVector = Annotated[
-    list[Pull], doc("gravity along x, y and z in m/s^2", min_length=3, max_length=3)
-]
+GravityVector = Annotated[list[Pull], doc("gravity along x, y and z in m/s^2", count=3)]
 GravityGradient = Annotated[
     float,
     doc(
@@ -110,8 +109,8 @@ GravityGradient = Annotated[
     ),
 ]
 GravityGradients = Annotated[
-    list[Annotated[list[GravityGradient], Meta(min_length=3, max_length=3)]],
-    Meta(min_length=3, max_length=3),
+    list[Annotated[list[GravityGradient], doc(count=3)]],
+    doc(count=3),
 ]
 PositiveLossAngle = Annotated[float, doc("loss angle in rad, above zero", "rad", gt=0, lt=1)]
 LossAngle = Annotated[float, doc("loss angle in rad", "rad", ge=0, lt=1)]
@@ -123,8 +122,8 @@ Direction = Annotated[
     tuple[Component, Component, Component],
     doc("direction x, y, z from the upper towards the lower end, of any length above zero"),
 ]
-Row3 = Annotated[list[Inertia], Meta(min_length=3, max_length=3)]
-Row6 = Annotated[list[Coefficient], Meta(min_length=6, max_length=6)]
+Row3 = Annotated[list[Inertia], doc(count=3)]
+Row6 = Annotated[list[Coefficient], doc(count=6)]
 Matrix6 = Annotated[
     list[Coefficient | Row6],
     doc(
@@ -135,7 +134,7 @@ Matrix6 = Annotated[
 ]
 Wrench = Annotated[
     list[Load],
-    doc("force x, y, z in N and torque roll, pitch, yaw in N m", min_length=6, max_length=6),
+    doc("force x, y, z in N and torque roll, pitch, yaw in N m", count=6),
 ]
 
 Hold = Annotated[
@@ -147,7 +146,7 @@ Hold = Annotated[
 ]
 MaterialName = Annotated[
     Name,
-    doc(f"name of a material, built in or of [materials]: {NAMES}", names="material"),
+    doc("name of a material, built in or of [materials]", names="material"),
 ]
 WireName = Annotated[
     str,

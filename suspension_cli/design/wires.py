@@ -1,14 +1,17 @@
-"""Wires and blades of the design file format, with the rules of their keys."""
+"""Wires and blades: tables of the design file, and the uniform stretches of a wire."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from suspension_cli.design import demand, units
-from suspension_cli.design.cross_sections import CrossSection, circle, rectangle
+from suspension_cli.design import tables, units
+from suspension_cli.design.cross_sections import CrossSection, circle, rectangle, taper
 from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
-from suspension_cli.design.units import NAMES
 
 CROSS_SECTIONS: dict[str, Callable[[Any], CrossSection]] = {
     "radius": lambda ends: circle(*(ends if isinstance(ends, list) else (ends, ends))),
@@ -22,7 +25,7 @@ TALL = Plausible(50.0, "larger than any suspension", serious=True)
 """Lengths and positions; mirror suspensions are up to about 10 m tall."""
 Radii = Annotated[
     list[units.WireSize],
-    doc("radius in m at the upper and at the lower end of a taper", min_length=2, max_length=2),
+    doc("radius in m at the upper and at the lower end of a taper", count=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
 Steps = Annotated[
@@ -41,21 +44,19 @@ class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
     length: units.Length | None = key(
-        "loaded length, m; the lengths sum to the wire's; one section may leave its own"
-        " out and takes the rest"
+        "loaded length, m; one section may leave its own out and takes the rest"
     )
-    radius: units.WireSize | Radii | None = key(
-        "radius of a round stretch, m; [upper, lower] of a tapered one"
-    )
+    radius: units.WireSize | Radii | None = key("radius, m; [upper, lower] of a taper")
     section: Ribbon | None = None
-    material: units.MaterialName | None = key(f"name of a material; default the wire's ({NAMES})")
+    material: units.MaterialName | None = key("default the wire's")
     steps: Steps | None = None
 
-    def _check_steps(self) -> Problems:
+    rules = (tables.exactly_one(*CROSS_SECTIONS),)
+
+    def check(self) -> Problems:
+        """Check that steps divide a taper."""
         if self.steps is not None and not isinstance(self.radius, list):
             yield "steps", "goes with a taper", "give radius = [upper, lower], or remove it"
-
-    rules = (demand.exactly_one(*CROSS_SECTIONS), _check_steps)
 
 
 class Clamp(Table, frozen=True):
@@ -102,90 +103,67 @@ UNREAD = (
 class Profile(Table, frozen=True):
     """Diameter of a round fibre along its length, as measured."""
 
-    file: str | None = key(
-        "CSV file of positions and diameters, from this file's folder; read once", max_length=1000
-    )
+    file: str | None = key("CSV file, from this file's folder; read once", max_length=1000)
     position: list[units.Position] = key(
-        "positions from the upper end down, ascending, m", [], max_length=20000
+        "from the upper end down, ascending, m", [], max_length=20000
     )
     diameter: list[units.WireSize] = key("diameter at each position, m", [], max_length=20000)
-    error: float = key(
-        "relative error that reducing the profile to uniform sections may leave",
-        1e-3,
-        unit="1",
-        ge=1e-4,
-        le=0.1,
-    )
+    error: float = key("relative error of its reduction", 1e-3, unit="1", ge=1e-4, le=0.1)
 
-    def _check_places(self) -> Problems:
+    rules = (tables.same_length("diameter", "position"), tables.ascending("position"))
+
+    def check(self) -> Problems:
+        """Check that there are places."""
         if self.file is not None and not self.position:
             yield "file", *UNREAD
-        elif len(self.position) == len(self.diameter) < 2:
+        elif len(self.position) < 2:
             yield "", "has fewer than two places", "give position and diameter, each a list"
-
-    rules = (
-        demand.same_length("diameter", "position"),
-        demand.ascending("position"),
-        _check_places,
-    )
 
 
 class AnyWire(Table, frozen=True):
     """Composition of a wire or of each of a set, and how its ends are held."""
 
     material: units.MaterialName | None = key(
-        f"name of a material, built in or of [materials] ({NAMES}); with a cross-section: k = E"
-        " A / l"
+        "name of a material, built in or of [materials]; with a cross-section: k = E A / l"
     )
     radius: units.WireSize | None = key("radius of a round wire, m")
     section: Ribbon | None = None
     sections: list[WireSection] | None = key(
-        "stretches from the upper to the lower end, instead of radius and section",
-        min_length=1,
-        max_length=100,
+        "from the upper to the lower end", min_length=1, max_length=100
     )
-    neck: Neck | None = key(
-        "thick ends of a fibre of this radius, equal above and below: { radius, length }"
-    )
+    neck: Neck | None = key("thick ends of a fibre of this radius, equal above and below")
     profile: Annotated[str, doc("a CSV file", max_length=1000)] | Profile | None = key(
-        "measured diameter against length instead of a radius: a CSV file from this file's"
-        " folder, or { file, error } or { position, diameter, error }"
+        "measured diameter: a CSV file, { file, error } or { position, diameter, error }"
     )
-    k: units.Stiffness | None = key(
-        "spring constant of one wire, N/m, instead of material and cross-section; beside them it"
-        " overrides E A / l, with the loaded length or, if given, the natural_length"
-    )
+    k: units.Stiffness | None = key("spring constant of one wire, N/m; overrides E A / l")
     torsion: units.Torsion | None = key(
-        "torsional stiffness of the wire about its axis, N m/rad; default: none in the models"
-        " up to string; in beam and violin that of its cross-section, material and tension,"
-        " (G J + T I_p / A) / l"
+        "torsional stiffness, N m/rad; default (G J + T I_p / A) / l in beam and violin, else 0"
     )
     clamp: Clamped = key(
-        'how the ends are held: "wire" (along the nominal wire), "bending-point" (the ends are'
-        " the effective bending points, the clamps lie beyond), or directions"
-        " { upper = [x, y, z], lower = [x, y, z] }",
+        '"wire": along the nominal wire; "bending-point": the ends are the effective bending'
+        " points; or directions { upper, lower }",
         "wire",
     )
     bending: Literal["hinged"] | None = key(
-        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an'
-        " approximation); beam and violin bend the wire exactly and ignore it"
+        'string model: "hinged" ends the string sqrt(E I / T) from each clamp'
     )
-    temperature: units.Kelvin | EndTemperatures | None = key(
-        "temperature in K, or { upper, lower }; default that of [constants]"
+    temperature: units.Kelvin | EndTemperatures | None = key("in K, or { upper, lower }")
+
+    rules = (
+        tables.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
+        tables.excludes("neck", *NOT_ROUND, "sections"),
+        tables.excludes("sections", *CROSS_SECTIONS),
     )
 
-    def _check_composition(self) -> Problems:
+    def check(self) -> Problems:
         """Check that it has k, or a material and one way to give its cross-section."""
         if isinstance(self.profile, str):
             yield "profile", *UNREAD
         shapes = given(self, *CROSS_SECTIONS)
         whole = given(self, "profile", "sections", "neck", *CROSS_SECTIONS)
         if self.k is None and not whole:
-            yield (
-                next(iter(CROSS_SECTIONS)),
-                "missing",
-                f"give the wire's {' or '.join(CROSS_SECTIONS)} in m, or k in N/m",
-            )
+            remedy = f"give the wire's {' or '.join(CROSS_SECTIONS)} in m, or k in N/m"
+            yield next(iter(CROSS_SECTIONS)), "missing", remedy
         if self.bending and not whole:
             remedy = "give material and radius too, or remove it"
             yield "bending", "needs the wire's cross-section", remedy
@@ -196,23 +174,15 @@ class AnyWire(Table, frozen=True):
         if self.material is None and self.k is None and (bare or not pieces):
             remedy = "name a material for the whole wire, or give k in N/m"
             yield [*bare, "material"][0], "missing", remedy
-        if self.neck is not None and not given(self, *NOT_ROUND, "sections", "profile"):
-            if self.radius is None:
-                yield "radius", "missing", "give the radius between the necks in m"
-            elif self.neck.radius <= self.radius:
-                problem = f"is not above the radius of the fibre ({self.radius:g} m)"
-                yield "neck.radius", problem, "give the radius of the thick ends in m"
+        if self.neck is not None and self.radius is None:
+            yield "radius", "missing", "give the radius between the necks in m"
+        elif self.neck is not None and self.radius is not None and self.neck.radius <= self.radius:
+            problem = f"is not above the radius of the fibre ({self.radius:g} m)"
+            yield "neck.radius", problem, "give the radius of the thick ends in m"
         open_ended = [n for n, one in pieces if one.length is None]
         for n in open_ended[1:]:
             remedy = f"give it in m; section {open_ended[0]} takes the rest already"
             yield f"sections.{n}.length", "missing", remedy
-
-    rules = (
-        demand.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
-        demand.excludes("neck", *NOT_ROUND, "sections"),
-        demand.excludes("sections", *CROSS_SECTIONS),
-        _check_composition,
-    )
 
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
@@ -238,23 +208,24 @@ class WireSet(AnyWire, frozen=True):
     s: units.Separation | None = key("half separation in x at both ends, m (four wires)")
     s_upper: units.Separation | None = key("half separation in x at the upper end, m")
     s_lower: units.Position | None = key(
-        "half separation in x at the lower end, m; negative: wires cross"
+        "half separation in x at the lower end, m; below 0 wires cross"
     )
     t1: units.Separation | None = key("half separation in y at the upper end, m")
-    t2: units.Position | None = key(
-        "half separation in y at the lower end, m; negative: wires cross"
-    )
+    t2: units.Position | None = key("half separation in y at the lower end, m; below 0 wires cross")
     ring: units.Separation | None = key("radius of the circle of the ends, m, above and below")
-    ring_upper: units.Separation | None = key("radius of the circle of the upper ends, m")
+    ring_upper: units.Separation | None = key("radius of the upper ends' circle, m")
     ring_lower: units.Position | None = key(
-        "radius of the circle of the lower ends, m; negative: the wires cross at the axis"
+        "radius of the lower ends' circle, m; below 0 wires cross"
     )
     phase: units.Angle = key("angle of the first wire of a ring from x towards y, rad", 0.0)
     d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
     d_upper: units.Position = key("depth of the upper end below the COM of the body above, m", 0.0)
 
-    def _check_ends(self) -> Problems:
-        """Check the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
+    rules = (tables.whole_or_parts(*SEPARATIONS), tables.whole_or_parts(*RADII))
+
+    def check(self) -> Problems:
+        """Check also the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
+        yield from super().check()
         across = ("t1", "t2")
         if is_ring(self):
             for name in given(self, *SEPARATIONS, *across):
@@ -276,25 +247,19 @@ class WireSet(AnyWire, frozen=True):
                 problem = f"must be 0 for {self.count} wire{'s' * (self.count > 1)}"
                 yield name, problem, "remove it or change count"
 
-    rules = (demand.whole_or_parts(*SEPARATIONS), demand.whole_or_parts(*RADII), _check_ends)
-
 
 class Wire(AnyWire, frozen=True):
     """One wire, its ends in the frames of the two bodies, from their COMs or the support point."""
 
-    upper: units.Vector = key(
-        "upper end, from the COM above or the support point, m", plausible=TALL
-    )
+    upper: units.Vector = key("upper end, from the COM above or support point, m", plausible=TALL)
     lower: units.Vector = key("lower end, from this body's COM, m", plausible=TALL)
     natural_length: units.Length | None = key("unstretched length, m; the pose is then solved for")
-    tension: units.Tension | None = key(
-        "tension in the nominal pose, N, instead of a natural length"
-    )
+    tension: units.Tension | None = key("in the nominal pose, N, instead of a natural length")
     blade: units.Name | None = key(
-        f"name of a [[stage.blade]] that carries the upper end: {NAMES}", names="blade of the stage"
+        "the [[stage.blade]] that carries the upper end", names="blade of the stage"
     )
 
-    rules = (demand.excludes("natural_length", "tension"),)
+    rules = (tables.excludes("natural_length", "tension"),)
 
 
 LONG = Plausible(10.0, "longer than any blade", serious=True)
@@ -309,9 +274,7 @@ class BladeGeometry(Table, frozen=True):
     length: units.Length = key("length from the clamp to the tip, m", plausible=LONG)
     base_width: units.Length = key("width at the clamp, m", plausible=WIDE)
     thickness: BladeThickness = key("thickness, m")
-    shape_factor: float = key(
-        "shape factor of a cantilever blade: 1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10
-    )
+    shape_factor: float = key("1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10)
     material: units.MaterialName
 
 
@@ -320,37 +283,28 @@ class AnyBlade(Table, frozen=True):
 
     stiffness: units.Stiffness | None = key("vertical stiffness of one blade at its tip, N/m")
     uncoupled_frequency: units.IsolatingFrequency | None = key(
-        "frequency f of this stage's mass m alone on its n blades, Hz; each has the stiffness"
-        " (2 pi f)^2 m / n"
+        "Hz, of this stage's mass m alone on its n blades: stiffness (2 pi f)^2 m / n"
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
-        "load in N, tip mass included, at which the tip is at its nominal position; under"
-        " another load it deflects and the pose is solved for; default: its load in the nominal"
-        " pose or, if all wires of the stage have natural lengths, in the pose solved for"
+        "N, tip mass included, with the tip at its nominal place; default that in the nominal pose"
     )
     tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "stiffness of one tip along x and y, N/m; rigid if not given"
     )
-    loss_angle: units.LossAngle | None = key(
-        "loss angle in rad; default that of the material, else 0"
-    )
+    loss_angle: units.LossAngle | None = key("in rad; default that of the material, else 0")
     material: units.MaterialName | None = key(
-        f"name of the blade's material, for its loss, where no geometry is given: {NAMES}"
+        "the blade's material, for its loss, without a geometry"
     )
-    thickness: BladeThickness | None = key(
-        "thickness of the blade in m, for its loss, where no geometry is given"
-    )
-    temperature: units.Kelvin | None = key(
-        "temperature of the blade in K; default that of [constants]"
-    )
+    thickness: BladeThickness | None = key("of the blade in m, for its loss, without a geometry")
+    temperature: units.Kelvin | None = key("in K; default that of [constants]")
 
     rules = (
-        demand.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
-        demand.excludes("geometry", "material", "thickness"),
-        demand.needs("thickness", "material", unless="geometry"),
-        demand.not_tiny("tip_mass"),
+        tables.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
+        tables.excludes("geometry", "material", "thickness"),
+        tables.needs("thickness", "material", unless="geometry"),
+        tables.not_tiny("tip_mass"),
     )
 
     @property
@@ -362,18 +316,126 @@ class AnyBlade(Table, frozen=True):
 class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
-    count: int = key(
-        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a"
-        " ring 1, or one per wire",
-        ge=1,
-        le=100,
-    )
+    count: int = key("1, 2 or 4; on a ring 1, or one per wire", ge=1, le=100)
 
 
 class Blade(AnyBlade, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: units.Name = key(f"name by which wires refer to it: {NAMES}")
+    name: units.Name = key("name by which wires refer to it")
     at: units.Vector | None = key(
-        "tip in the frame of the body above, m; default: the mean of its wires' upper ends"
+        "tip, from the COM of the body above, m; default the mean of its wires' ends"
     )
+
+
+STEPS = 16
+"""Default number of steps of a taper."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A uniform stretch of wire."""
+
+    length: float  # loaded, m
+    material: str | None
+    shape: CrossSection
+
+
+def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
+    """Reduce a profile to uniform sections, from the upper end.
+
+    Between two places the diameter is linear. Stretches in which it changes by a fraction of at
+    most sqrt(error) become one section of the same volume: mass is exact, and means of other powers
+    of the radius (compliance, bending stiffness) are wrong by a third to all of `error` (default
+    that of the profile; 0: one section per pair of places).
+    """
+    wanted = profile.error if error is None else error
+    return _reduced(tuple(profile.position), tuple(profile.diameter), wanted)
+
+
+@lru_cache(maxsize=64)  # a design needs them often
+def _reduced(
+    position: tuple[float, ...], diameter: tuple[float, ...], wanted: float
+) -> list[WireSection]:
+    limit = math.sqrt(wanted)
+    sections: list[WireSection] = []
+    length = volume = 0.0
+    low, high = math.inf, 0.0
+    points = zip(position, diameter, strict=True)
+    for (top, above), (bottom, below) in pairwise(points):
+        # a steep stretch is divided, so that none exceeds the limit
+        parts = max(1, math.ceil(abs(math.log(below / above)) / limit)) if wanted else 1
+        span = (bottom - top) / parts
+        for n in range(parts):
+            ends = [above + (below - above) * k / parts for k in (n, n + 1)]
+            low, high = min(*ends, low), max(*ends, high)
+            if length and (not wanted or high > low * (1 + limit)):
+                sections.append(_section(length, volume))
+                length = volume = 0.0
+                low, high = min(ends), max(ends)
+            length += span
+            volume += span * (ends[0] ** 2 + ends[0] * ends[1] + ends[1] ** 2) / 3
+    return [*sections, _section(length, volume)]
+
+
+def _section(length: float, volume: float) -> WireSection:
+    return WireSection(length=length, radius=math.sqrt(volume / length) / 2)
+
+
+def given_sections(wire: WireSet | Wire) -> Sequence[WireSection] | None:
+    """Sections of a wire: given, of a fibre with necks, or of a measured profile; else None."""
+    if isinstance(wire.profile, Profile):
+        return reduced(wire.profile)
+    if wire.neck is None:
+        return wire.sections
+    neck, radius = wire.neck, wire.radius
+    assert radius is not None
+    stock = [WireSection(length=neck.stock, radius=neck.radius)] if neck.stock else []
+    return [
+        *stock,
+        WireSection(length=neck.length, radius=[neck.radius, radius], steps=neck.steps),
+        WireSection(radius=radius),
+        WireSection(length=neck.length, radius=[radius, neck.radius], steps=neck.steps),
+        *stock,
+    ]
+
+
+def thinnest(wire: WireSet | Wire | WireSection) -> float | None:
+    """Find the smallest cross-section of a wire, m^2, where stress is largest; None if unknown."""
+    if not isinstance(wire, WireSection) and isinstance(wire.profile, Profile):
+        return math.pi * min(wire.profile.diameter) ** 2 / 4
+    given = None if isinstance(wire, WireSection) else given_sections(wire)
+    tables = given or [wire]
+    return min(
+        (shape.least_area for table in tables for shape in cross_sections(table)), default=None
+    )
+
+
+def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
+    """Divide a wire of a loaded `length` (m) into uniform stretches, from its upper to lower end.
+
+    Empty if the cross-section is unknown. Given lengths may miss `length` by 1e-6; they are scaled.
+    """
+    sections = given_sections(wire)
+    if sections is None:
+        return [Stretch(length, wire.material, shape) for shape in cross_sections(wire)]
+    given = sum(piece.length or 0.0 for piece in sections)
+    rest = length - given if any(piece.length is None for piece in sections) else 0.0
+    scale = 1.0 if rest.real > 0 else length / given
+    return [
+        one
+        for piece in sections
+        for one in _steps(
+            piece, scale * (rest if piece.length is None else piece.length), wire.material
+        )
+    ]
+
+
+def _steps(piece: WireSection, length: float, material: str | None) -> list[Stretch]:
+    name = piece.material or material
+    if isinstance(piece.radius, list):
+        upper, lower = piece.radius
+        shapes = taper(upper, lower, STEPS if piece.steps is None else piece.steps)
+    else:
+        shapes = cross_sections(piece)
+    return [Stretch(length / len(shapes), name, shape) for shape in shapes]

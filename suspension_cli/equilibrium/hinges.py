@@ -16,7 +16,7 @@ import numpy as np
 
 from suspension_cli.design import materials
 from suspension_cli.design.schema import Design
-from suspension_cli.design.sections import stretches
+from suspension_cli.design.wires import stretches
 from suspension_cli.equilibrium.hanging import hang, lengthened
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.scene import Scene

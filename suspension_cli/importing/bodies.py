@@ -25,15 +25,7 @@ TWELFTH = math.pi / 12
 
 @dataclass(frozen=True)
 class Wire:
-    """A wire in our axes; m, N, kg.
-
-    Attributes
-    ----------
-    bend
-        Distance of its ends from the clamps if these are at SUMCON's hinges, else 0.
-    spring
-        Row of its vertical spring, if any.
-    """
+    """A wire in our axes; m, N, kg."""
 
     upper: int
     top: np.ndarray
@@ -49,8 +41,8 @@ class Wire:
     name: str
     k: float
     torsion: float
-    spring: list[Any] | None = None
-    bend: float = 0.0
+    spring: list[Any] | None = None  # row of its vertical spring
+    bend: float = 0.0  # distance of its ends from the clamps if these are at SUMCON's hinges
 
     @property
     def elastic(self) -> tuple[float, ...]:
@@ -62,20 +54,10 @@ class Wire:
 
 @dataclass
 class Body:
-    """A body, and where it hangs or stands.
+    """A body, and where it hangs or stands; kg, m.
 
-    Attributes
-    ----------
-    load
-        Mass of this body and all below, kg.
-    length
-        Loaded length of its wires, m.
-    offset, place
-        COM from the COM of the body above (or the ground) and from the suspension point, m.
-    set_keys
-        Keys of a symmetric set of wires; None where the wires are single.
-    blades_for
-        The wire on the keystone, if the body is a filter.
+    `offset` and `place` are its COM from the COM of the body above (or the ground) and from the
+    suspension point.
     """
 
     number: int
@@ -87,12 +69,12 @@ class Body:
     wires: list[Wire] = field(default_factory=list)
     legs: list[Any] | None = None
     below: list[Body] = field(default_factory=list)
-    load: float = 0.0
-    length: float = 0.0
+    load: float = 0.0  # mass of this body and all below
+    length: float = 0.0  # loaded, of its wires
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
     place: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    set_keys: dict[str, Any] | None = None
-    blades_for: Wire | None = None
+    set_keys: dict[str, Any] | None = None  # of a symmetric set; None where wires are single
+    blades_for: Wire | None = None  # the wire on the keystone, if the body is a filter
 
     @property
     def share(self) -> float:

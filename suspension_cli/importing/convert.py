@@ -41,21 +41,11 @@ SAG = 1e-4
 
 @dataclass(frozen=True)
 class Imported:
-    """A converted save.
+    """A converted save."""
 
-    Attributes
-    ----------
-    text
-        The design as TOML.
-    notes
-        What it has otherwise than the save, or not at all.
-    files
-        CSV files of stiffness tables that it names, as text by name.
-    """
-
-    text: str
-    notes: list[str]
-    files: dict[str, str]
+    text: str  # the design as TOML
+    notes: list[str]  # what it has otherwise than the save, or not at all
+    files: dict[str, str]  # CSV files of stiffness tables that it names, as text by name
 
     def source(self) -> Source:
         """Read the design with its tables; raises `InputError` with its faults."""
@@ -76,21 +66,11 @@ def read(
 ) -> Imported:
     """Read a save and convert it into a design of the given name.
 
-    Parameters
-    ----------
-    reference
-        Where the save comes from; default its file name.
-    tables
-        Folder of the stiffness tables of heat links, NAME.txt; default the folder HeatLink beside
-        the save or in one of the four folders above.
-    bending_points
-        Whether wires end at SUMCON's hinges, with the tensions that it takes for them, instead of
-        at their clamps.
-
-    Raises
-    ------
-    InputError
-        If the file is no save, is damaged, or gives no valid design.
+    `reference` says where the save comes from (default its file name). `tables` is the folder of
+    the stiffness tables of heat links, NAME.txt; default the folder HeatLink beside the save or in
+    one of the four folders above. With `bending_points` wires end at SUMCON's hinges, with the
+    tensions that it takes for them, instead of at their clamps. Raises `InputError` if the file is
+    no save, is damaged, or gives no valid design.
     """
     with attribute_faults_to(str(file)):
         text = bounded.read_text(file, bounded.TEXT, "a save of SUMCON (.m)")

@@ -6,6 +6,7 @@ the rows is checked.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -14,15 +15,14 @@ from suspension_cli.errors import Fault, InputError, format_value
 
 Value = float | bool | str | list["Value"]
 """What a list contains; names other than True and False are texts."""
-DEEPEST, MOST_MEMBERS = 12, 200_000
-"""Levels and members of one list: far more than those of any suspension."""
+MOST_MEMBERS = 200_000
+"""Members of one list: far more than those of any suspension."""
 
 _STATEMENT = r"^{}[ \t]*=(?!=)"
 _TOKEN = re.compile(
-    r"""\s*+(?:(?P<mark>[{},])
-    |"(?P<text>(?:[^"\\]|\\.)*+)"
+    r"""(?P<mark>[{}])|"(?P<text>(?:[^"\\]|\\.)*+)"
     |(?P<number>[-+]?+(?:\d++\.?+\d*+|\.\d++))(?:``?+[-+.\d]*+)?+(?:\*\^(?P<power>[-+]?+\d{1,4}))?+
-    |(?P<name>[A-Za-z$][\w$]*+))\s*+""",
+    |(?P<name>[A-Za-z$][\w$]*+)""",
     re.VERBOSE | re.DOTALL,
 )
 
@@ -35,44 +35,45 @@ def read_list(text: str, name: str) -> list[Value] | None:
     found = [match.end() for match in re.finditer(_STATEMENT.format(re.escape(name)), text, re.M)]
     if not found:
         return None
-    at, stack, members, separated = found[-1], [[]], 0, True
-    while len(stack) > 1 or not stack[0]:
-        token = _TOKEN.match(text, at)
-        mark = token["mark"] if token else None
-        fits = mark in (",", "}")
-        if separated:  # a member is due, or the end of an empty list
-            fits = mark != "," and not (mark == "}" and stack[-1])
-        if token is None or not fits:
-            if text[at:].strip():
-                start = format_value(text[at : at + 30].strip())
-                problem = "is not a list of numbers and texts"
-                raise InputError.of(name, problem, "save the model in SUMCON again", start)
-            raise InputError.of(name, "ends too early", "the file is truncated: copy it again")
-        at, members, separated = token.end(), members + 1, mark in ("{", ",")
-        if mark == "{":
-            stack.append([])
-        elif mark == "}":
-            value = stack.pop()
-            stack[-1].append(value)
-        elif mark is None:
-            stack[-1].append(_value(token, name))
-        if members > MOST_MEMBERS or len(stack) > DEEPEST or (len(stack) == 1 and mark != "}"):
-            problem, remedy = "is no list of a suspension", "name a save of SUMCON"
-            raise InputError.of(name, problem, remedy)
-    (result,) = stack[0]
-    assert isinstance(result, list)
-    return result
+    after = re.compile(_STATEMENT.format(r"[\w$]+"), re.M).search(text, found[-1])
+    own = text[found[-1] : after.start() if after else None]
+    written = _TOKEN.sub(_as_json, own).lstrip()
+    remedy = "save the model in SUMCON again"
+
+    def number(digits: str) -> float:
+        if abs(value := float(digits)) < 1e150:
+            return value
+        correct = "correct it in SUMCON"
+        raise InputError.of(name, "has a number too large", correct, format_value(value))
+
+    try:
+        decoder = json.JSONDecoder(parse_float=number, parse_int=number)
+        result, at = decoder.raw_decode(written)
+    except json.JSONDecodeError as error:
+        result, at = None, error.pos
+    except RecursionError:
+        result, at = None, 0
+    if isinstance(result, list) and written.count(",") < MOST_MEMBERS:
+        return result
+    rest = written[at:].translate({ord("["): "{", ord("]"): "}"}).strip()
+    if not rest and result is None:
+        raise InputError.of(name, "ends too early", "the file is truncated: copy it again")
+    shown = format_value(rest[:30].strip())
+    raise InputError.of(name, "is not a list of numbers and texts", remedy, shown)
 
 
-def _value(token: re.Match[str], name: str) -> Value:
+def _as_json(token: re.Match[str]) -> str:
+    """Write a token of Mathematica in JSON."""
+    if token["mark"]:
+        return "[" if token["mark"] == "{" else "]"
     if token["number"] is None:
         word = token["name"]
-        return token["text"] if word is None else {"True": True, "False": False}.get(word, word)
-    value = float(f"{token['number']}e{token['power'] or 0}")
-    if not abs(value) < 1e150:
-        remedy = "correct it in SUMCON"
-        raise InputError.of(name, "has a number too large", remedy, format_value(value))
-    return value
+        known = {"True": "true", "False": "false"}
+        return known.get(word) or json.dumps(token["text"] if word is None else word)
+    sign, digits = re.fullmatch(r"\+?(-?)(.*)", token["number"]).groups()  # type: ignore[union-attr]
+    whole, dot, part = digits.partition(".")
+    power = f"e{token['power']}" if token["power"] else ""
+    return f"{sign}{(whole.lstrip('0') or '0')}{f'.{part or 0}' if dot else ''}{power}"
 
 
 Form = type | Sequence["Form"]
@@ -81,14 +82,14 @@ Form = type | Sequence["Form"]
 
 def find_fault(value: Value, form: Form, path: str) -> Fault | None:
     """Find the first place where a value has another form; lists may have further members."""
+    remedy = "save the model in SUMCON 1.3 again"
     if isinstance(form, type):
         if isinstance(value, form):
             return None
         wanted = {float: "a number", bool: "True or False", str: "a text"}[form]
-        return Fault(path, f"is not {wanted}", "save the model in SUMCON again", _shown(value))
+        return Fault(path, f"is not {wanted}", remedy, _shown(value))
     if not isinstance(value, list) or len(value) < len(form):
-        problem = f"is not a list of {len(form)}"
-        return Fault(path, problem, "save the model in SUMCON 1.3 again", _shown(value))
+        return Fault(path, f"is not a list of {len(form)}", remedy, _shown(value))
     pairs = enumerate(zip(value, form, strict=False), 1)
     found = (find_fault(one, own, f"{path}.{n}") for n, (one, own) in pairs)
     return next(filter(None, found), None)
@@ -100,7 +101,7 @@ def _shown(value: Value) -> str:
 
 Tables = dict[str, list[list[Any]]]
 """Rows of the tables of a save, by name; numbers of other rows count from 0."""
-POINT, SIX = [float] * 3, [float] * 6
+POINT, SIX, LAST = [float] * 3, [float] * 6, [bool, float, bool]
 FORMS: dict[str, Form] = {
     "bdn": [bool, str],  # whether it is ground, name
     "mass": [float, [POINT] * 3],
@@ -113,17 +114,7 @@ FORMS: dict[str, Form] = {
     "vspr": [float, float, float, float, bool, float, POINT, str, float],
     # base, top, places, stiffness and Q (lateral of each leg, yaw), name, length, dB, whether its
     # inertia is negative, load in kg, whether its inertia counts
-    "IP": [
-        float,
-        float,
-        [[float] * 2] * 3,
-        *[[float] * 4] * 2,
-        str,
-        *[float] * 2,
-        bool,
-        float,
-        bool,
-    ],
+    "IP": [*[float] * 2, [[float] * 2] * 3, *[[float] * 4] * 2, str, float, float, *LAST],
     # two bodies and points, span, shape, Q, stiffness, names of tables, name
     "HL": [float, float, POINT, POINT, POINT, float, float, [SIX] * 6, [[str] * 6] * 6, str],
     "damp": [str, float, float, POINT, POINT, [SIX] * 6],

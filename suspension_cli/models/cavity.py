@@ -51,7 +51,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.cavities import LIGHT, Cavity
+from suspension_cli.design.links import LIGHT, Cavity
 from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.system import LinearSystem
 

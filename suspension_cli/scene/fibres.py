@@ -14,8 +14,16 @@ from suspension_cli.design.derive import gravity_strength, part_loss, wire_signs
 from suspension_cli.design.links import Link
 from suspension_cli.design.losses import Bulk, Mechanism, mechanisms_of
 from suspension_cli.design.schema import Design, Material, Spring
-from suspension_cli.design.sections import Stretch, stretches
-from suspension_cli.design.wires import AnyBlade, Clamp, EndTemperatures, Wire, WireSet, is_ring
+from suspension_cli.design.wires import (
+    AnyBlade,
+    Clamp,
+    EndTemperatures,
+    Stretch,
+    Wire,
+    WireSet,
+    is_ring,
+    stretches,
+)
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, Row
 from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Section

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design.filters import SUFFIX
+from suspension_cli.design.towers import SUFFIX
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, Part, frames, inner_axes
 from suspension_cli.scene.scene import Scene

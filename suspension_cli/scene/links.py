@@ -34,16 +34,16 @@ import numpy as np
 from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import materials
 from suspension_cli.design.derive import Keystone, gravity_strength, part_loss
-from suspension_cli.design.filters import filter_statics
-from suspension_cli.design.inverted_pendulum import (
+from suspension_cli.design.links import Damper, EddyCurrent, Link, Strands
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.towers import (
     ROUND_ROD,
     InvertedPendulum,
+    filter_statics,
     leg_inertia,
     leg_statics,
     tops,
 )
-from suspension_cli.design.links import Damper, EddyCurrent, Link, Strands
-from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault
 from suspension_cli.scene import strands
 from suspension_cli.scene.arrays import Array, Row

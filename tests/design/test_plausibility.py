@@ -12,7 +12,7 @@ import pytest
 
 from suspension_cli.analyses.check import warnings
 from suspension_cli.analyses.check.statics import solve
-from suspension_cli.design import plausibility as numbers
+from suspension_cli.design import checks as numbers
 from suspension_cli.design import reader
 from suspension_cli.design.materials import resolve
 from suspension_cli.design.reader import convert, template

@@ -19,7 +19,7 @@ from suspension_cli.analyses.modes import animation
 from suspension_cli.cli.commands import COMMANDS
 from suspension_cli.cli.main import main
 from suspension_cli.conventions import ANALYSES
-from suspension_cli.design import goals, materials, measured, schema, wires
+from suspension_cli.design import goals, imperfections, materials, measured, schema, wires
 from suspension_cli.models import registry
 from tests.support.commandline import run
 from tests.support.optima import EXAMPLE
@@ -56,15 +56,15 @@ TABLES = {
     "[support]": [schema.Support],
     "[[control.loop]]": [schema.Loop, schema.DigitalFilter],
     "[[control.osem]]": [schema.Osem],
-    "[[perturbation]]": [schema.Perturbation],
+    "[[perturbation]]": [imperfections.Perturbation],
     "[[tolerance.wire]]": [
-        schema.WireTolerance,
-        schema.BodyTolerance,
-        schema.BladeTolerance,
-        schema.LegTolerance,
-        schema.LinkTolerance,
+        imperfections.WireTolerance,
+        imperfections.BodyTolerance,
+        imperfections.BladeTolerance,
+        imperfections.LegTolerance,
+        imperfections.LinkTolerance,
     ],
-    "[[tolerance.require]]": [schema.Requirement],
+    "[[tolerance.require]]": [imperfections.Requirement],
 }
 """Heading of docs/design-file.md to the types that it describes."""
 

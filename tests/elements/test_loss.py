@@ -12,9 +12,14 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from suspension_cli.design.cross_sections import CrossSection, circle, rectangle, rectangle_torsion
+from suspension_cli.design.cross_sections import (
+    CrossSection,
+    circle,
+    rectangle,
+    rectangle_torsion,
+    relaxation,
+)
 from suspension_cli.design.losses import Bulk, Mechanism, Thermoelastic
-from suspension_cli.design.relaxation import relaxation
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Section
 from tests.support.commandline import run, strict_json, written

@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 
 import suspension_cli as sus
 from suspension_cli.design import materials, reader
-from suspension_cli.design.sections import reduced
+from suspension_cli.design.wires import reduced
 from suspension_cli.elements import joined_sections
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.equilibrium.nominal import expand

@@ -11,7 +11,7 @@ from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document
 
 if TYPE_CHECKING:
-    from suspension_cli.design.plausibility import ImplausibleNumber
+    from suspension_cli.design.checks import ImplausibleNumber
     from suspension_cli.models.registry import Choice
 
 SAG = 0.05

@@ -25,13 +25,19 @@ from suspension_cli.analyses.check.loads import (
     WireWeights,
 )
 from suspension_cli.design import materials
-from suspension_cli.design.cavities import LIGHT
 from suspension_cli.design.derive import Keystone, gravity_strength, wire_line_densities
-from suspension_cli.design.filters import filter_statics
-from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
+from suspension_cli.design.links import LIGHT
 from suspension_cli.design.schema import Body, Design, Stage
-from suspension_cli.design.sections import given_sections, thinnest
-from suspension_cli.design.wires import Blade, BladeSet, Profile, Wire, WireSet
+from suspension_cli.design.towers import filter_statics, leg_inertia, leg_statics
+from suspension_cli.design.wires import (
+    Blade,
+    BladeSet,
+    Profile,
+    Wire,
+    WireSet,
+    given_sections,
+    thinnest,
+)
 from suspension_cli.elements import string
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.residual_scale import carried_weights

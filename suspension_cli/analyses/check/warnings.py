@@ -1,6 +1,6 @@
 """Warnings of a design: implausible loads, how close it is to its limits, and unknown names.
 
-`design.plausibility` checks its numbers; `results/stability.md` shows where each limit matters.
+`design.checks` checks its numbers; `results/stability.md` shows where each limit matters.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.check.loads import Check, FilterLoad, LegLoad, LinkLoad, Statics
 from suspension_cli.analyses.check.statics import list_wire_tables
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
-from suspension_cli.design import plausibility
+from suspension_cli.design import checks
+from suspension_cli.design.checks import ImplausibleNumber
 from suspension_cli.design.paths import value_at
-from suspension_cli.design.plausibility import ImplausibleNumber
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.residual_scale import carried_weights
@@ -61,7 +61,7 @@ def check(source: Source) -> Check:
         If it does not balance, with the implausible numbers that may be the reason.
     """
     design = source.design
-    found = plausibility.find_implausible(design)
+    found = checks.find_implausible(design)
     try:
         choice, loads = registry.choose(design), statics.solve(design)
     except InputError as error:
@@ -187,7 +187,7 @@ def find_serious(design: Design) -> list[ImplausibleNumber]:
 
     A design without equilibrium has no loads.
     """
-    found = plausibility.find_implausible(design)
+    found = checks.find_implausible(design)
     with contextlib.suppress(InputError):
         found += find_implausible_loads(design, statics.solve(design))
     return [item for item in found if item.serious]
