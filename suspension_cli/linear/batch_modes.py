@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.elimination import by_body, solve_each
-from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 
@@ -104,7 +103,7 @@ def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
         heavy = block[~model.massless[block]]
         if not len(heavy):
             continue
-        squared, vectors, motion = _solve_block(model, block)
+        squared, vectors, motion = solve_block(model, block)
         shape, whole = (np.zeros((*squared.shape, model.size)) for _ in range(2))
         shape[..., heavy], whole[..., block] = (
             np.swapaxes(each, -1, -2) for each in (vectors, motion)
@@ -124,7 +123,7 @@ def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
     return Spectrum(np.take_along_axis(squared, order, -1), shape, motion, number)
 
 
-def _solve_block(
+def solve_block(
     model: LinearSystem, block: Index
 ) -> tuple[
     Float[np.ndarray, "*build mode"],
@@ -235,7 +234,7 @@ def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
     own, inert = (np.abs(np.einsum("pnn->pn", part)[:, 6:]) for part in (stiffness, mass))
     scale = np.where(inert > 0, own / np.where(inert > 0, inert, 1.0), 0.0).sum(1)
     shifted = (stiffness + RIGID * scale[:, None, None] * mass)[:, 6:, 6:]
-    owner = Pencil(model).owner[6:]
+    owner = model.owner[6:]
     pattern = by_body(owner, (shifted != 0).any(0))
     with np.errstate(all="ignore"):
         factors = pattern.factor(shifted[:, pattern.row, pattern.column].T.copy())

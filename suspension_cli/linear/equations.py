@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,89 +46,75 @@ def rounding(
 
 
 @dataclass(frozen=True)
-class Part:
-    """Weights of some functions of frequency in elements of the equations of a block.
+class Elements:
+    """Elements of the equations of a block, by row; the columns of the support come first.
 
     Attributes
     ----------
-    row, column
-        Equation of each element, and its unknown with the support's motions before them.
     weights
-        Of many builds there is only one function.
+        Of the functions of frequency in each element; of many builds, the elements themselves.
     """
 
     row: Int[np.ndarray, " element"]
     column: Int[np.ndarray, " element"]
-    weights: Inexact[np.ndarray, "element function #build"]
+    weights: Inexact[np.ndarray, "element function"]
 
     @staticmethod
-    def of(weights: Inexact[np.ndarray, "function row column"]) -> Part:
-        """Take the elements of one design that are not 0."""
-        row, column = np.nonzero(weights.any(0))
-        return Part(row, column, weights[:, row, column].T[..., None])
+    def of(pieces: list[tuple[Any, Any, int, Any]], functions: int) -> Elements:
+        """Sum pieces: rows, columns, the first function that they have weights of, and these."""
+        row, column = (np.concatenate([piece[n] for piece in pieces]) for n in (0, 1))
+        places, member = np.unique(np.stack([row, column]), axis=1, return_inverse=True)
+        kind = np.result_type(*(piece[3] for piece in pieces))
+        weights, start = np.zeros((places.shape[1], functions), dtype=kind), 0
+        for rows, _, first, own in pieces:
+            span = slice(first, first + own.shape[1])
+            weights[member[start : start + len(rows)], span] += own
+            start += len(rows)
+        return Elements(*places, weights)
 
-    def followed_by(
-        self,
-        row: Int[np.ndarray, " added"],
-        column: Int[np.ndarray, " added"],
-        weights: Inexact[np.ndarray, "added function #build"],
-    ) -> Part:
-        """Append elements."""
-        if not len(row):
-            return self
-        shape = np.broadcast_shapes(self.weights.shape[1:], weights.shape[1:])
-        both = [np.broadcast_to(own, (len(own), *shape)) for own in (self.weights, weights)]
-        row, column = np.append(self.row, row), np.append(self.column, column)
-        return Part(row, column, np.concatenate(both))
+    def at(
+        self, functions: Inexact[np.ndarray, "function system"]
+    ) -> Inexact[np.ndarray, "element system"]:
+        """Evaluate the elements."""
+        return multiply_real(self.weights, functions) if len(functions) else self.weights
 
-    @cached_property
-    def dense(
+    def multiply(
         self,
-    ) -> tuple[
-        Int[np.ndarray, " row"],
-        Int[np.ndarray, " column"],
-        Inexact[np.ndarray, "function row column"],
-    ]:
-        """The rows and columns that have elements, and the weights in these, of one design."""
-        (rows, i), (columns, j) = (
-            np.unique(n, return_inverse=True) for n in (self.row, self.column)
-        )
-        result = np.zeros((self.weights.shape[1], len(rows), len(columns)), self.weights.dtype)
-        result[:, i, j] = self.weights[..., 0].T
-        return rows, columns, result
-
-    def apply(
-        self,
-        functions: Inexact[np.ndarray, "function frequency"],
-        motion: Inexact[np.ndarray, "unknown vector frequency"],
-        result: Inexact[np.ndarray, "unknown vector frequency"],
-    ) -> None:
-        """Add the product with motions of one design's unknowns, the support at rest."""
-        rows, columns, weights = self.dense
-        own = columns >= 6
-        x = motion[columns[own] - 6]
-        for weight, values in zip(weights[..., own], functions, strict=True):
-            if len(x) and values.any():
-                moved = multiply_real(weight, x.reshape(len(x), -1))
-                result[rows] += values * moved.reshape(len(rows), *x.shape[1:])
+        functions: Inexact[np.ndarray, "function system"],
+        motion: Inexact[np.ndarray, "unknown vector system"],
+    ) -> Inexact[np.ndarray, "unknown vector system"]:
+        """Multiply motions of the unknowns, the support at rest."""
+        own = self.column >= 6
+        values, result = self.at(functions)[own, None], np.zeros(motion.shape, dtype=complex)
+        rows, starts = np.unique(self.row[own], return_index=True)
+        result[rows] = np.add.reduceat(values * motion[self.column[own] - 6], starts)
+        return result
 
     def transformed(
         self,
         to_absolute: Float[np.ndarray, "all all"],
         place: Int[np.ndarray, " all"],
-        error: Float[np.ndarray, "unknown all"] | float = 0.0,
-    ) -> Part:
+        error: Float[np.ndarray, "unknown all"],
+    ) -> Elements:
         """Change unknowns: old = `to_absolute` @ new. Rounding errors become 0.
 
-        `error` is a bound of other errors of the new elements.
+        `error` is a bound of other errors of the new elements of the first function.
         """
-        rows, columns, weights = self.dense
-        if not len(rows):
-            return self
-        left, right = to_absolute[6 + rows, 6:], to_absolute[columns]
-        terms = np.abs(left).T @ sizes(weights, place[6 + rows], place[columns]) @ np.abs(right)
-        result = left.T @ weights @ right
-        return Part.of(np.where(np.abs(result) > ROUNDING * terms + error, result, 0.0))
+        pieces = []
+        for n, weights in enumerate(self.weights.T):
+            own = np.flatnonzero(weights)
+            rows, i = np.unique(self.row[own], return_inverse=True)
+            columns, j = np.unique(self.column[own], return_inverse=True)
+            if not len(own):
+                continue
+            matrix = np.zeros((len(rows), len(columns)))
+            matrix[i, j] = weights[own]
+            left, right = to_absolute[6 + rows, 6:], to_absolute[columns]
+            terms = np.abs(left).T @ sizes(matrix, place[6 + rows], place[columns]) @ np.abs(right)
+            result = left.T @ matrix @ right
+            kept = np.nonzero(np.abs(result) > ROUNDING * terms + (error if n == 0 else 0.0))
+            pieces.append((*kept, n, result[kept][:, None]))
+        return Elements.of(pieces, self.weights.shape[1])
 
 
 @dataclass(frozen=True)
@@ -138,80 +123,54 @@ class Equations:
 
     Attributes
     ----------
+    owner
+        Number of the body of each unknown.
     to_absolute
         T (6 + c, 6 + c) with the support's coordinates; None if q = x.
-    pattern
-        Order of elimination of the coordinates and tensions.
-    parts
-        For each part, elements of the pattern and the weights of its functions in them.
-    support
-        For each part, its elements in the columns of each motion of the support.
     """
 
-    to_absolute: Float[np.ndarray, "coordinate coordinate"] | None
-    pattern: elimination.Pattern
-    parts: list[tuple[Int[np.ndarray, " element"], Inexact[np.ndarray, "element function #build"]]]
-    support: list[list[Part]]
+    elements: Elements
+    owner: list[int]
+    to_absolute: Float[np.ndarray, "coordinate coordinate"] | None = None
 
-    @staticmethod
-    def of(
-        parts: list[Part],
-        owner: Sequence[int],
-        to_absolute: Float[np.ndarray, "coordinate coordinate"] | None = None,
-    ) -> Equations:
-        """Order the equations for elimination body by body."""
-        size = len(owner)
-        coupled = np.eye(size, 6 + size, 6, dtype=bool)
-        for part in parts:
-            coupled[part.row, part.column] = True
-        pattern = elimination.by_body(np.array(owner, dtype=int), coupled[:, 6:])
-        number = np.full((size, 6 + size), -1)
-        number[pattern.row, 6 + pattern.column] = np.arange(len(pattern.row))
-        elements, support = [], []
-        for part in parts:
-            place = number[part.row, part.column]
-            elements.append((place[place >= 0], part.weights[place >= 0]))
-            columns = (np.flatnonzero(part.column == motion) for motion in range(6))
-            support.append([Part(part.row[n], part.column[n], part.weights[n]) for n in columns])
-        return Equations(to_absolute, pattern, elements, support)
+    @cached_property
+    def pattern(self) -> elimination.Pattern:
+        """Order of elimination, and the elements that it needs."""
+        coupled = np.eye(len(self.owner), 6 + len(self.owner), 6, dtype=bool)
+        coupled[self.elements.row, self.elements.column] = True
+        return elimination.by_body(np.array(self.owner, dtype=int), coupled[:, 6:])
 
-    def elements(
-        self, functions: list[Inexact[np.ndarray, "function system"]]
-    ) -> Inexact[np.ndarray, "element system"]:
-        """Evaluate the elements of the pattern."""
-        kind = np.result_type(*functions, *(own for _, own in self.parts if own.size))
-        result = np.zeros((len(self.pattern.row), functions[0].shape[1]), dtype=kind)
-        for (place, own), values in zip(self.parts, functions, strict=True):
-            if len(place) and values.any():
-                result[place] += _multiply(own, values)
-        return result
+    @cached_property
+    def place(self) -> Int[np.ndarray, " element"]:
+        """Number of each element in the pattern; -1 for mirrored ones and those of the support."""
+        number = np.full((len(self.owner), 6 + len(self.owner)), -1)
+        number[self.pattern.row, 6 + self.pattern.column] = np.arange(len(self.pattern.row))
+        return number[self.elements.row, self.elements.column]
 
     def solve(
         self,
-        functions: list[Inexact[np.ndarray, "function system"]],
+        functions: Inexact[np.ndarray, "function system"],
         moves: Float[np.ndarray, "6 input #system"],
         forces: Float[np.ndarray, "own input #system"],
     ) -> Inexact[np.ndarray, "own input system"]:
         """Solve for coordinates q, given support motions and forces on x."""
-        elements, (own, inputs) = self.elements(functions), forces.shape[:2]
-        shape = self.pattern.size, inputs, functions[0].shape[1]
-        right = np.zeros(shape, dtype=elements.dtype)
+        values, (own, inputs) = self.elements.at(functions), forces.shape[:2]
+        shape = self.pattern.size, inputs, values.shape[1]
+        right = np.zeros(shape, dtype=values.dtype)
         if self.to_absolute is not None:
             forces = np.tensordot(self.to_absolute[6 : 6 + own, 6 : 6 + own].T, forces, 1)
         right[:own] = forces
         for motion in np.flatnonzero(moves.any((1, 2))):
             driven = np.flatnonzero(moves[motion].any(1))
-            for columns, values in zip(self.support, functions, strict=True):
-                if len(row := columns[motion].row):
-                    pull = _multiply(columns[motion].weights, values)[:, None]
-                    right[row[:, None], driven] -= pull * moves[motion, driven]
-        return self.pattern.solve(elements, right)[:own]
+            pull = np.flatnonzero(self.elements.column == motion)
+            rows = self.elements.row[pull, None]
+            right[rows, driven] -= values[pull, None] * moves[motion, driven]
+        return self.pattern.solve(self.in_pattern(values), right)[:own]
 
-
-def _multiply(
-    weights: Inexact[np.ndarray, "*rows function #build"],
-    functions: Inexact[np.ndarray, "function system"],
-) -> Inexact[np.ndarray, "*rows system"]:
-    if len(functions) == 1:
-        return weights[..., 0, :] * functions[0]
-    return multiply_real(weights[..., 0], functions)
+    def in_pattern(
+        self, values: Inexact[np.ndarray, "element system"]
+    ) -> Inexact[np.ndarray, "element system"]:
+        """The elements of the pattern."""
+        result = np.zeros((len(self.pattern.row), values.shape[1]), dtype=values.dtype)
+        result[self.place[self.place >= 0]] = values[self.place >= 0]
+        return result

@@ -160,7 +160,7 @@ def transfer_builds(
         build, frequency = np.divmod(np.arange(start, min(start + BUILDS, count)), len(omega))
         here: Any = as_slice(which[build]) if len(omega) == 1 else which[build]
         w = omega[frequency]
-        pencil = Pencil(model.select(here).at(w))
+        pencil = Pencil(model.select(here).at(w), w)
         own = [np.moveaxis(part[here], 0, -1) for part in (rows, moves, forces)]
         chosen = _choose(pencil, own[1], own[2], own[0])
         value = _respond(pencil, chosen, w, *own)

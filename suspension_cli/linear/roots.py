@@ -28,13 +28,12 @@ import numpy as np
 
 from suspension_cli.design.foton import Filter, warp
 from suspension_cli.elimination import dense, solve_each
-from suspension_cli.linear.equations import Part
 from suspension_cli.linear.pencil import Block, Loss, Pencil
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
-    Functions = list[Inexact[np.ndarray, "function frequency"]]
+    Functions = Inexact[np.ndarray, "function frequency"]
 
 BESIDE = 1e-6
 """Relative step for the derivative of functions of frequency."""
@@ -184,16 +183,18 @@ class ClosedBlock(Block):
         return [*Block(self.pencil, self.keep, self.pull).owner, *(0 for _ in self.loops)]
 
     @cached_property
-    def parts(self) -> list[Part]:
-        """Weights of the functions of `Block.parts`, then of those of each `Feedback`."""
-        size, count = len(self.owner), len(self.loops)
-        result = list(Block(self.pencil, self.keep, self.pull).parts)
-        for n, loop in enumerate(self.loops, size - count):
-            weights = np.zeros((3, size, 6 + size))
-            weights[0, : len(self.keep), 6 + n] = loop.pushed[self.keep]
-            weights[1, n, 6 : 6 + len(self.keep)] = loop.sensed[self.keep]
-            weights[2, n, 6 + n] = -1.0
-            result.append(Part.of(weights))
+    def pieces(self) -> list[tuple[Any, Any, int, Any]]:
+        """Pieces of the elements of a `Block`, then those of the functions of each `Feedback`."""
+        keep, plain = self.keep, Block(self.pencil, self.keep, self.pull)
+        result, first = list(plain.pieces), plain.elements.weights.shape[1]
+        for n, loop in enumerate(self.loops, len(self.owner) - len(self.loops)):
+            for form, place in ((loop.pushed, 0), (loop.sensed, 1)):
+                own = np.flatnonzero(form[keep])
+                unknown = np.full(len(own), n)
+                at = (unknown, 6 + own) if place else (own, 6 + unknown)
+                result.append((*at, first + place, form[keep[own], None]))
+            result.append((np.array([n]), np.array([6 + n]), first + 2, -np.ones((1, 1))))
+            first += 3
         return result
 
 
@@ -206,21 +207,15 @@ def _linearise(
 ) -> Iterator[tuple[Int[np.ndarray, " _"], Block, Functions, Functions]]:
     """Evaluate the functions of each block, and their derivatives, at those s that belong to it."""
     there = pencil.at_poles(s, loss)
-    beside = pencil.at_poles(s * (1 + BESIDE), loss) if pencil.dispersive else there
+    beside = pencil.at_poles(s * (1 + BESIDE), loss, np.imag(s).copy())
     for number in np.unique(block).tolist():
         here, own = np.flatnonzero(block == number), blocks[number]
-        functions = [each[:, here] for each in own.at(there).functions]
-        slopes = [0 * each for each in functions]
-        slopes[2] = slopes[2] + float(loss != "none")
-        slopes[3] = slopes[3] + 2 * s[here]
-        near = own.at(beside).functions if pencil.dispersive else functions
-        for n, (_, term) in enumerate(own.terms, 4):
-            if term.dispersive:
-                slopes[n] = (near[n][:, here] - functions[n]) / (BESIDE * s[here])
+        functions, near = (own.at(at).functions[:, here] for at in (there, beside))
+        slopes = (near - functions) / (BESIDE * s[here])
+        slopes[:2], slopes[2], slopes[3] = 0.0, float(loss != "none"), 2 * s[here]
         for loop in own.loops if isinstance(own, ClosedBlock) else ():
-            values, derivatives = loop.at(s[here])
-            functions.append(values)
-            slopes.append(derivatives)
+            both = zip((functions, slopes), loop.at(s[here]), strict=True)
+            functions, slopes = (np.concatenate(pair) for pair in both)
         yield here, own, functions, slopes
 
 
@@ -239,24 +234,20 @@ def _step(
 
     They are not finite at a root to the last bit.
     """
-
-    def differentiate(motion: np.ndarray) -> np.ndarray:
-        result = np.zeros(motion.shape, dtype=complex)
-        for part, own in zip(block.parts, slopes, strict=True):
-            part.apply(own, motion, result)
-        return result
-
-    right = differentiate(x)
+    elements = block.elements
+    right = elements.multiply(slopes, x)
     with np.errstate(all="ignore"):
         if len(x) > FEW and not pivoting and not isinstance(block, ClosedBlock):
             equations = block.absolute
-            y = equations.pattern.solve(equations.elements(functions), right, np.inf)
+            own = equations.in_pattern(elements.at(functions))
+            y = equations.pattern.solve(own, right, np.inf)
         else:
             y = dense(block.matrix(functions)[:, 6:], right)
         size = np.abs(y).max(0)
         size[size == 0] = 1.0
         y, right = y / size, right / size
-        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in (right, differentiate(y)))
+        both = right, elements.multiply(slopes, y)
+        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in both)
         second += np.eye(len(size)) * ~y.any(0).T[:, None]
         return solve_each(second, first), y
 

@@ -287,6 +287,15 @@ class LinearSystem:
         stretching = np.where(self.allowed, pulled @ self.elongation, 0.0)
         return soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
 
+    @cached_property
+    def owner(self) -> Int[np.ndarray, " coordinate"]:
+        """Number of the body of each coordinate, from 1; 0: the support and its structure.
+
+        A blade's tip goes with the stage below.
+        """
+        number = {name: n for n, name in enumerate(self.body, 1)}
+        return np.array([number.get(name.split(".", 1)[0], 0) for name in self.coordinate])
+
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch axes."""
