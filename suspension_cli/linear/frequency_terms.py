@@ -22,6 +22,7 @@ import numpy as np
 
 from suspension_cli.elements.beam import ELEMENT_PLACES
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire, WireAtFrequencies
+from suspension_cli.elimination import multiply_real
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
@@ -209,16 +210,6 @@ def is_light(term: Term) -> TypeGuard[LossTerm]:
 def is_massive(term: Term) -> bool:
     """Whether a term is that of wires with mass."""
     return isinstance(term, WireTerm) and term.strand.massive
-
-
-def multiply_real(
-    matrix: Float[np.ndarray, "*rows coordinate"],
-    columns: Inexact[np.ndarray, "coordinate frequency"],
-) -> Inexact[np.ndarray, "*rows frequency"]:
-    """Multiply a real matrix by real or complex columns, in real arithmetic."""
-    if not np.iscomplexobj(columns):
-        return matrix @ columns
-    return (matrix @ np.ascontiguousarray(columns).view(float)).view(complex)
 
 
 def distinct(

@@ -31,9 +31,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from suspension_cli.conventions import DOFS, FRAME
-from suspension_cli.elimination import connected_groups
+from suspension_cli.elimination import (
+    ROUNDING,
+    Elements,
+    Equations,
+    connected_groups,
+    multiply_real,
+    rounding,
+    sizes,
+)
 from suspension_cli.linear.batch_modes import solve_block
-from suspension_cli.linear.equations import ROUNDING, Elements, Equations, rounding, sizes
 from suspension_cli.linear.frequency_terms import (
     EvaluatedTerm,
     EvaluatedWires,
@@ -41,7 +48,6 @@ from suspension_cli.linear.frequency_terms import (
     WireTerm,
     distinct,
     is_damper,
-    multiply_real,
 )
 from suspension_cli.linear.system import LinearSystem
 
