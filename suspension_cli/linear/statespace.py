@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import FRAME
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
@@ -229,27 +228,6 @@ class _Part:
     states: tuple[tuple[str, Int[np.ndarray, " _"]], ...]
 
 
-def _condense(
-    block: Block,
-) -> tuple[Int[np.ndarray, " kept"], Float[np.ndarray, "kept 6+kept"]]:
-    """Eliminate the tensions of a block and its blade tips without mass and damping.
-
-    Neither inputs nor outputs act on these. Returns the other coordinates, and their stiffness
-    towards the support and themselves.
-    """
-    model, keep, size = block.pencil.model, block.keep, len(block.owner)
-    whole = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]  # complex if lossy
-    frame = np.array([model.coordinate[n].startswith(FRAME) for n in keep], dtype=bool)
-    light = model.massless[keep] & ~frame & ~(model.damping[keep] != 0).any(1)
-    a = np.flatnonzero(~light)
-    b = np.append(np.flatnonzero(light), np.arange(len(keep), size))
-    columns = np.append(np.arange(6), 6 + a)
-    follow = -np.linalg.solve(whole[b[:, None], 6 + b], whole[b[:, None], columns])
-    stiffness = np.real(_sum(whole[a[:, None], columns], whole[a[:, None], 6 + b], follow))
-    stiffness[:, 6:] = (stiffness[:, 6:] + stiffness[:, 6:].T) / 2
-    return keep[a], stiffness
-
-
 def _block(
     block: Block,
     damping: Float[np.ndarray, "coordinate coordinate"],
@@ -259,8 +237,8 @@ def _block(
 ) -> _Part:
     """Build the state space of one block: inputs `moves` and `forces`, outputs `rows`.
 
-    Where a damper resists coordinates b without mass (of a massless support structure), its momenta
-    p are states too:
+    Tensions count as coordinates b without mass, as those of blade tips do. Where a damper resists
+    such (of a massless support structure), its momenta p are states too:
 
         p = U^T (C_ba a + C_bb b + C_bs s),    p' = U^T (f - K_ba a - K_bb b - K_bs s),
 
@@ -269,21 +247,23 @@ def _block(
     """
     from scipy.linalg import qr
 
-    kept, stiffness = _condense(block)
-    at = np.ix_(kept, np.append(np.arange(6), kept))
-    whole_mass, damping, force = block.pencil.model.mass[at], damping[at], forces[kept]
-    heavy = np.flatnonzero((whole_mass[:, 6:] != 0).any(1))
-    light = np.setdiff1d(np.arange(len(kept)), heavy)
-    mass = whole_mass[heavy[:, None], 6 + heavy]
+    keep, size = block.keep, len(block.owner)
+    at, more = np.ix_(keep, np.append(np.arange(6), keep)), size - len(keep)
+    mass, damping = (np.pad(matrix[at], (0, more)) for matrix in (block.pencil.model.mass, damping))
+    force, sensed = (
+        np.pad(forces[keep], ((0, more), (0, 0))),
+        np.pad(rows[:, keep], ((0, 0), (0, more))),
+    )
+    stiffness = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]  # complex if lossy
+    heavy = np.flatnonzero((mass[:, 6:] != 0).any(1))
+    light = np.setdiff1d(np.arange(size), heavy)
     (k_s, k), (c_s, c) = ((m[:, :6] @ moves, m[:, 6:]) for m in (stiffness, damping))
     directions, _, _ = np.linalg.svd(c[np.ix_(light, light)])
-    largest = np.abs(damping).max(initial=0.0)
-    rank = 0
+    limit, rank = 1e-12 * np.abs(damping).max(initial=0.0), 0
     if len(light):
-        limit = 1e-12 * np.abs(c).max(initial=0.0)
         rank = int(np.linalg.matrix_rank(c[np.ix_(light, light)], tol=limit))
     resisted, unresisted = directions[:, :rank].T, directions[:, rank:].T
-    if np.abs(unresisted @ damping[light]).max(initial=0.0) > 1e-12 * largest:
+    if np.abs(unresisted @ damping[light]).max(initial=0.0) > limit:
         remedy = "give [support] a mass and inertia"
         raise InputError.of(
             "control.loop",
@@ -295,25 +275,27 @@ def _block(
     count, inputs = len(heavy), moves.shape[1]
     ends = np.cumsum([0, count, count, rank, inputs])
     z, w, p, u = (slice(n, m) for n, m in pairwise(ends))
-    q, momentum, applied = np.zeros((3, len(k), ends[-1]))
-    q[heavy, z], q[heavy, u] = np.eye(count), -np.linalg.solve(mass, whole_mass[heavy, :6] @ moves)
+    q, momentum, applied = np.zeros((3, size, ends[-1]), dtype=stiffness.dtype)
+    inertia = mass[heavy[:, None], 6 + heavy]
+    q[heavy, z], q[heavy, u] = np.eye(count), -np.linalg.solve(inertia, mass[heavy, :6] @ moves)
     momentum[:, u], applied[:, u] = c_s, force - k_s
     both = np.concatenate([resisted @ c[light], unresisted @ k[light]])
     right = np.concatenate([-resisted @ momentum[light], unresisted @ applied[light]])
     right[:rank, p] = np.eye(rank)
     solve = np.linalg.inv(both[:, light])
     q[light] = _sum(solve @ right, -solve @ both[:, heavy], q[heavy])
-    momentum, applied = _sum(momentum, c, q), _sum(applied, -k, q)
+    momentum, applied = (np.real(part) for part in (_sum(momentum, c, q), _sum(applied, -k, q)))
     rates = np.zeros((ends[-2], ends[-1]))
     rates[z], rates[w] = (
-        -np.linalg.solve(mass, momentum[heavy]),
-        np.linalg.solve(mass, applied[heavy]),
+        -np.linalg.solve(inertia, momentum[heavy]),
+        np.linalg.solve(inertia, applied[heavy]),
     )
     rates[z, w] += np.eye(count)
     rates[p] = resisted @ applied[light]
-    sensed = rows[:, kept] @ q
+    sensed = np.real(sensed @ q)
     leading = light[qr(resisted, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
-    names = ("", kept[heavy]), (" rate", kept[heavy]), (" momentum", kept[leading])
+    states = ("", heavy), (" rate", heavy), (" momentum", leading)
+    names = tuple((kind, keep[which]) for kind, which in states)
     return _Part(rates[:, : u.start], rates[:, u], sensed[:, : u.start], sensed[:, u], names)
 
 
