@@ -211,15 +211,6 @@ class Factors:
     multipliers: list[Inexact[np.ndarray, "_ system"]]
     least: Inexact[np.ndarray, " system"]
 
-    def select(self, which: Int[np.ndarray, " system"]) -> Factors:
-        """Select some of the systems, or the one that all share."""
-        if len(self.least) == 1:
-            return self
-        pivots, multipliers = (
-            [each[..., which] for each in part] for part in (self.pivots, self.multipliers)
-        )
-        return Factors(self.pattern, pivots, multipliers, self.least[which])
-
     def solve(
         self, x: Inexact[np.ndarray, "step input system"]
     ) -> Inexact[np.ndarray, "step input system"]:

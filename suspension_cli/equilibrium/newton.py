@@ -1,10 +1,10 @@
 """Newton's method for the poses of builds, many at once.
 
-A step solves K x = -g with the factors of the tangent stiffness; close to the pose these are used
-again. The geometric stiffness of a wire, and its resistance to bending, are those at the tension
-that the step before predicted to first order: the tension in the pose contains its stiffness times
-squares of that step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313, 986
-(2017)).
+A step solves K x = -g. The geometric stiffness of a wire, and its resistance to bending, are those
+at the tension that the step before predicted to first order: the tension in the pose contains its
+stiffness times squares of that step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech.
+Eng. 313, 986 (2017)). The first step of imperfect builds is taken with the factors of the nominal
+design.
 
 A body that hangs from one point turns about it freely. Its stiffness against that is a rounding
 error in the equilibrium, where one coordinate is held, and elsewhere as small as the torque that is
@@ -38,15 +38,9 @@ ROUNDED = 1e-14
 """Residual (relative to the weight) that rounding may leave; the search also ends where rounding
 keeps it above this."""
 LAST_STEP = 1e-10
-"""Step (m or rad) after which the error is below 1e-12, as each step is at least 30 times shorter
-than the one before."""
+"""Step (m or rad) after which rounding is all that is left, as Newton's method squares errors."""
 SHORT = 1e-8
 """Step (m or rad) after which a residual that does not fall any more is due to rounding."""
-NEAR = 1e-6
-"""Residual (relative to the weight) below which factors are used again: a step then changes the
-stiffness by so little that the next residual is some 1e3 times smaller."""
-FALLING = 30
-"""Factor by which a step with old factors must reduce the residual."""
 HELD = 1e-12
 """Pivot over the stiffness of its coordinate below which it is a rounding error."""
 CAP = 0.3
@@ -116,7 +110,7 @@ def search(
         np.einsum("iip->ip", matrix)[free] += unbalanced * scale[free, : len(unbalanced)]
         return factorise(matrix, linked)
 
-    builds, factors, near = np.arange(count), None, True
+    builds, factors = np.arange(count), None
     if accept_nominal and scene.drawn is not None and count:
         # the first step of imperfect builds
         one = SceneArrays.of(scene.drawn, numbering, slice(rows.start, rows.start + 1), 1)
@@ -128,10 +122,9 @@ def search(
             gradient, size, goal, scale, unit = (
                 part[..., kept] for part in (gradient, size, goal, scale, unit)
             )
-            factors = factors and factors.select(kept)
         if not len(builds):
             break
-        if factors is None or not near:
+        if factors is None or step > 1:
             factors = factors_of(now, size)
         (now, moved), before = _take_step(now, factors, gradient, unit), size
         gradient = derivatives(now, curved=False).gradient[6:-1] - goal
@@ -145,7 +138,6 @@ def search(
             array[..., which] = getattr(now, name)[..., ~left]
         residual[which], steps[which] = size[~left], step
         pivot[which] = np.broadcast_to(factors.least, size.shape)[~left]
-        near = step > 1 and bool(((size < NEAR) & (size < before / FALLING))[left].all())
     now = Configuration(arrays, *moving)
     rounding = np.where(steps > 0, _rounding(now, every), 0.0)
     return Found(now, residual, rounding, pivot, steps)
