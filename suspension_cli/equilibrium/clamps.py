@@ -54,72 +54,33 @@ LARGEST = 0.5
 
 
 def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
-    """Find the equilibrium of a scene whose wires bend.
+    """Find the equilibrium, not necessarily converged, of a scene whose wires bend.
 
-    Parameters
-    ----------
-    scene : Scene
-        With `fibres`, and at most one batch axis.
-
-    Returns
-    -------
-    scene : Scene
-        With wires between their clamps, and `flex` at the tensions and lengths in equilibrium.
-    found : Equilibrium
-        Not necessarily converged: see `Equilibrium.demand`.
+    The scene has `fibres`, and at most one batch axis. Also returns it with wires between their
+    clamps, and `flex` at the tensions and lengths in equilibrium.
     """
     scene, hanging = to_clamps(scene)
-    drawn = scene.drawn and _with_bending(scene.drawn, hanging)
-    scene = replace(_with_bending(scene, hanging), drawn=drawn)
+    at = () if hanging is None else (hanging.tension, hanging.length)
+    drawn = scene.drawn and with_bending(scene.drawn, *at)
+    scene = replace(with_bending(scene, *at), drawn=drawn)
     found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
     if scene.batch and hanging is not None:
-        found = _without_unknown_clamps(found, hanging)
+        # where the strings that define the clamps have no equilibrium, these are reported
+        unknown, strings = np.asarray(np.isnan(hanging.tension).any(-1)), hanging.found
+        residual = np.where(unknown, strings.residual, found.residual)
+        tension = np.where(unknown[..., None], strings.tension, found.tension)
+        found = replace(found, residual=residual, tension=tension)
     if found.bend is not None:
         assert scene.flex is not None and found.twist is not None
-        flex = replace(scene.flex, bend=found.bend, twist=found.twist)
-        scene = replace(scene, flex=flex)
+        scene = replace(scene, flex=replace(scene.flex, bend=found.bend, twist=found.twist))
     return scene, found
 
 
-def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
-    """Report the strings that define the clamps, where these strings have no equilibrium."""
-    unknown = np.asarray(np.isnan(hanging.tension).any(-1))
-    strings = hanging.found
-    return replace(
-        found,
-        residual=np.where(unknown, strings.residual, found.residual),
-        tension=np.where(unknown[..., None], strings.tension, found.tension),
-    )
-
-
-def _with_bending(scene: Scene, hanging: HangingWires | None) -> Scene:
-    """Fill the bending stiffness of wires, at nominal tensions or those of hanging wires."""
-    if hanging is None:
-        return with_bending(scene)
-    return with_bending(scene, hanging.tension, hanging.length)
-
-
 def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
-    """Move the ends of wires from given bending points to their clamps.
+    """Move the ends of wires from given bending points to their clamps, in `drawn` too.
 
-    Of an imperfect scene, also in its nominal scene.
-
-    Parameters
-    ----------
-    scene : Scene
-        With `fibres`, and at most one batch axis.
-
-    Returns
-    -------
-    scene : Scene
-        With the principal planes of its wires in `flex`.
-    hanging : HangingWires or None
-        Wires of the nominal scene, if its pose is solved for; lengths are those between clamps.
-
-    Raises
-    ------
-    InputError
-        If a single scene has no such pose, or a wire is slack in it.
+    Also returns the wires of the nominal scene if its pose is solved for, with lengths between
+    clamps. Raises `InputError` if a single scene has no such pose, or a wire is slack in it.
     """
     fibres = scene.fibres
     assert fibres is not None
@@ -203,10 +164,7 @@ def _hinge_distances(
     length: Float[np.ndarray, "*batch"],
     tension: Float[np.ndarray, "*batch"],
 ) -> Float[np.ndarray, "*batch 2"]:
-    """Distances of the hinges of a wire from its upper and its lower clamp, m.
-
-    The length (m) is that between the hinges; the tension is in N.
-    """
+    """Distances of the hinges of a wire from its clamps, m; `length` (m) is that between them."""
     upper = lower = np.zeros_like(length)
     for _ in range(ITERATIONS):
         upper, lower = hinge_distances(sections, length + upper + lower, tension)
@@ -243,12 +201,8 @@ def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
 def to_hinges(scene: Scene, rigidity: tuple[tuple[float, float], ...]) -> Scene:
     """Move the ends of hinged wires by sqrt(E I / T) along them, with T of the nominal pose.
 
-    Ends stay where that pose is solved for and does not exist.
-
-    Raises
-    ------
-    InputError
-        If the bends would take more than `LARGEST` of a wire.
+    Ends stay where that pose is solved for and does not exist. Raises `InputError` if the bends
+    would take more than `LARGEST` of a wire.
     """
     if not rigidity:
         return scene

@@ -52,27 +52,20 @@ class HangingWires:
 def hang(scene: Scene) -> HangingWires:
     """Find the wires of a scene in equilibrium, as strings between the given points.
 
-    Raises
-    ------
-    InputError
-        If a single scene has no equilibrium, or a wire is slack in it.
+    Raises `InputError` if a single scene has none, or a wire is slack in it.
     """
-    wires = scene.wires
     found = _balance_strings(scene)
-    pose = found.pose
     if not scene.batch:
         found.demand(scene)
-    now = string.state(scene, pose)
-    turn = np.swapaxes(pose.rotation, -1, -2)
-    numbers = [now.length[..., None], now.tension[..., None], now.direction[..., 2:]]
-    for body in (wires.upper, wires.lower):
-        numbers.append((turn[..., body, :, :] @ now.direction[..., None])[..., 0])
-    each = np.concatenate(numbers, axis=-1)
-    taut = found.converged & (found.tension > 0).all(-1)
-    each = np.where(np.asarray(taut)[..., None, None], each, np.nan)
-    return HangingWires(
-        found, *(each[..., n] for n in range(3)), upper=each[..., 3:6], lower=each[..., 6:]
+    now, turn = string.state(scene, found.pose), np.swapaxes(found.pose.rotation, -1, -2)
+    upper, lower = (
+        (turn[..., body, :, :] @ now.direction[..., None])[..., 0]
+        for body in (scene.wires.upper, scene.wires.lower)
     )
+    taut = np.asarray(found.converged & (found.tension > 0).all(-1))[..., None]
+    numbers = (np.where(taut, n, np.nan) for n in (now.length, now.tension, now.direction[..., 2]))
+    vectors = (np.where(taut[..., None], own, np.nan) for own in (upper, lower))
+    return HangingWires(found, *numbers, *vectors)
 
 
 def _balance_strings(scene: Scene) -> Equilibrium:

@@ -56,13 +56,12 @@ class Equilibrium:
 
     Attributes
     ----------
-    pose : Pose
     residual
         Largest unbalanced force on a body over the weight that it carries, or torque over that
         weight times the lever arm of the body.
     rounding
         Part of the residual that rounding may cause.
-    iterations : int
+    iterations
         Newton steps taken; 0 if the nominal pose balances.
     tension
         N.
@@ -156,17 +155,8 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     that of the nominal design, while the imperfections grow from zero; or, if the nominal pose is
     unknown, while the forces that hold the scene as drawn fall to zero.
 
-    Parameters
-    ----------
-    scene : Scene
-        With any batch axes; no scene depends on the others.
-    start : Pose, optional
-        Instead of the nominal pose.
-
-    Returns
-    -------
-    Equilibrium
-        Not necessarily converged: see `Equilibrium.demand`.
+    A scene has any batch axes; none depends on the others. `start` replaces the nominal pose. The
+    result is not necessarily converged, see `Equilibrium.demand`.
     """
     numbering = numbering or layout(scene)
     found = _newton(
