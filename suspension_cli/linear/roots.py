@@ -142,33 +142,24 @@ class Feedback:
         self, s: Complex[np.ndarray, " frequency"]
     ) -> tuple[Complex[np.ndarray, "3 frequency"], Complex[np.ndarray, "3 frequency"]]:
         """Evaluate 1, N and D, and their derivatives."""
-        parts = self.filter.parts
-        zeros, zeros_slope, size = _multiply_factors(s, [(one.zeros, one.rate) for one in parts])
-        poles, poles_slope, unit = _multiply_factors(s, [(one.poles, one.rate) for one in parts])
+        values = self._functions(s)
+        return values, (self._functions(s * (1 + BESIDE)) - values) / (BESIDE * s)
+
+    def _functions(
+        self, s: Complex[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "3 frequency"]:
         with np.errstate(all="ignore"):  # far to the left a delay overflows, and the root is lost
-            late = np.prod([one.gain for one in parts]) * np.exp(size - unit - s * self.delay)
-        numerator_slope = late * (zeros_slope - self.delay * zeros)
-        return (
-            np.array([np.ones(len(s)), late * zeros, poles]),
-            np.array([np.zeros(len(s)), numerator_slope, poles_slope]),
-        )
-
-
-def _multiply_factors(
-    s: Complex[np.ndarray, " frequency"], parts: Sequence[tuple[tuple[complex, ...], float]]
-) -> tuple[Complex[np.ndarray, " frequency"], Complex[np.ndarray, " frequency"], float]:
-    """Product of all (w / 2 pi + root) / size, its derivative, and the logarithm of all sizes.
-
-    `parts` are roots in Hz and the sample rate of their w (see `design.foton`).
-    """
-    factors, slopes, sizes = [np.ones(len(s), dtype=complex)], [0 * s], [1.0]
-    for roots, rate in parts:
-        at, rise = warp(s, rate)
-        sizes += [abs(root) or 1.0 for root in roots]
-        factors += [(at / (2 * np.pi) + root) / (abs(root) or 1.0) for root in roots]
-        slopes += [rise / (2 * np.pi * (abs(root) or 1.0)) + 0 * s for root in roots]
-    others = (np.delete(factors, n, 0).prod(0) * slope for n, slope in enumerate(slopes))
-    return np.prod(factors, 0), sum(others, 0 * s), float(np.log(sizes).sum())
+            late = np.exp(-s * self.delay)
+        numerator = np.prod([part.gain for part in self.filter.parts]) * late
+        denominator = np.ones(len(s), dtype=complex)
+        for part in self.filter.parts:
+            at = warp(s, part.rate)[0] / (2 * np.pi)
+            for root in part.zeros:
+                numerator *= at + root
+            for root in part.poles:
+                denominator *= (at + root) / (abs(root) or 1.0)
+                numerator /= abs(root) or 1.0
+        return np.array([np.ones(len(s)), numerator, denominator])
 
 
 @dataclass(frozen=True)
@@ -263,9 +254,8 @@ def find_roots(
 ) -> Roots:
     """Find the roots near start values, which all oscillate, or are all real.
 
-    Those at a relative distance up to `close`, and `width`, by how much losses may move each from
-    its start, rad/s, start together. If the values are those of roots with unknown shapes, they
-    stay in the first steps, `known` in number.
+    Those closer than `close`, or than their `width`, by how much losses may move each (rad/s),
+    start together. In the first `known` steps values stay, if shapes are unknown.
     """
     if not len(start.value):
         return start
@@ -277,12 +267,10 @@ def find_roots(
     found = _iterate(pencil, blocks, found, each, STEPS, loss)
     far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)
     lost = found.lost | far | ~np.isfinite(found.motion).all(0)
-    return Roots(
-        value=np.where(lost, start.value, found.value),
-        block=start.block,
-        motion=np.where(lost, start.motion, found.motion),
-        lost=lost,
+    value, motion = (
+        np.where(lost, getattr(start, name), getattr(found, name)) for name in ("value", "motion")
     )
+    return Roots(value, start.block, motion, lost)
 
 
 def repeated(found: Roots) -> Bool[np.ndarray, " root"]:
@@ -298,20 +286,21 @@ def group_roots(
     start: Roots, close: float, width: Float[np.ndarray, " root"]
 ) -> list[Int[np.ndarray, " _"]]:
     """Group roots of one block that are close together."""
-    result = []
-    for number in np.unique(start.block):
-        own = np.flatnonzero(start.block == number)
-        own = own[np.argsort(np.abs(start.value[own]), kind="stable")]
-        group = own[:1].tolist()
-        for last, n in zip(own[:-1].tolist(), own[1:].tolist(), strict=True):
-            s = start.value[n]
-            near = close * abs(s) + 2 * (width[n] + width[last])
-            if abs(s - start.value[last]) > near or abs(s) > WIDE * abs(start.value[group[0]]):
-                result.append(np.array(group))
-                group = []
-            group.append(n)
-        result.append(np.array(group))
-    return result
+    result: list[list[int]] = []
+    size = np.abs(start.value)
+    for n in np.lexsort([size, start.block]).tolist():
+        last = result[-1][-1] if result else -1
+        near = close * size[n] + 2 * (width[n] + width[last])
+        if (
+            last >= 0
+            and start.block[n] == start.block[last]
+            and abs(start.value[n] - start.value[last]) <= near
+            and size[n] <= WIDE * size[result[-1][0]]
+        ):
+            result[-1].append(n)
+        else:
+            result.append([n])
+    return [np.array(group) for group in result]
 
 
 def _iterate(
