@@ -36,11 +36,6 @@ class Ground:
     damping: Inexact[np.ndarray, "*#batch coordinate 6"]
     terms: tuple[Any, ...] = ()
 
-    @property
-    def matrices(self) -> tuple[Any, Any]:
-        """K and C."""
-        return self.stiffness, self.damping
-
     def widened(self, count: int) -> Ground:
         """Append coordinates on which the ground exerts no force."""
         size = self.stiffness.shape[-2]
@@ -123,12 +118,12 @@ class LinearSystem:
         assert ground is not None
         if "ground" not in self.prepared:
             at_rest = np.diag(np.arange(self.size) >= 6).astype(float)
-            moved = [
-                np.zeros((*part.shape[:-1], self.size), part.dtype) for part in ground.matrices
-            ]
-            for whole, columns in zip(moved, ground.matrices, strict=True):
+            moved = []
+            for columns in (ground.stiffness, ground.damping):
+                whole = np.zeros((*columns.shape[:-1], self.size), columns.dtype)
                 whole[..., :6] += columns
                 whole[..., :6, :] += np.swapaxes(columns, -1, -2)
+                moved.append(whole)
             rest = replace(self, terms=self.terms[len(ground.terms) :], rigid=None, ground=None)
             made = rest.spread(at_rest, 0.0, *moved)
             terms = (*ground.terms, *made.terms)
