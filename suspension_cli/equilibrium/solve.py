@@ -181,7 +181,10 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
         if not suspect.any():
             break
         some = select_scenes(scene, suspect)
-        begin = nominal_pose(some) if nominal is None else _broadcast_pose(nominal.pose, some.batch)
+        begin = nominal_pose(some)
+        if nominal is not None:
+            pose = _broadcast_pose(nominal.pose, scene.batch)
+            begin = Pose(*(getattr(pose, name)[suspect] for name in PARTS_OF_POSE))
         better = _continue(some, numbering, begin, steps)
         reached = suspect.copy()
         reached[suspect] = better.converged
