@@ -30,7 +30,6 @@ from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
@@ -86,10 +85,7 @@ class StateSpace:
 
 
 def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
-    """Build the state space from support motions and forces to motions.
-
-    It covers the blocks that an input drives and an output senses, of a system without batch axes.
-    """
+    """Build the state space from support motions and forces to motions, without batch axes."""
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
     drives = np.array([signals.linear_form(signal, model) for signal in inputs])
     return assemble(model, drives, inputs, rows, outputs)
@@ -99,11 +95,11 @@ def refuse_ground(inputs: list[Signal]) -> None:
     """Raise `InputError` for motions of the ground, which are no inputs of a state space."""
     for signal in inputs:
         if signal.is_ground:
+            problem = "a motion of the ground beside the support is no input of a state space"
             remedy = (
                 "take motions of the support and forces; pendsus response has responses to the"
                 " ground"
             )
-            problem = "a motion of the ground beside the support is no input of a state space"
             raise InputError.of("--input", problem, remedy, signal.text)
 
 
@@ -120,41 +116,30 @@ def assemble(
 
     It covers the blocks that are driven and sensed; with `undriven`, all that are sensed.
     """
+    from scipy.linalg import block_diag
+
     refuse_ground(inputs)
     acts = np.array([signal.acts for signal in inputs], dtype=bool)
     drives = drives.reshape(len(inputs), model.size)
     moves = np.where(acts[:, None], 0.0, drives[:, :6]).T
     forces = np.where(acts[:, None], drives, 0.0).T
-    a: list[Array] = []
-    b: list[Array] = []
-    c: list[Array] = []
     feed = rows[:, :6] @ moves
-    model = _with_states_of_light(
-        replace(model, damping=model.damping + _equivalent_damping(model.constant))
-    )
-    rows, forces = (_pad(part, model.size) for part in (rows, forces.T))
-    forces, damping = forces.T, model.damping
-    states: list[str] = []
+    damped = model.damping + _equivalent_damping(model.constant)
+    model = _with_states_of_light(replace(model, damping=damped))
+    more = model.size - rows.shape[1]
+    rows, forces = np.pad(rows, ((0, 0), (0, more))), np.pad(forces, ((0, more), (0, 0)))
+    parts, states = [], list[str]()
     for block in Pencil.of(model.constant).blocks:
-        if not rows[:, block.keep].any() or not (undriven or block.is_driven(moves, forces).any()):
-            continue
-        part = _block(block, damping, moves, forces, rows)
-        a.append(part.a)
-        b.append(part.b)
-        c.append(part.c)
-        feed = feed + part.d
-        states += [
-            f"{model.coordinate[n]}{kind}" for kind, coordinates in part.states for n in coordinates
-        ]
-    size = sum(len(part) for part in a)
-    whole, place = np.zeros((size, size)), 0
-    for part in a:
-        whole[place : place + len(part), place : place + len(part)] = part
-        place += len(part)
+        if rows[:, block.keep].any() and (undriven or block.is_driven(moves, forces).any()):
+            part = _block(block, model.damping, moves, forces, rows)
+            parts.append(part)
+            feed = feed + part.d
+            for kind, coordinates in part.states:
+                states += [f"{model.coordinate[n]}{kind}" for n in coordinates]
     return StateSpace(
-        a=whole,
-        b=np.concatenate([np.zeros((0, len(inputs))), *b]),
-        c=np.concatenate([np.zeros((len(outputs), 0)), *c], axis=1),
+        a=block_diag(np.zeros((0, 0)), *(part.a for part in parts)),
+        b=np.concatenate([np.zeros((0, len(inputs))), *(part.b for part in parts)]),
+        c=np.concatenate([np.zeros((len(outputs), 0)), *(part.c for part in parts)], axis=1),
         d=feed,
         state=tuple(states),
         state_unit=tuple(_unit(name) for name in states),
@@ -163,11 +148,6 @@ def assemble(
         output=tuple(signal.text for signal in outputs),
         output_unit=tuple(signal.unit for signal in outputs),
     )
-
-
-def _pad(rows: Float[np.ndarray, "row _"], size: int) -> Float[np.ndarray, "row coordinate"]:
-    """Give rows a column of zeros for each further coordinate."""
-    return np.pad(rows, ((0, 0), (0, size - rows.shape[1])))
 
 
 def _with_states_of_light(model: LinearSystem) -> LinearSystem:
