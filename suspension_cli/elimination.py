@@ -252,7 +252,7 @@ class Elements:
             span = slice(first, first + own.shape[1])
             weights[member[start : start + len(rows)], span] += own
             start += len(rows)
-        return Elements(*places, weights)
+        return Elements(places[0], places[1], weights)
 
     def at(
         self, functions: Inexact[np.ndarray, "function system"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class Equilibrium:
     def of(arrays: dict[str, np.ndarray], iterations: int) -> Equilibrium:
         """Take an equilibrium from its `arrays`."""
         pose = Pose(*(arrays[name] for name in PARTS_OF_POSE))
-        own = {name: arrays.get(name) for name in ARRAYS}
+        own: dict[str, Any] = {name: arrays.get(name) for name in ARRAYS}
         return Equilibrium(pose=pose, iterations=iterations, **own)
 
     def select(self, which: Bool[np.ndarray, "*batch"] | int) -> Equilibrium:

@@ -119,7 +119,7 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
 
 def _ratio(text: str, known: tuple[str, ...], option: str) -> Ratio:
     names, colon, at = text.partition(":")
-    parts, problem = [part.strip() for part in names.split("/")], ""
+    parts, problem, remedy = [part.strip() for part in names.split("/")], "", ""
     try:
         frequency = float(at)
     except ValueError:

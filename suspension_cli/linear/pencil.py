@@ -64,16 +64,8 @@ FAR = 0.5
 class Rows:
     """Elongations of wires; those that move alike are one row.
 
-    Attributes
-    ----------
-    form
-        Elongation per coordinate of support and block.
-    count
-        Number of wires per row.
-    compliance
-        1/k of one wire, m/N.
-    term
-        Number of their term among the block's, which has the compliance instead; -1 for none.
+    Each has the form per coordinate of support and block, the number of wires, the compliance 1/k
+    (m/N) of one, and the number of their term among the block's, which has the compliance instead.
     """
 
     form: Inexact[np.ndarray, "#build row coordinate"]
@@ -84,14 +76,9 @@ class Rows:
 
 @dataclass(frozen=True)
 class Block:
-    """One block of a pencil.
+    """One block of a pencil: coordinates `keep`, parents before children.
 
-    Attributes
-    ----------
-    keep
-        Coordinates of the system, parents before children.
-    pull
-        Whether each motion of the support acts on them.
+    `pull` marks the motions of the support that act on them.
     """
 
     pencil: Pencil
@@ -298,7 +285,7 @@ class EvaluatedBlock:
         """Functions of frequency of `Block.elements`; none of many builds."""
         if self.block.pencil.many:
             return np.zeros((0, len(self.omega)))
-        here, used = np.ones(len(self.omega)), self.block.elements.weights.any(0)
+        here, used = np.ones(len(self.omega)), np.any(self.block.elements.weights, axis=0)
         result = [here, 1j * here if self.there.lossy and used[1] else 0 * here]
         result.append(1j * self.omega if self.there.damped and used[2] else 0 * here)
         result.append(-(self.omega**2))

@@ -182,8 +182,8 @@ class ClosedBlock(Block):
             for form, place in ((loop.pushed, 0), (loop.sensed, 1)):
                 own = np.flatnonzero(form[keep])
                 unknown = np.full(len(own), n)
-                at = (unknown, 6 + own) if place else (own, 6 + unknown)
-                result.append((*at, first + place, form[keep[own], None]))
+                row, column = (unknown, own) if place else (own, unknown)
+                result.append((row, 6 + column, first + place, form[keep[own], None]))
             result.append((np.array([n]), np.array([6 + n]), first + 2, -np.ones((1, 1))))
             first += 3
         return result

@@ -137,7 +137,7 @@ def assemble(
             for kind, coordinates in part.states:
                 states += [f"{model.coordinate[n]}{kind}" for n in coordinates]
     return StateSpace(
-        a=block_diag(np.zeros((0, 0)), *(part.a for part in parts)),
+        a=np.asarray(block_diag(np.zeros((0, 0)), *(part.a for part in parts))),
         b=np.concatenate([np.zeros((0, len(inputs))), *(part.b for part in parts)]),
         c=np.concatenate([np.zeros((len(outputs), 0)), *(part.c for part in parts)], axis=1),
         d=feed,

@@ -14,8 +14,8 @@ from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import leg_inertia, leg_statics
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
-from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.scene.scene import Scene
 
 
