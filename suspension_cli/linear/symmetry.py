@@ -47,8 +47,6 @@ ROUNDING = 1e-13
 ones must equal exactly."""
 
 
-CENTRED = 1e-9
-"""Sum of odd numbers over members, relative to the largest, that may be rounding."""
 ODD = (3, 5, 7)
 """Odd numbers of equal wires, blades or legs around z that are looked for."""
 
@@ -249,32 +247,10 @@ def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
     """Whether each scene of a batch is symmetric in x and in y."""
     result = np.zeros((*scene.batch, 2), dtype=bool)
     for axis in (0, 1):
-        possible = np.broadcast_to(_is_centred(scene, axis), scene.batch)
+        possible = np.broadcast_to(_has_mirror(scene, axis), scene.batch)
         if possible.any():
             some = select_scenes(scene, possible) if scene.batch else scene
             result[possible, axis] = _mirror(some, axis)[0]
-    return result
-
-
-def _is_centred(scene: Scene, axis: int) -> Bool[np.ndarray, "*#batch"]:
-    """Whether sums of all that is odd in a mirror cancel: a quick necessary condition.
-
-    The sums are over the members of a part, weighted with their scalars, which images share.
-    """
-    result, odd = _has_mirror(scene, axis), np.array((PARITY_X, PARITY_Y)[axis]) < 0
-    for name, part in scene.parts.items():
-        if name == "bodies" or not part.label:
-            continue
-        axes, vectors = inner_axes(type(part)), signed(type(part))
-        weight = 1.0
-        for values in (getattr(part, field) for field, inner in axes.items() if inner == 1):
-            largest = np.abs(values).max(-1, keepdims=True)
-            weight = weight + np.abs(values) / np.where(largest == 0, 1.0, largest)
-        for field in (field for field, inner in axes.items() if inner == 2 and vectors[field][0]):
-            values = getattr(part, field)
-            own = values[..., odd[: values.shape[-1]]] * np.asarray(weight)[..., None]
-            limit = CENTRED * np.abs(own).max((-2, -1), keepdims=True)[..., 0]
-            result = result & (np.abs(own.sum(-2)) <= limit).all(-1)
     return result
 
 
