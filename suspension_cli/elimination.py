@@ -34,12 +34,8 @@ LARGE = 1e-6
 class Pattern:
     """Elements on and above the diagonal of symmetric systems, in their order of elimination.
 
-    Attributes
-    ----------
-    order
-        The coordinates in the order in which they are eliminated, called steps.
-    later
-        Later steps that each is coupled to when it is eliminated, ascending.
+    `order` has the coordinates in which they are eliminated, called steps; `later` the later steps
+    that each is coupled to then, ascending.
     """
 
     order: Int[np.ndarray, " coordinate"]
@@ -182,10 +178,8 @@ def by_body(
 def _by_body(owners: bytes, couplings: bytes) -> Pattern:
     owner = np.frombuffer(owners, dtype=int)
     coupled = np.frombuffer(couplings, dtype=bool).reshape(len(owner), -1)
-    order = np.argsort(-owner, kind="stable")
-    rest = coupled[np.ix_(order, order)]
-    rest = rest | rest.T
-    later = []
+    order, later = np.argsort(-owner, kind="stable"), []
+    rest = (coupled | coupled.T)[np.ix_(order, order)]
     for n in range(len(order)):
         later.append(n + 1 + np.flatnonzero(rest[n, n + 1 :]))
         rest[np.ix_(later[-1], later[-1])] = True
@@ -194,16 +188,10 @@ def _by_body(owners: bytes, couplings: bytes) -> Pattern:
 
 @dataclass(frozen=True)
 class Factors:
-    """Eliminated systems, solvable for any right-hand sides.
+    """Eliminated systems: 1/d of each step, and L of the later steps coupled to each.
 
-    Attributes
-    ----------
-    pivots
-        1/d of each step.
-    multipliers
-        L of the later steps coupled to each.
-    least
-        Least pivot over its diagonal element, of systems in which coordinates may be held.
+    `least` is the least pivot over its diagonal element, of systems in which coordinates may be
+    held.
     """
 
     pattern: Pattern
@@ -231,10 +219,7 @@ class Factors:
 class Elements:
     """Elements of the equations of a block, by row; the columns of the support come first.
 
-    Attributes
-    ----------
-    weights
-        Of the functions of frequency in each element; of many builds, the elements themselves.
+    Each has weights of functions of frequency; of many builds, its values.
     """
 
     row: Int[np.ndarray, " element"]
@@ -303,12 +288,8 @@ class Elements:
 class Equations:
     """Equations of one block in one choice of coordinates q, with x = T q.
 
-    Attributes
-    ----------
-    owner
-        Number of the body of each unknown.
-    to_absolute
-        T (6 + c, 6 + c) with the support's coordinates; None if q = x.
+    `owner` is the number of the body of each unknown; `to_absolute` T (6 + c, 6 + c) with the
+    support's coordinates, None if q = x.
     """
 
     elements: Elements

@@ -121,16 +121,9 @@ class Roots:
 
 @dataclass(frozen=True)
 class Feedback:
-    """One control loop: forces -u on the coordinates, u = H(s) (sensed . x).
+    """One control loop: forces -u on the coordinates `pushed`, u = H(s) (`sensed` . x).
 
-    Attributes
-    ----------
-    sensed, pushed
-        Linear forms in the coordinates of the system.
-    filter
-        H without the delay.
-    delay
-        s.
+    H is the `filter`, later by `delay` (s).
     """
 
     sensed: Float[np.ndarray, " coordinate"]

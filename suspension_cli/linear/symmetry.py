@@ -55,14 +55,9 @@ ODD = (3, 5, 7)
 class Symmetry:
     """Coordinates adapted to the mirror symmetries of a scene.
 
-    Attributes
-    ----------
-    basis
-        The named coordinates (rows) in terms of the adapted ones (columns); orthogonal.
-    allowed
-        Elements of a matrix that the symmetry allows.
-    mirrors
-        ``("x", "y")`` for a scene with both symmetries.
+    `basis` has the named coordinates (rows) in terms of the adapted ones (columns), orthogonal;
+    `allowed` marks the elements of a matrix that the symmetry allows; `mirrors` are ``("x", "y")``
+    for a scene with both symmetries.
     """
 
     basis: Float[np.ndarray, "coordinate coordinate"]
@@ -303,8 +298,8 @@ def _mirror(
     """Whether each scene is symmetric in x (axis 0) or y (1), and its members that are images.
 
     Members without an image may repeat around z an odd number of times instead, if the other mirror
-    is one of the scene: what they couple has both parities then. `Pairs` has their next ones under
-    "turned blades". With a `chain`, only its bodies and what is attached to them count.
+    is one of the scene. `Pairs` has their next ones under "turned blades". With a `chain`, only its
+    bodies and what is attached to them count.
     """
     symmetric = _has_mirror(scene, axis, chain)
     if not np.any(symmetric):
