@@ -1,4 +1,4 @@
-"""Wires that bend: their clamps, and their equilibrium.
+"""Wires that bend: their clamps and their equilibrium, and the strings that stand for them.
 
 Of some wires the design gives the effective bending points instead of the clamps. A wire whose far
 end is displaced sideways acts on its clamp with a shear force V and a moment M, as if hinged at u =
@@ -11,6 +11,12 @@ move its clamps. Where the design gives natural lengths, they are those of strin
 between the bending points, in the pose that is solved for. The clamps are then fixed in their
 bodies along these strings, and the unstretched wire is longer by both u, so that nothing depends on
 where the file draws the bodies.
+
+Models without bending take a string between the hinges of a wire, u from its clamps, instead
+(``bending = "hinged"``). It has the static stiffness of a uniform round wire against displacement
+and rotation of its ends, but for a fraction of the order of exp(-l / u): T / (l - 2 u), T u / (1 -
+2 u / l) and T u (l - u) / (l - 2 u). It omits necks, a ribbon's stiff plane, torsion, and loss in
+bends.
 """
 
 from __future__ import annotations
@@ -20,15 +26,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.design import materials
 from suspension_cli.design.derive import gives_natural_lengths
 from suspension_cli.design.schema import Design
+from suspension_cli.design.wires import stretches
 from suspension_cli.elements.bending import with_bending
 from suspension_cli.elements.resting import hinge_distances, principal_planes, with_planes
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import HangingWires, hang, lengthened
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.errors import InputError
+from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.composition import Fibres, Section
 from suspension_cli.scene.pose import Layout
@@ -41,75 +49,38 @@ ITERATIONS = 4
 """Iterations of the distance u from clamp to hinge; each reduces the change by u / l."""
 ALONG_X = 1e-6
 """Squared sine of the angle to x below which the first plane of a wire is that of y."""
+LARGEST = 0.5
+"""Largest fraction of a wire that its two bends may take."""
 
 
 def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
-    """Find the equilibrium of a scene whose wires bend.
+    """Find the equilibrium, not necessarily converged, of a scene whose wires bend.
 
-    Parameters
-    ----------
-    scene : Scene
-        With `fibres`, and at most one batch axis.
-
-    Returns
-    -------
-    scene : Scene
-        With wires between their clamps, and `flex` at the tensions and lengths in equilibrium.
-    found : Equilibrium
-        Not necessarily converged: see `Equilibrium.demand`.
+    The scene has `fibres`, and at most one batch axis. Also returns it with wires between their
+    clamps, and `flex` at the tensions and lengths in equilibrium.
     """
     scene, hanging = to_clamps(scene)
-    drawn = scene.drawn and _with_bending(scene.drawn, hanging)
-    scene = replace(_with_bending(scene, hanging), drawn=drawn)
+    at = () if hanging is None else (hanging.tension, hanging.length)
+    drawn = scene.drawn and with_bending(scene.drawn, *at)
+    scene = replace(with_bending(scene, *at), drawn=drawn)
     found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
     if scene.batch and hanging is not None:
-        found = _without_unknown_clamps(found, hanging)
+        # where the strings that define the clamps have no equilibrium, these are reported
+        unknown, strings = np.asarray(np.isnan(hanging.tension).any(-1)), hanging.found
+        residual = np.where(unknown, strings.residual, found.residual)
+        tension = np.where(unknown[..., None], strings.tension, found.tension)
+        found = replace(found, residual=residual, tension=tension)
     if found.bend is not None:
         assert scene.flex is not None and found.twist is not None
-        flex = replace(scene.flex, bend=found.bend, twist=found.twist)
-        scene = replace(scene, flex=flex)
+        scene = replace(scene, flex=replace(scene.flex, bend=found.bend, twist=found.twist))
     return scene, found
 
 
-def _without_unknown_clamps(found: Equilibrium, hanging: HangingWires) -> Equilibrium:
-    """Report the strings that define the clamps, where these strings have no equilibrium."""
-    unknown = np.asarray(np.isnan(hanging.tension).any(-1))
-    strings = hanging.found
-    return replace(
-        found,
-        residual=np.where(unknown, strings.residual, found.residual),
-        tension=np.where(unknown[..., None], strings.tension, found.tension),
-    )
-
-
-def _with_bending(scene: Scene, hanging: HangingWires | None) -> Scene:
-    """Fill the bending stiffness of wires, at nominal tensions or those of hanging wires."""
-    if hanging is None:
-        return with_bending(scene)
-    return with_bending(scene, hanging.tension, hanging.length)
-
-
 def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
-    """Move the ends of wires from given bending points to their clamps.
+    """Move the ends of wires from given bending points to their clamps, in `drawn` too.
 
-    Of an imperfect scene, also in its nominal scene.
-
-    Parameters
-    ----------
-    scene : Scene
-        With `fibres`, and at most one batch axis.
-
-    Returns
-    -------
-    scene : Scene
-        With the principal planes of its wires in `flex`.
-    hanging : HangingWires or None
-        Wires of the nominal scene, if its pose is solved for; lengths are those between clamps.
-
-    Raises
-    ------
-    InputError
-        If a single scene has no such pose, or a wire is slack in it.
+    Also returns the wires of the nominal scene if its pose is solved for, with lengths between
+    clamps. Raises `InputError` if a single scene has no such pose, or a wire is slack in it.
     """
     fibres = scene.fibres
     assert fibres is not None
@@ -193,11 +164,62 @@ def _hinge_distances(
     length: Float[np.ndarray, "*batch"],
     tension: Float[np.ndarray, "*batch"],
 ) -> Float[np.ndarray, "*batch 2"]:
-    """Distances of the hinges of a wire from its upper and its lower clamp, m.
-
-    The length (m) is that between the hinges; the tension is in N.
-    """
+    """Distances of the hinges of a wire from its clamps, m; `length` (m) is that between them."""
     upper = lower = np.zeros_like(length)
     for _ in range(ITERATIONS):
         upper, lower = hinge_distances(sections, length + upper + lower, tension)
     return np.stack([upper, lower], axis=-1)
+
+
+def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
+    """E I (N m^2, soft plane) at the upper and lower end of each wire; 0 where it is not hinged.
+
+    Empty if no wire is hinged.
+    """
+    tables = [
+        table
+        for stage in design.stage
+        for table in ([stage.wires] * stage.wires.count if stage.wires else stage.wire)
+    ]
+    if all(table.bending is None for table in tables):
+        return ()
+    result = []
+    for table in tables:
+        if table.bending is None:
+            result.append((0.0, 0.0))
+            continue
+        pieces = stretches(table, 1.0)
+        ends = []
+        for piece in (pieces[0], pieces[-1]):
+            modulus = materials.resolve(design, piece.material or "").youngs_modulus
+            assert modulus is not None
+            ends.append(modulus * min(piece.shape.moments, key=lambda value: value.real))
+        result.append((ends[0], ends[1]))
+    return tuple(result)
+
+
+def to_hinges(scene: Scene, rigidity: tuple[tuple[float, float], ...]) -> Scene:
+    """Move the ends of hinged wires by sqrt(E I / T) along them, with T of the nominal pose.
+
+    Ends stay where that pose is solved for and does not exist. Raises `InputError` if the bends
+    would take more than `LARGEST` of a wire.
+    """
+    if not rigidity:
+        return scene
+    nominal = scene.drawn or scene
+    hanging = hang(nominal) if scene.solves_pose else None
+    at = hanging or nominal.wires
+    hinged = np.array(rigidity).any(-1) & ~np.isnan(at.tension)
+    u = np.sqrt(np.array(rigidity) / at.tension[..., None])
+    taken = np.where(hinged, np.real(u.sum(-1) / at.length), 0.0)
+    if taken.max() > LARGEST:
+        worst = int(np.argmax(taken.reshape(-1, taken.shape[-1]).max(0)))
+        label = scene.wires.label[worst]
+        problem = f"the bends of wire {label} take {taken.max():.0%} of it, too much for a string"
+        remedy = 'remove bending = "hinged" and use --fidelity beam'
+        raise InputError([Fault(f"stage.{label.rsplit('.', 1)[0]}", problem, remedy)])
+
+    def moved(one: Scene) -> Scene:
+        return replace(one, wires=lengthened(one.wires, -u, hinged, hanging))
+
+    return replace(moved(scene), drawn=None if scene.drawn is None else moved(scene.drawn))

@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 def energy(
     scene: Scene, pose: Pose, elements: Sequence[Element] | None = None
 ) -> Inexact[np.ndarray, "*batch"]:
-    """Elastic and gravitational energy relative to the nominal pose, J.
-
-    Only `elements` count; default: all of the scene.
-    """
+    """Energy (J) of some elements, by default all, relative to the nominal pose."""
     now = configuration(scene, layout(scene), pose)
     chosen = elements_of(scene) if elements is None else elements
     total = sum((element.energy(now) for element in chosen), np.zeros(now.arrays.count))
@@ -36,16 +33,9 @@ def gradient_and_stiffness(
 ) -> tuple[
     Inexact[np.ndarray, "*batch coordinate"], Inexact[np.ndarray, "*batch coordinate coordinate"]
 ]:
-    """Gradient and tangent stiffness of a scene in the generalised coordinates.
+    """Gradient (N and N m) and tangent stiffness of some elements of a scene, by default all.
 
-    Only `elements` count; default: all of the scene.
-
-    Returns
-    -------
-    gradient
-        Of the potential energy, N and N m; 0 at an equilibrium, except for the support's six.
-    hessian
-        Tangent stiffness, exactly symmetric, N/m, N and N m.
+    The gradient is 0 at an equilibrium, except for the support's six.
     """
     batch = batch_of(scene, pose)
     found = derivatives(configuration(scene, numbering, pose), elements)

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Inexact
     from numpy.typing import ArrayLike
 
-MIRRORED = 1e-9
-"""Relative difference, left by Newton's method, up to which mirrored wires are taken as equal."""
-
 
 @dataclass(frozen=True)
 class HangingWires:
@@ -55,66 +52,26 @@ class HangingWires:
 def hang(scene: Scene) -> HangingWires:
     """Find the wires of a scene in equilibrium, as strings between the given points.
 
-    Mirrored wires get exactly equal numbers, so that results keep the symmetry.
-
-    Raises
-    ------
-    InputError
-        If a single scene has no equilibrium, or a wire is slack in it.
+    Raises `InputError` if a single scene has none, or a wire is slack in it.
     """
-    wires = scene.wires
     found = _balance_strings(scene)
-    pose = found.pose
     if not scene.batch:
         found.demand(scene)
-    now = string.state(scene, pose)
-    turn = np.swapaxes(pose.rotation, -1, -2)
-    numbers = [now.length[..., None], now.tension[..., None], now.direction[..., 2:]]
-    for body in (wires.upper, wires.lower):
-        numbers.append((turn[..., body, :, :] @ now.direction[..., None])[..., 0])
-    each = _equal_if_mirrored(scene, np.concatenate(numbers, axis=-1))
-    taut = found.converged & (found.tension > 0).all(-1)
-    each = np.where(np.asarray(taut)[..., None, None], each, np.nan)
-    return HangingWires(
-        found, *(each[..., n] for n in range(3)), upper=each[..., 3:6], lower=each[..., 6:]
+    now, turn = string.state(scene, found.pose), np.swapaxes(found.pose.rotation, -1, -2)
+    upper, lower = (
+        (turn[..., body, :, :] @ now.direction[..., None])[..., 0]
+        for body in (scene.wires.upper, scene.wires.lower)
     )
+    taut = np.asarray(found.converged & (found.tension > 0).all(-1))[..., None]
+    numbers = (np.where(taut, n, np.nan) for n in (now.length, now.tension, now.direction[..., 2]))
+    vectors = (np.where(taut[..., None], own, np.nan) for own in (upper, lower))
+    return HangingWires(found, *numbers, *vectors)
 
 
 def _balance_strings(scene: Scene) -> Equilibrium:
     """Balance strings without torsion between the given points."""
     wires = replace(scene.wires, torsion=np.zeros_like(scene.wires.torsion))
     return equilibrium.solve(replace(scene, fibres=None, flex=None, wires=wires))
-
-
-def _equal_if_mirrored(
-    scene: Scene, numbers: Inexact[np.ndarray, "*batch wire 9"]
-) -> Inexact[np.ndarray, "*batch wire 9"]:
-    """Equalise numbers of mirrored wires, but for signs, where they differ by rounding alone."""
-    wires = scene.wires
-    bodies = np.stack([wires.upper, wires.lower], axis=-1)
-    own = (bodies[:, None] == bodies).all(-1)
-    points = np.concatenate(
-        [wires.upper_point, wires.lower_point, wires.stiffness[..., None]], axis=-1
-    )
-    for axis in (0, 1):
-        flip = np.where(np.arange(3) == axis, -1.0, 1.0)
-        mirror = np.concatenate([flip, flip, [1.0]])
-        same = own & (points[..., :, None, :] == (points * mirror)[..., None, :, :]).all(-1)
-        paired = ((same.sum(-1) == 1) & (same.sum(-2) == 1)).all(-1)
-        images = same.astype(float) @ numbers * np.concatenate([np.ones(3), flip, flip])
-        even = (numbers + images) / 2
-        alike = paired & _close(even, numbers)
-        numbers = np.where(alike[..., None, None], even, numbers)
-    return numbers
-
-
-def _close(
-    even: Inexact[np.ndarray, "*batch wire 9"], numbers: Inexact[np.ndarray, "*batch wire 9"]
-) -> Bool[np.ndarray, "*batch"]:
-    """Whether all numbers are even but for rounding."""
-    scale = np.abs(numbers).max(-2, keepdims=True)
-    scale[..., 2:] = scale[..., 2:].max(-1, keepdims=True)  # components of unit vectors
-    return (np.abs(even - numbers) <= MIRRORED * scale).all((-2, -1))
 
 
 def lengthened(

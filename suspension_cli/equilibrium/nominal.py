@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -124,28 +124,16 @@ def _with_loads(
 
 
 def _fixed_point(function: Callable[[Array], Array], start: Array, tolerance: float) -> Array:
-    """Fixed point (n,) of a function, by Anderson's method.
+    """Fixed point (n,) of a function."""
+    from scipy.optimize import root
 
-    Each step goes to the fixed point of the linear function that fits the steps before (Walker and
-    Ni, SIAM J. Numer. Anal. 49, 1715 (2011)): about n + 2 steps for n numbers.
-    """
-    places, changes = [start], [function(start) - start]
-    for _ in range(STEPS):
-        place, change = places[-1], changes[-1]
-        if np.abs(change).max() <= tolerance:
-            return place + change
-        place = place + change
-        if len(places) > 1:
-            d_place = np.diff(np.array(places), axis=0).T
-            d_change = np.diff(np.array(changes), axis=0).T
-            place = place - (d_place + d_change) @ np.linalg.lstsq(d_change, change, rcond=1e-12)[0]
-        places.append(place)
-        changes.append(function(place) - place)
-        if len(places) > len(start) + 3:
-            del places[0], changes[0]
-    last = np.abs(changes[-1]).max()
+    def change(place: Array) -> Array:
+        return function(place) - place
+
+    found: Any = root(change, start, options={"xtol": CONVERGED, "maxfev": STEPS + len(start)})
+    last = float(np.abs(found.fun).max())
     if last <= COARSE * tolerance:
-        return places[-1]
+        return found.x + found.fun
     problem = f"loads of blades and the pose do not converge (last change {last:.1e} N)"
     remedy = (
         "give each [[stage.blade]] its load, the weight in N at which its tip is where the file"

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.elements import string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
-from suspension_cli.equilibrium.free_rotations import free_rotations, single_point_stages
-from suspension_cli.equilibrium.newton import Found, Search, chunks, factorise, search
-from suspension_cli.equilibrium.residual_scale import residual_scale
+from suspension_cli.equilibrium.newton import chunks, factorise, search
+from suspension_cli.equilibrium.tree import residual_scale
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose, layout, nominal_pose
@@ -39,7 +38,7 @@ STEPS = (10, 80)
 a stable pose."""
 CORRECTIONS = 4
 """Newton steps after each continuation step."""
-NEUTRAL = 1e-13
+NEUTRAL = 1e-12
 """Stiffness, relative to that with all other coordinates fixed, below which a motion is neutral
 within rounding, not unstable."""
 CLEAR = 1e-6
@@ -57,13 +56,12 @@ class Equilibrium:
 
     Attributes
     ----------
-    pose : Pose
     residual
         Largest unbalanced force on a body over the weight that it carries, or torque over that
         weight times the lever arm of the body.
     rounding
         Part of the residual that rounding may cause.
-    iterations : int
+    iterations
         Newton steps taken; 0 if the nominal pose balances.
     tension
         N.
@@ -96,11 +94,24 @@ class Equilibrium:
             CONVERGED, np.where(self.rounding < COARSE, self.rounding, 0.0)
         )
 
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays, those of the pose too."""
+        named = [(self, name) for name in ARRAYS] + [(self.pose, name) for name in PARTS_OF_POSE]
+        arrays = {name: getattr(owner, name) for owner, name in named}
+        return {name: array for name, array in arrays.items() if array is not None}
+
+    @staticmethod
+    def of(arrays: dict[str, np.ndarray], iterations: int) -> Equilibrium:
+        """Take an equilibrium from its `arrays`."""
+        pose = Pose(*(arrays[name] for name in PARTS_OF_POSE))
+        own: dict[str, Any] = {name: arrays.get(name) for name in ARRAYS}
+        return Equilibrium(pose=pose, iterations=iterations, **own)
+
     def select(self, which: Bool[np.ndarray, "*batch"] | int) -> Equilibrium:
         """Select scenes of a batch, as `stack.select_scenes`."""
-        arrays = {name: getattr(self, name) for name in ARRAYS}
-        chosen = {name: None if array is None else array[which] for name, array in arrays.items()}
-        return replace(self, pose=_select_pose(self.pose, which), **chosen)
+        arrays = {name: array[which] for name, array in self.arrays.items()}
+        return Equilibrium.of(arrays, self.iterations)
 
     def demand(self, scene: Scene) -> None:
         """Raise `InputError` unless every scene of the batch balances on taut wires."""
@@ -144,17 +155,8 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
     that of the nominal design, while the imperfections grow from zero; or, if the nominal pose is
     unknown, while the forces that hold the scene as drawn fall to zero.
 
-    Parameters
-    ----------
-    scene : Scene
-        With any batch axes; no scene depends on the others.
-    start : Pose, optional
-        Instead of the nominal pose.
-
-    Returns
-    -------
-    Equilibrium
-        Not necessarily converged: see `Equilibrium.demand`.
+    A scene has any batch axes; none depends on the others. `start` replaces the nominal pose. The
+    result is not necessarily converged, see `Equilibrium.demand`.
     """
     numbering = numbering or layout(scene)
     found = _newton(
@@ -179,21 +181,16 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
         if not suspect.any():
             break
         some = select_scenes(scene, suspect)
-        begin = (
-            nominal_pose(some)
-            if nominal is None
-            else _select_pose(_broadcast_pose(nominal.pose, scene.batch), suspect)
-        )
+        begin = nominal_pose(some)
+        if nominal is not None:
+            pose = _broadcast_pose(nominal.pose, scene.batch)
+            begin = Pose(*(getattr(pose, name)[suspect] for name in PARTS_OF_POSE))
         better = _continue(some, numbering, begin, steps)
         reached = suspect.copy()
         reached[suspect] = better.converged
         found = _replace(found, reached, better.select(better.converged))
         suspect[suspect] = ~(better.converged & _is_stable(some, numbering, better))
     return found
-
-
-def _select_pose(pose: Pose, where: Bool[np.ndarray, "*batch"] | int) -> Pose:
-    return Pose(*(getattr(pose, name)[where] for name in PARTS_OF_POSE))
 
 
 def _broadcast_pose(pose: Pose, batch: tuple[int, ...]) -> Pose:
@@ -207,51 +204,34 @@ def _replace(
     found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
 ) -> Equilibrium:
     """Replace the results of a batch `where` there are new ones (given for these alone)."""
-
-    def merge(old: np.ndarray, some: np.ndarray) -> np.ndarray:
-        result = np.array(np.broadcast_to(old, where.shape + np.shape(some)[1:]))
-        result[where] = some
-        return result
-
-    pose = Pose(
-        *(merge(getattr(found.pose, name), getattr(new.pose, name)) for name in PARTS_OF_POSE)
-    )
-    arrays = {}
-    for name in ARRAYS:
-        old, some = getattr(found, name), getattr(new, name)
-        arrays[name] = None if old is None or some is None else merge(old, some)
-    return Equilibrium(pose=pose, iterations=max(found.iterations, new.iterations), **arrays)
+    arrays, others = {}, new.arrays
+    for name, old in found.arrays.items():
+        arrays[name] = np.array(np.broadcast_to(old, where.shape + others[name].shape[1:]))
+        arrays[name][where] = others[name]
+    return Equilibrium.of(arrays, max(found.iterations, new.iterations))
 
 
 def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.ndarray, "*batch"]:
-    """Whether each tangent stiffness is positive definite, apart from free rotations."""
+    """Whether each tangent stiffness is positive definite, apart from neutral motions."""
     result = np.asarray(found.pivot > CLEAR)
     unclear = ~result
-    if not scene.batch:
-        return result if result else _has_no_soft_direction(scene, numbering, found)
     if unclear.any():
-        some = found.select(unclear)
-        result[unclear] = _has_no_soft_direction(select_scenes(scene, unclear), numbering, some)
+        some, pose = select_scenes(scene, unclear), found.select(unclear).pose
+        result[unclear] = _has_no_soft_direction(some, numbering, pose)
     return result
 
 
 def _has_no_soft_direction(
-    scene: Scene, numbering: Layout, found: Equilibrium
-) -> Bool[np.ndarray, "*batch"]:
+    scene: Scene, numbering: Layout, pose: Pose
+) -> Bool[np.ndarray, " build"]:
     arrays = replace(SceneArrays.of(scene, numbering), follows=True)
-    now = Configuration.of(arrays, found.pose, scene.batch)
+    now = Configuration.of(arrays, pose, scene.batch)
     root = np.sqrt(residual_scale(arrays))
     stiffness = np.moveaxis(derivatives(now).symmetric(), 0, -1)[6:, 6:]
     scaled = np.nan_to_num(stiffness) / (root[:, None] * root)
-    own = np.abs(np.einsum("iip->ip", scaled))
-    stages = single_point_stages(scene)
-    if stages:
-        free = free_rotations(now, stages) * root[:, None]
-        free = free / np.sqrt(np.maximum((free**2).sum((0, 1)), 1.0))
-        scaled = scaled + own.max(0) * np.einsum("irp,jrp->ijp", free, free)
-    np.einsum("iip->ip", scaled)[:] += NEUTRAL * own
-    factors = factorise(scaled, np.ones(scaled.shape[:2], dtype=bool))
-    return (factors.least > 0).reshape(scene.batch)
+    own = np.einsum("iip->ip", scaled)
+    own += NEUTRAL * np.abs(own)
+    return factorise(scaled, np.ones(scaled.shape[:2], dtype=bool)).least > 0
 
 
 def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equilibrium:
@@ -265,21 +245,8 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
                 now, target = scene, nominal_gradient * (1 - n / steps)
             else:  # increase the imperfections
                 now, target = scale_imperfections(scene, n / steps), 0.0
-            pose = _poses(now, Search(numbering, pose, target, CORRECTIONS, False))
+            pose = _newton(now, numbering, pose, target, CORRECTIONS).pose
         return _newton(scene, numbering, pose, 0.0, ITERATIONS)
-
-
-def _poses(scene: Scene, wanted: Search) -> Pose:
-    """Poses that a search ends in."""
-    parts = [search(scene, rows, wanted).now for rows in _chunks(scene, wanted.numbering)]
-    together = (
-        np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in PARTS_OF_POSE
-    )
-    return Pose(*(batch_first(part, scene.batch) for part in together))
-
-
-def _chunks(scene: Scene, numbering: Layout) -> list[slice]:
-    return chunks(math.prod(scene.batch), numbering.size)
 
 
 def _newton(
@@ -291,37 +258,25 @@ def _newton(
     *,
     accept_nominal: bool = False,
 ) -> Equilibrium:
-    """Newton's method for the pose in which the gradient equals `target` (..., N), N and N m.
-
-    At most `limit` steps. With `accept_nominal` a nominal pose that balances is returned unchanged.
-    """
-    wanted = Search(numbering, pose, target, limit, accept_nominal)
+    """Newton's method in chunks of builds, see `newton.search`."""
     count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
     # builds last, as summed
-    soft, form, parts = np.empty((size, size, count)), np.empty((size, wires, count)), []
-    for rows in _chunks(scene, numbering):
-        found = search(scene, rows, wanted)
-        derivatives(found.now, stretching=False).symmetric(soft[..., rows])
-        form[..., rows] = string.elongations(found.now)
-        parts.append(_arrays_of(found))
-    whole = {"soft": soft.T, "form": form.T}
-    for name, first in parts[0].items():
-        whole[name] = first if len(parts) == 1 else np.concatenate([part[name] for part in parts])
-    arrays = {
-        name: value.reshape((*scene.batch, *value.shape[1:]))[()] for name, value in whole.items()
-    }
-    pose = Pose(*(arrays.pop(name) for name in PARTS_OF_POSE))
-    steps = int(arrays.pop("steps").max(initial=0))
-    return Equilibrium(pose=pose, iterations=steps, **arrays)
-
-
-def _arrays_of(found: Found) -> dict[str, np.ndarray]:
-    """Arrays of the builds of a chunk, which come first."""
-    now, batch = found.now, (found.now.arrays.count,)
-    arrays = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
-    if now.arrays.scene.flex is not None and now.flex is not None:
-        flex = {name: getattr(now.flex, name) for name in ("bend", "twist")}
-        arrays |= {name: value for name, value in flex.items() if value is not None}
-    arrays = {name: batch_first(value, batch) for name, value in arrays.items()}
-    names = ("residual", "rounding", "pivot", "steps")
-    return arrays | {name: getattr(found, name) for name in names}
+    soft, form = np.empty((size, size, count)), np.empty((size, wires, count))
+    parts, steps = [], 0
+    for rows in chunks(count, size):
+        found = search(scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal)
+        now, steps = found.now, max(steps, int(found.steps.max(initial=0)))
+        derivatives(now, stretching=False).symmetric(soft[..., rows])
+        form[..., rows] = string.elongations(now)
+        own = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
+        if scene.flex is not None and now.flex is not None:
+            own |= {name: getattr(now.flex, name) for name in ("bend", "twist")}
+        batch = (now.arrays.count,)
+        own = {name: batch_first(part, batch) for name, part in own.items() if part is not None}
+        parts.append(
+            own | {name: getattr(found, name) for name in ("residual", "rounding", "pivot")}
+        )
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    whole |= {"soft": soft.T, "form": form.T}
+    shaped = {name: part.reshape((*scene.batch, *part.shape[1:])) for name, part in whole.items()}
+    return Equilibrium.of({name: part[()] for name, part in shaped.items()}, steps)

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.elimination import by_body, solve_each
-from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 
@@ -99,32 +98,26 @@ def _select(model: LinearSystem, members: Index) -> LinearSystem:
 
 
 def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
-    values, shapes, motions, numbers = [], [], [], []
+    found: list[list[Any]] = [[], [], [], []]
     for number, block in enumerate(blocks):
         heavy = block[~model.massless[block]]
-        if not len(heavy):
-            continue
-        squared, vectors, motion = _solve_block(model, block)
-        shape, whole = (np.zeros((*squared.shape, model.size)) for _ in range(2))
-        shape[..., heavy], whole[..., block] = (
-            np.swapaxes(each, -1, -2) for each in (vectors, motion)
-        )
-        values.append(squared)
-        shapes.append(shape)
-        motions.append(whole)
-        numbers.append(np.full(squared.shape, number))
-    squared = np.concatenate(values, axis=-1)
+        if len(heavy):
+            squared, *vectors = solve_block(model, block)
+            shape, motion = np.zeros((2, *squared.shape, model.size))
+            shape[..., heavy], motion[..., block] = (np.swapaxes(v, -1, -2) for v in vectors)
+            own = squared, shape @ model.basis.T, motion, np.full(squared.shape, number)
+            for part, values in zip(found, own, strict=True):
+                part.append(values)
+    squared, number = (np.concatenate(found[n], axis=-1) for n in (0, 3))
     order = ascending(squared)
     shape, motion = (
-        np.take_along_axis(np.concatenate(each, axis=-2), order[..., None], -2)
-        for each in (shapes, motions)
+        np.take_along_axis(np.concatenate(found[n], axis=-2), order[..., None], -2) for n in (1, 2)
     )
-    number = np.take_along_axis(np.concatenate(numbers, axis=-1), order, -1)
-    shape = (shape @ model.basis.T)[..., 6:]
-    return Spectrum(np.take_along_axis(squared, order, -1), shape, motion, number)
+    squared, number = (np.take_along_axis(each, order, -1) for each in (squared, number))
+    return Spectrum(squared, shape[..., 6:], motion, number)
 
 
-def _solve_block(
+def solve_block(
     model: LinearSystem, block: Index
 ) -> tuple[
     Float[np.ndarray, "*build mode"],
@@ -132,7 +125,11 @@ def _solve_block(
     Float[np.ndarray, "*build own mode"],
 ]:
     """Solve one block: omega^2, and the vectors L^T x and shapes x of the modes."""
-    soft, form = _split_stiffness(model, block)
+    # with no more rows than needed: redundant wires that are nearly rigid have indefinite tensions
+    form = model.elongation[..., block] * np.sqrt(np.real(model.k))[..., None]
+    form = np.broadcast_to(form, (*model.batch, *form.shape[-2:]))
+    form = np.asarray(np.linalg.qr(form, mode="r"))
+    soft = np.real(model.soft)[..., block[:, None], block]
     own, wires = len(block), form.shape[-2]
     mass = model.mass[..., block[:, None], block]
     matrix = np.zeros((*soft.shape[:-2], own + wires, own + wires))
@@ -176,20 +173,6 @@ def _solve_block(
     return squared, vectors, x
 
 
-def _split_stiffness(
-    model: LinearSystem, block: Index
-) -> tuple[Float[np.ndarray, "*build own own"], Float[np.ndarray, "*build row own"]]:
-    """Stiffness without the stretching of wires, and a matrix R with R^T R for that.
-
-    QR decomposition of the elongations times sqrt(k) leaves no more rows than needed, as tensions
-    of redundant wires are indefinite where these are nearly rigid.
-    """
-    form = model.elongation[..., block] * np.sqrt(np.real(model.k))[..., None]
-    form = np.broadcast_to(form, (*model.batch, *form.shape[-2:]))
-    rows: Any = np.linalg.qr(form, mode="r")
-    return np.real(model.soft)[..., block[:, None], block], rows
-
-
 def ascending(values: Float[np.ndarray, "*build mode"]) -> Int[np.ndarray, "*build mode"]:
     """Order of values, in which those that differ by rounding errors keep their order."""
     order = np.argsort(values, axis=-1, kind="stable")
@@ -206,9 +189,8 @@ def localise(
     """Rotate each degenerate group of modes to the basis that moves as few coordinates as possible.
 
     In turn each mode takes the coordinate in which the group moves most, and the remaining modes
-    leave it at rest. Any rotation of degenerate modes solves the equations, but this one does not
-    depend on rounding. `values` are omega^2, ascending; the columns of `vectors` are
-    orthonormal.
+    leave it at rest, which does not depend on rounding. `values` are omega^2, ascending; the
+    columns of `vectors` are orthonormal.
     """
     result, start = vectors.copy(), 0
     while start < len(values):
@@ -235,7 +217,7 @@ def grows(model: LinearSystem) -> Bool[np.ndarray, " build"]:
     own, inert = (np.abs(np.einsum("pnn->pn", part)[:, 6:]) for part in (stiffness, mass))
     scale = np.where(inert > 0, own / np.where(inert > 0, inert, 1.0), 0.0).sum(1)
     shifted = (stiffness + RIGID * scale[:, None, None] * mass)[:, 6:, 6:]
-    owner = Pencil(model).owner[6:]
+    owner = model.owner[6:]
     pattern = by_body(owner, (shifted != 0).any(0))
     with np.errstate(all="ignore"):
         factors = pattern.factor(shifted[:, pattern.row, pattern.column].T.copy())

@@ -19,7 +19,7 @@ import numpy as np
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm, quadratic_form
-from suspension_cli.linear.pencil import Block, Loss, Pencil
+from suspension_cli.linear.pencil import Loss, Pencil
 from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.roots import Roots, find_roots
 from suspension_cli.linear.system import LinearSystem
@@ -39,7 +39,7 @@ def solve(model: LinearSystem) -> Modes:
     from a start far away a mode of wires may be found instead, or one mode twice.
     """
     pencil, still, first = Pencil.of(model), eigenmodes.spectrum(model), eigenmodes.solve(model)
-    blocks, damping = [_block(pencil, group) for group in model.blocks], damping_matrix(model)
+    blocks, damping = [pencil.block(group) for group in model.blocks], damping_matrix(model)
     squared, shapes, plain = still.omega_squared, still.motion, np.ones(len(first.q), dtype=bool)
     loss = np.where(squared > 0, 1 / np.maximum(first.q, 1.0), 0.0)
     starts: list[tuple[np.ndarray, np.ndarray]] = []
@@ -77,16 +77,6 @@ def solve(model: LinearSystem) -> Modes:
     steady = (np.imag(value) > 0) & (rate > 0) & (rate <= ROUNDING * np.imag(value))
     found = replace(found, value=np.where(steady, 1j * np.imag(value), found.value))
     return eigenmodes.build(model, value, motion, member, found).ascending()
-
-
-def _block(pencil: Pencil, group: Int[np.ndarray, " own"]) -> Block:
-    """Find or make the block of some coordinates."""
-    wanted = set(group.tolist())
-    for block in pencil.blocks:
-        if set(block.keep.tolist()) == wanted:
-            return block
-    order = np.argsort(pencil.owner[group], kind="stable")
-    return Block(pencil, group[order], np.asarray(pencil.coupled[group, :6].any(0)))
 
 
 def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:

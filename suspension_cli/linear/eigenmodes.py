@@ -198,37 +198,30 @@ class Modes:
         """Whether each mode can be damped (Husman et al. 2000), in words; empty for no verdict."""
         band = DAMPING_BAND if self.damping_band is None else self.damping_band
         low, high = (band[0], band[-1]) if band else (0.0, np.inf)
-        words = []
-        for growth, frequency, fraction in zip(
-            self.growth_rate, self.frequency, self.damping_fraction, strict=True
-        ):
+
+        def judge(growth: float, frequency: float, fraction: float) -> str:
             if not frequency > 0:
-                words.append(
-                    "unstable" if growth > 0 else "rigid" if frequency == 0 else "overdamped"
-                )
-            elif not low <= frequency <= high:
-                words.append(f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz")
-            elif not band:
-                words.append("")
-            else:
-                words.append("can be damped" if fraction >= COUPLED else "couples weakly")
-        return words
+                return "unstable" if growth > 0 else "rigid" if frequency == 0 else "overdamped"
+            if not low <= frequency <= high:
+                return f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz"
+            couples = "can be damped" if fraction >= COUPLED else "couples weakly"
+            return couples if band else ""
+
+        return list(map(judge, self.growth_rate, self.frequency, self.damping_fraction))
 
     @property
     def groups(self) -> list[list[int]]:
         """Mode numbers in order, with close violin modes of one stage's wires grouped."""
+
+        def family(n: int) -> tuple[object, ...]:
+            body, motion = self.home[n]
+            return self.order[n], body, motion[:5]
+
         result: list[list[int]] = []
-        home, frequency = self.home, self.frequency
         for n, order in enumerate(self.order):
-            previous = result[-1][-1] if result else -1
-            same_family = (
-                previous >= 0
-                and order
-                and order == self.order[previous]
-                and home[n][0] == home[previous][0]
-                and home[n][1][:5] == home[previous][1][:5]
-            )
-            if same_family and frequency[n] - frequency[previous] < NEAR * frequency[n]:
+            last = result[-1][-1] if result else n
+            near = self.frequency[n] - self.frequency[last] < NEAR * self.frequency[n]
+            if last != n and order and near and family(n) == family(last):
                 result[-1].append(n)
             else:
                 result.append([n])
@@ -246,13 +239,8 @@ class Modes:
 
     def followed_by(self, *others: Modes) -> Modes:
         """Append modes of the same design."""
-        return replace(
-            self,
-            **{
-                name: np.concatenate([getattr(each, name) for each in (self, *others)])
-                for name in PER_MODE
-            },
-        )
+        parts = {name: [getattr(each, name) for each in (self, *others)] for name in PER_MODE}
+        return replace(self, **{name: np.concatenate(part) for name, part in parts.items()})
 
     def ascending(self) -> Modes:
         """Sort them; those that do not oscillate are first, overdamped ones last of these."""
@@ -261,9 +249,10 @@ class Modes:
 
     def of(self, dof: str, body: str | None = None) -> list[float]:
         """List frequencies (Hz) of stable modes whose `home` is a degree of freedom (of a body)."""
-        here = [(home[1] == dof) and (body in (None, home[0])) for home in self.home]
         return [
-            float(f) for f, yes in zip(self.frequency, here, strict=True) if yes and np.isfinite(f)
+            float(frequency)
+            for frequency, home in zip(self.frequency, self.home, strict=True)
+            if home[1] == dof and body in (None, home[0]) and np.isfinite(frequency)
         ]
 
 
@@ -325,10 +314,7 @@ def build(
     block: Int[np.ndarray, " mode"],
     found: Quality,
 ) -> Modes:
-    """Build modes from their poles s (rad/s), which are 0 for rigid modes, in the same order.
-
-    `motion` is in the system's own coordinates, of unit modal mass; `found` is their quality.
-    """
+    """Build modes from their poles s (rad/s; 0: rigid), shapes of unit modal mass and quality."""
     oscillates, rate = np.imag(value) > 0, np.real(found.value)
     squared = np.where(oscillates, np.abs(value) ** 2, -(np.maximum(rate, 0.0) ** 2))
     decay = np.where(oscillates, -rate, np.maximum(-rate, 0.0)) + 0.0

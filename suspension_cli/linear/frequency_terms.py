@@ -22,6 +22,7 @@ import numpy as np
 
 from suspension_cli.elements.beam import ELEMENT_PLACES
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire, WireAtFrequencies
+from suspension_cli.elimination import multiply_real
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
@@ -36,18 +37,14 @@ class WireTerm:
 
     Attributes
     ----------
-    stage
-        Stage that hangs on them.
     strand
         The wire that all of them equal; of many builds with arrays (wire, build) of numbers.
     number
         Their numbers among the wires of the scene.
     columns
-        Coordinates that move their ends.
+        Coordinates, of `size`, that move their ends.
     motion
         Motion of the ends of each wire per such coordinate, for each of `dynamic_wire.PARTS`.
-    size
-        Number of all coordinates.
     """
 
     stage: str
@@ -142,10 +139,7 @@ class WireTerm:
         return EvaluatedWires(self, strand.at(omega))
 
     def within(self, keep: Int[np.ndarray, " own"]) -> Ends:
-        """Motions of the ends that differ by more than sign, per some coordinates; their number.
-
-        Of round wires in both planes, which are equal.
-        """
+        """Motions of the ends that differ by more than sign, of both planes if equal; how often."""
         forms = {part: rows[..., keep] for part, rows in self.forms.items()}
         if self.strand.round:
             forms["bend-1"] = np.concatenate([forms["bend-1"], forms.pop("bend-2")])
@@ -168,22 +162,15 @@ class WireTerm:
     def select(self, which: Int[np.ndarray, " system"] | slice) -> WireTerm:
         """Select some of many builds."""
         fibre = self.strand.fibre
+        names = ("length", "stretching", "torsion_factor")
         sections = tuple(
             replace(
-                section,
-                **{
-                    name: value[..., which]
-                    for name in ("length", "stretching", "torsion_factor")
-                    if np.ndim(value := getattr(section, name))
-                },
+                one, **{n: value[..., which] for n in names if np.ndim(value := getattr(one, n))}
             )
-            for section in fibre.sections
+            for one in fibre.sections
         )
-        strand = replace(
-            self.strand,
-            fibre=replace(fibre, sections=sections),
-            tension=np.asarray(self.strand.tension)[..., which],
-        )
+        fibre, tension = replace(fibre, sections=sections), np.asarray(self.strand.tension)
+        strand = replace(self.strand, fibre=fibre, tension=tension[..., which])
         motion = {part: rows[which] for part, rows in self.motion.items()}
         return replace(self, strand=strand, motion=motion)
 
@@ -209,16 +196,6 @@ def is_light(term: Term) -> TypeGuard[LossTerm]:
 def is_massive(term: Term) -> bool:
     """Whether a term is that of wires with mass."""
     return isinstance(term, WireTerm) and term.strand.massive
-
-
-def multiply_real(
-    matrix: Float[np.ndarray, "*rows coordinate"],
-    columns: Inexact[np.ndarray, "coordinate frequency"],
-) -> Inexact[np.ndarray, "*rows frequency"]:
-    """Multiply a real matrix by real or complex columns, in real arithmetic."""
-    if not np.iscomplexobj(columns):
-        return matrix @ columns
-    return (matrix @ np.ascontiguousarray(columns).view(float)).view(complex)
 
 
 def distinct(
@@ -287,10 +264,7 @@ class EvaluatedWires:
     def dissipated(
         self, ends: Ends, motion: Inexact[np.ndarray, "own frequency"]
     ) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-        """Dissipation x^H Im(f A) x by bending at either end, stretching, torsion and gas.
-
-        `ends` are those of `WireTerm.within` in the coordinates of x.
-        """
+        """Dissipation x^H Im(f A) x by part of a wire, `ends` being those of `WireTerm.within`."""
         fibre, gas = self.term.strand.fibre, self.term.strand.surrounded
         upper, lower = fibre.temperature
         temperatures = {
@@ -316,10 +290,6 @@ class LossTerm:
 
     Attributes
     ----------
-    cause
-        For example ``upper.blades``.
-    temperature
-        K.
     matrix
         K in N/m, or C in N s/m.
     angle

@@ -57,12 +57,7 @@ def pair_by_shape(
 ) -> tuple[Int[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Pair the modes of two designs by their orthonormal shapes, as in `batch_modes.Spectrum`.
 
-    Returns
-    -------
-    choice : (m,) int array
-        The mode of the second design paired with each of the first.
-    overlap : (m,) array
-        Squared scalar products: 1 for equal shapes.
+    Returns the mode of the second paired with each of the first, and the squared scalar products.
     """
     overlap = (np.asarray(before, dtype=float) @ np.asarray(after, dtype=float).T) ** 2
     choice = pair_by_overlap(overlap)
@@ -70,11 +65,7 @@ def pair_by_shape(
 
 
 def pair_bodies(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
-    """Pair the modes of two models of one design by the motion of its bodies.
-
-    `model`, one of them, has the masses of the bodies; blade tips and wires may have other
-    coordinates.
-    """
+    """Pair the modes of two models of one design, of which `model` is one, by bodies' motion."""
     bodies = slice(6, 6 + 6 * len(model.body))
     return pair_by_overlap(body_overlap(rows.shape, columns.shape, model.mass[bodies, bodies]))
 
@@ -84,11 +75,7 @@ def body_overlap(
     columns: Inexact[np.ndarray, "column _"],
     mass: Float[np.ndarray, "moving moving"],
 ) -> Float[np.ndarray, "row column"]:
-    """Overlaps |u^T M v| of mode shapes in the motion of bodies, with their mass matrix M.
-
-    Models with different coordinates of blade tips or wires share these. Shapes have unit modal
-    mass, in the named coordinates.
-    """
+    """Overlaps |u^T M v| of shapes of unit modal mass in the motion of bodies."""
     count = len(mass)
     return np.abs(rows[:, :count] @ mass @ columns[:, :count].T)
 
@@ -103,14 +90,9 @@ def follow(
     """Find which mode of every grid point each mode of the nominal design has become.
 
     `omega_squared` and `shapes` are as in `batch_modes.Spectrum`; points without modes are not
-    `good`. The point `start` is nearest to the nominal design, whose shapes are `nominal`.
-
-    Returns
-    -------
-    rank : int16 array
-        Rank of each mode among the point's modes; -1 where there are none.
-    overlap : array
-        With the shape that it was followed from, 0 to 1; NaN where there are none.
+    `good`. The point `start` is nearest to the nominal design, whose shapes are `nominal`. Returns
+    the rank (int16) of each mode among the point's modes, -1 where there are none, and its overlap
+    (0 to 1; NaN) with the shape that it was followed from.
     """
     rank = np.full((*good.shape, len(nominal)), -1, dtype=np.int16)
     overlap = np.full((*good.shape, len(nominal)), np.nan)
@@ -134,22 +116,15 @@ def _close(
     squared: Float[np.ndarray, " mode"], shape: Float[np.ndarray, "mode coordinate"]
 ) -> Bool[np.ndarray, " mode"]:
     """Whether each mode of a point is close to another with which it can mix."""
-    near = np.abs(squared[:, None] - squared) < CLOSE * np.maximum(
-        np.abs(squared[:, None]), np.abs(squared)
-    )
+    size = np.abs(squared)
+    near = np.abs(squared[:, None] - squared) < CLOSE * np.maximum(size[:, None], size)
     mixing = np.abs(shape) @ np.abs(shape).T > 0
     return np.any(near & mixing & ~np.eye(len(squared), dtype=bool), axis=1)
 
 
 def _neighbours(here: tuple[int, ...], left: Bool[np.ndarray, "*grid"]) -> list[tuple[int, ...]]:
     """List the neighbours of a point that are still to be visited."""
-    steps = [
-        (*here[:axis], here[axis] + step, *here[axis + 1 :])
-        for axis in range(left.ndim)
-        for step in (-1, 1)
-    ]
-    return [
-        there
-        for there in steps
-        if all(0 <= k < n for k, n in zip(there, left.shape, strict=True)) and left[there]
-    ]
+    steps = np.concatenate([np.eye(left.ndim, dtype=int), -np.eye(left.ndim, dtype=int)])
+    there = np.array(here) + steps
+    inside = ((there >= 0) & (there < left.shape)).all(1)
+    return [point for point in map(tuple, there[inside].tolist()) if left[point]]

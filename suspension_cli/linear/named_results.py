@@ -26,15 +26,7 @@ ALL = "modes"
 
 @dataclass(frozen=True)
 class Mode:
-    """Frequency of one mode.
-
-    Attributes
-    ----------
-    text
-        Label of the mode, numbered if several modes have it.
-    number
-        Position among the modes of the design as drawn, from 0.
-    """
+    """Frequency of one mode: its label, numbered if several have it, and its position, from 0."""
 
     text: str
     number: int
@@ -88,19 +80,16 @@ def of_system(texts: Sequence[str], system: LinearSystem) -> tuple[Scalar, ...]:
 def parse(
     texts: list[str], modes: Modes, known: tuple[str, ...], option: str = "--result"
 ) -> tuple[Scalar, ...]:
-    """Parse the names of scalar results.
+    """Parse the names of scalar results of the design as drawn, whose modes are given.
 
-    `modes` are those of the design as drawn. `known` are the bodies
-    (`signals.bodies_with_signals`), or empty if only modes are allowed. `option` is for error
-    messages.
+    `known` are the `signals.bodies_with_signals`, or empty if only modes are allowed.
     """
     found: list[Scalar] = []
     for text in texts:
-        found += (
-            [_ratio(text, known, option)]
-            if "/" in text and known
-            else _modes(text.strip(), modes, option, only=not known)
-        )
+        if "/" in text and known:
+            found.append(_ratio(text, known, option))
+        else:
+            found += _modes(text.strip(), modes, option, only=not known)
     return tuple(dict.fromkeys(found))
 
 
@@ -112,30 +101,25 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
         return every
     if text.isascii() and text.isdigit() and 1 <= int(text) <= len(every):
         return [every[int(text) - 1]]
-    chosen = [
-        mode for mode, label in zip(every, modes.label, strict=True) if text in (mode.text, label)
-    ]
-    if len(chosen) > 1 and "#" not in text:
+    pairs = zip(every, modes.label, strict=True)
+    chosen = [mode for mode, label in pairs if text in (mode.text, label)]
+    if len(chosen) == 1 or (chosen and "#" in text):
+        return chosen
+    problem, remedy = "is the label of no mode", suggest(text, names)
+    if chosen:
+        problem = f"is the label of {len(chosen)} modes"
         remedy = (
             f"write {chosen[0].text!r} to {chosen[-1].text!r}, or its number in pendsus modes on"
             " the same model"
         )
-        raise InputError.of(
-            option, f"is the label of {len(chosen)} modes", remedy, format_value(text)
-        )
-    if not chosen:
-        remedy = suggest(text, names) + (
-            ""
-            if only
-            else "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY"
-        )
-        raise InputError.of(option, "is the label of no mode", remedy, format_value(text))
-    return chosen
+    elif not only:
+        remedy += "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY"
+    raise InputError.of(option, problem, remedy, format_value(text))
 
 
 def _ratio(text: str, known: tuple[str, ...], option: str) -> Ratio:
     names, colon, at = text.partition(":")
-    parts = [part.strip() for part in names.split("/")]
+    parts, problem, remedy = [part.strip() for part in names.split("/")], "", ""
     try:
         frequency = float(at)
     except ValueError:
@@ -145,20 +129,13 @@ def _ratio(text: str, known: tuple[str, ...], option: str) -> Ratio:
             "write OUTPUT/INPUT:FREQUENCY or OVER/UNDER/INPUT:FREQUENCY, in Hz: test.x/support.x:10"
         )
         raise InputError.of(option, "is no response", remedy, format_value(text))
-    found = [signals.parse(part, option, known) for part in parts]
-    for signal in found[:-1]:
-        if signal.acts:
-            raise InputError.of(
-                option, f"{signal.text} is an input", "divide a motion by it", format_value(text)
-            )
-    drive = found[-1]
-    if not signals.is_input(drive):
+    *motions, drive = (signals.parse(part, option, known) for part in parts)
+    if wrong := [signal for signal in motions if signal.acts]:
+        problem, remedy = f"{wrong[0].text} is an input", "divide a motion by it"
+    elif not signals.is_input(drive):
+        problem = f"{drive.text} is an output"
         remedy = f"end with support.x, or a force such as {drive.body}.{signals.FORCES[drive.dof]}"
-        raise InputError.of(option, f"{drive.text} is an output", remedy, format_value(text))
-    return Ratio(
-        "/".join(parts) + f":{frequency:g}",
-        found[0],
-        found[1] if len(found) == 3 else None,
-        drive,
-        frequency,
-    )
+    if problem:
+        raise InputError.of(option, problem, remedy, format_value(text))
+    label = "/".join(parts) + f":{frequency:g}"
+    return Ratio(label, motions[0], motions[1] if len(motions) > 1 else None, drive, frequency)

@@ -10,15 +10,15 @@ chapter 11):
 with the elongations E x of wires, their compliances c = 1 / k(omega), and K without their
 stretching.
 
-Each element is a sum of a few functions of frequency with constant weights (`Part`); only those
-that are not 0 are evaluated. A *system* is one design at one frequency, or one of many builds at
-its frequency; all are solved together, on the last axis. Coordinates that do not couple are blocks,
-solved apart, each body by body (`elimination`).
+Each element is a sum of a few functions of frequency with constant weights; only those that are not
+0 are evaluated. A *system* is one design at one frequency, or one of many builds at its frequency;
+all are solved together, on the last axis. Coordinates that do not couple are blocks, solved apart,
+each body by body (`elimination`).
 
 Around and above the lowest undamped mode the coordinates of a block are those of the system. Below
 it all bodies move with the support, and what is to be found is their small relative motion: there
-each body of a design is counted from the one above it, x = T q. Nothing resists when all move
-together in x, y, z and yaw, so such elements of T^T Z T are 0; what rounding left of them is
+each body of a design is counted from the one above it in x, y, z and yaw, x = T q. Nothing resists
+when all move together in these, so such elements of T^T Z T are 0; what rounding left of them is
 removed.
 """
 
@@ -31,8 +31,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from suspension_cli.conventions import DOFS, FRAME
-from suspension_cli.elimination import connected_groups, solve_each
-from suspension_cli.linear.equations import ROUNDING, Equations, Part, rounding, sizes
+from suspension_cli.elimination import (
+    ROUNDING,
+    Elements,
+    Equations,
+    connected_groups,
+    multiply_real,
+    rounding,
+    sizes,
+)
+from suspension_cli.linear.batch_modes import solve_block
 from suspension_cli.linear.frequency_terms import (
     EvaluatedTerm,
     EvaluatedWires,
@@ -40,7 +48,6 @@ from suspension_cli.linear.frequency_terms import (
     WireTerm,
     distinct,
     is_damper,
-    multiply_real,
 )
 from suspension_cli.linear.system import LinearSystem
 
@@ -51,24 +58,14 @@ Loss = Literal["all", "dampers", "none"]
 """Losses that act; loss angles, which are phase lags, act on oscillations alone."""
 FAR = 0.5
 """Fraction of the lowest mode below which coordinates are relative: at it they gain nothing yet."""
-SHIFT = 1e-4
-"""(rad/s)^2, by which squared frequencies are shifted to find the lowest: some are 0."""
 
 
 @dataclass(frozen=True)
 class Rows:
     """Elongations of wires; those that move alike are one row.
 
-    Attributes
-    ----------
-    form
-        Elongation per coordinate of support and block.
-    count
-        Number of wires per row.
-    compliance
-        1/k of one wire, m/N.
-    term
-        Number of their term among the block's, which has the compliance instead; -1 for none.
+    Each has the form per coordinate of support and block, the number of wires, the compliance 1/k
+    (m/N) of one, and the number of their term among the block's, which has the compliance instead.
     """
 
     form: Inexact[np.ndarray, "#build row coordinate"]
@@ -77,25 +74,11 @@ class Rows:
     term: Int[np.ndarray, " row"]
 
 
-def _apply(
-    form: Float[np.ndarray, "output own #system"], q: Inexact[np.ndarray, "own input system"]
-) -> Inexact[np.ndarray, "output input system"]:
-    if form.shape[-1] == 1:
-        flat = multiply_real(form[..., 0], q.reshape(len(q), -1))
-        return flat.reshape(len(form), *q.shape[1:])
-    return np.einsum("ocs,cis->ois", form, q)
-
-
 @dataclass(frozen=True)
 class Block:
-    """One block of a pencil.
+    """One block of a pencil: coordinates `keep`, parents before children.
 
-    Attributes
-    ----------
-    keep
-        Coordinates of the system, parents before children.
-    pull
-        Whether each motion of the support acts on them.
+    `pull` marks the motions of the support that act on them.
     """
 
     pencil: Pencil
@@ -136,30 +119,32 @@ class Block:
 
     @cached_property
     def _columns(self) -> Int[np.ndarray, " coordinate"]:
+        """Coordinates of the support and of the block."""
         return np.concatenate([np.arange(6), self.keep])
 
     @cached_property
-    def _kept(self) -> Bool[np.ndarray, " coordinate"]:
-        """Whether each of `_columns` has elements that are more than rounding errors."""
-        return np.append(self.pull, np.ones(len(self.keep), dtype=bool))
+    def _number(self) -> Int[np.ndarray, " coordinate"]:
+        """Column of each coordinate of the system; -1 for those with nothing but rounding."""
+        result = np.full(self.pencil.model.size, -1)
+        result[self._columns] = np.arange(len(self._columns))
+        result[:6][~self.pull] = -1
+        return result
 
     @cached_property
     def rows(self) -> Rows:
         """Elongations of the wires that move with these coordinates."""
         model = self.pencil.model
-        form, kinds = np.zeros((1, 0, model.size)), []
-        c, term = np.zeros((1, 0)), np.zeros(0, dtype=int)
-        for n, (_, own) in enumerate(self.terms):
-            if isinstance(own, WireTerm):
-                form = np.append(form, 2 * own.forms["stretch"][None, :, 1], axis=1)
-                term = np.append(term, np.full(form.shape[1] - len(term), n))
-                kinds.append(np.flatnonzero(term == n))
-                c = np.zeros((1, len(term)))
-        if not any(isinstance(own, WireTerm) for own in model.terms):
+        wires = [(n, term) for n, (_, term) in enumerate(self.terms) if isinstance(term, WireTerm)]
+        if any(isinstance(own, WireTerm) for own in model.terms):
+            forms = [2 * own.forms["stretch"][:, 1] for _, own in wires]
+            form = np.concatenate([np.zeros((0, model.size)), *forms])[None]
+            term = np.repeat([n for n, _ in wires], [len(one) for one in forms]).astype(int)
+            c, kinds = np.zeros((1, len(term))), [np.flatnonzero(term == n) for n, _ in wires]
+        else:
             form, c = as_builds(model.elongation), 1 / as_builds(model.k, 1)
             term, kind = np.full(form.shape[1], -1), [k.tobytes() for k in c.T]
             kinds = [np.flatnonzero([k == one for k in kind]) for one in dict.fromkeys(kind)]
-        form = form[..., self._columns] * self._kept
+        form = form[..., self._columns] * (self._number[self._columns] >= 0)
         if self.pencil.many and model.allowed[6:, 6:].all():
             # builds without a common symmetry may differ from one by as little as rounding
             members = np.arange(len(term))[:, None].tolist()
@@ -181,107 +166,87 @@ class Block:
         return [*own.tolist(), *lowest.tolist()]
 
     @cached_property
-    def parts(self) -> list[Part]:
-        """Weights of 1, of i, of i omega, of -omega^2; then of the functions of each term.
-
-        The last of a term of wires is -1/k.
-        """
-        pencil, own, rows = self.pencil, len(self.keep), self.rows
-        columns = self._columns[self._kept]
-        number = np.full(pencil.model.size, -1)
-        number[columns] = np.flatnonzero(self._kept)
-        matrices = []
-        for matrix, used in zip(pencil.matrices, pencil.used, strict=True):
+    def pieces(self) -> list[tuple[Any, Any, int, Any]]:
+        """Pieces of `elements`."""
+        pencil, rows, number = self.pencil, self.rows, self._number
+        columns = self._columns[number[self._columns] >= 0]
+        result = []
+        for n, (matrix, used) in enumerate(zip(pencil.matrices, pencil.used, strict=True)):
             i, j = np.nonzero(used[np.ix_(self.keep, columns)])
-            weights = matrix[:, self.keep[i], columns[j]].T[:, None]
-            matrices.append(Part(i, number[columns[j]], weights))
-        tension, constant = own + np.arange(len(rows.count)), rows.term < 0
+            result.append((i, number[columns[j]], n, matrix[:, self.keep[i], columns[j]].T))
+        tension = len(self.keep) + np.arange(len(rows.count))
         i, j = np.nonzero((rows.form != 0).any(0))
-        form, below = rows.form[:, i, j].T[:, None], j >= 6
-        matrices[0] = matrices[0].followed_by(tension[i], j, form)
-        matrices[0] = matrices[0].followed_by(j[below] - 6, 6 + tension[i[below]], form[below])
-        c = -(rows.compliance / rows.count)[:, constant].T[:, None]
-        some = tension[constant], 6 + tension[constant]
+        form, below = rows.form[:, i, j].T, j >= 6
+        result.append((tension[i], j, 0, form))
+        result.append((j[below] - 6, 6 + tension[i[below]], 0, form[below]))
+        some = np.flatnonzero(rows.term < 0)
+        c, at = -(rows.compliance / rows.count)[:, some].T, (tension[some], 6 + tension[some])
         if np.iscomplexobj(c) and not pencil.many:
-            matrices[1] = matrices[1].followed_by(*some, np.imag(c))
+            result.append((*at, 1, np.imag(c)))
             c = np.real(c)
-        matrices[0] = matrices[0].followed_by(*some, c)
-        number[~np.isin(np.arange(len(number)), columns)] = -1
+        result.append((*at, 0, c))
+        first = len(pencil.matrices)
         for n, ((m, term), used) in enumerate(zip(self.terms, self.used, strict=True)):
             place = number[term.columns]
             weights = pencil.weights[m][used] * ((place >= 6)[:, None] & (place >= 0))
+            i, j = np.nonzero(weights.any(0))
+            result.append((place[i] - 6, place[j], first, weights[:, i, j].T))
+            first += len(used)
             if isinstance(term, WireTerm):
-                weights = np.concatenate([weights, np.zeros((1, *weights.shape[1:]))])
-            part = Part.of(weights)
-            part = Part(place[part.row] - 6, place[part.column], part.weights)
-            if isinstance(term, WireTerm):
-                wires = np.flatnonzero(rows.term == n)
-                last = np.zeros((len(wires), len(weights), 1))
-                last[:, -1, 0] = 1 / rows.count[wires]
-                part = part.followed_by(tension[wires], 6 + tension[wires], last)
-            matrices.append(part)
-        return matrices
+                own = np.flatnonzero(rows.term == n)
+                weights = (1 / rows.count[own])[:, None]
+                result.append((tension[own], 6 + tension[own], first, weights))
+                first += 1
+        return result
+
+    @cached_property
+    def elements(self) -> Elements:
+        """Weights of 1, of i, of i omega, of -omega^2; then of the functions of each term.
+
+        The last of a term of wires is -1/k. Those of many builds are evaluated already.
+        """
+        pieces, omega = self.pieces, self.pencil.omega
+        if omega is not None:
+            pieces = [
+                (*at, n, np.broadcast_to(own, (len(own), len(omega)))) for *at, n, own in pieces
+            ]
+        return Elements.of(pieces, max(n + own.shape[1] for _, _, n, own in pieces))
 
     @cached_property
     def absolute(self) -> Equations:
         """Equations in the coordinates of the system."""
-        return Equations.of(self.parts, self.owner)
+        return Equations(self.elements, self.owner)
 
     @cached_property
     def relative(self) -> Equations:
         """Equations in coordinates relative to the body above."""
-        joint, tensions = self.pencil.joint(self._columns), len(self.owner) - len(self.keep)
+        model, columns, size = self.pencil.model, self._columns, 6 + len(self.owner)
+        joint, own = self.pencil.joint(columns), len(columns)
         joint[6:, :6] *= self.pull
-        whole = np.eye(6 + len(self.owner))
-        whole[: len(joint), : len(joint)] = joint
-        place = np.append(
-            self.pencil.place[self._columns], self.pencil.model.size + np.arange(tensions)
-        )
-        # all bodies below turned about z by t turn forces by t: only those that are not balanced
-        turning = np.zeros(len(whole), dtype=bool)
-        turning[: len(joint)] = self._columns % 6 == 5
-        turning[: len(joint)] &= self._columns < 6 * (len(self.pencil.model.body) + 1)
-        body = np.append(np.zeros(6, dtype=int), self.owner)
-        body[len(joint) :] = 0
-        below = (body[:, None] > body) & turning
-        unbalanced = self.pencil.unbalanced * (below | below.T)[6:]
-        static, *others = self.parts
-        parts = [static.transformed(whole, place, unbalanced)]
-        parts += [part.transformed(whole, place) for part in others]
-        return Equations.of(parts, self.owner, joint)
+        whole = np.eye(size)
+        whole[:own, :own] = joint
+        place = np.append(self.pencil.place[columns], model.size + np.arange(size - own))
+        # forces that are not balanced turn with the bodies, which looks like a stiffness of yaw
+        yaw = np.zeros(size, dtype=bool)
+        yaw[:own] = (columns % 6 == 5) & (columns < 6 * (len(model.body) + 1))
+        unbalanced = self.pencil.unbalanced * (yaw[6:, None] | yaw)
+        return Equations(self.elements.transformed(whole, place, unbalanced), self.owner, joint)
 
     @cached_property
     def lowest(self) -> float:
         """Lowest undamped mode, rad/s; 0 if it is rigid or unstable, or rigid motion not known."""
-        count = len(self.keep)
         if self.pencil.model.rigid is None or self.pencil.many:
             return 0.0
-        mass = self.pencil.model.mass[np.ix_(self.keep, self.keep)]
-        values, vectors = np.linalg.eigh(mass)
-        root = np.zeros((len(self.owner), count))
-        root[:count] = vectors * np.sqrt(np.maximum(values, 0.0))
-        functions = [np.zeros((part.weights.shape[1], 1)) for part in self.parts]
-        functions[0][:], functions[3][:] = 1.0, SHIFT
-        for own, (_, term) in zip(functions[4:], self.terms, strict=False):
-            if isinstance(term, WireTerm):
-                own[-1] = -1 / term.static_stretching
-        moved = root.T @ solve_each(self.matrix(functions)[:, 6:, 0], root)
-        if not np.isfinite(moved).all():
-            return 0.0
-        inverse = np.linalg.eigvalsh((moved + moved.T) / 2)
-        if not len(inverse) or inverse[0] < -1e-9 * inverse[-1]:
-            return 0.0
-        return float(np.sqrt(max(1 / inverse[-1] - SHIFT, 0.0)))
+        squared = solve_block(self.pencil.model, self.keep)[0]
+        return float(np.sqrt(max(squared[0], 0.0)))
 
     def matrix(
-        self, functions: list[Inexact[np.ndarray, "function frequency"]]
+        self, functions: Inexact[np.ndarray, "function frequency"]
     ) -> Inexact[np.ndarray, "unknown all frequency"]:
-        """All elements of one design from the functions of `parts`."""
-        size = len(self.owner)
-        shape = size, 6 + size, functions[0].shape[1]
-        result = np.zeros(shape, dtype=np.result_type(*functions))
-        for part, values in zip(self.parts, functions, strict=True):
-            result[part.row, part.column] += multiply_real(part.weights[..., 0], values)
+        """All elements of one design from the functions of `elements`."""
+        values, size = self.elements.at(functions), len(self.owner)
+        result = np.zeros((size, 6 + size, values.shape[1]), dtype=values.dtype)
+        result[self.elements.row, self.elements.column] = values
         return result
 
     def is_driven(
@@ -316,19 +281,19 @@ class EvaluatedBlock:
         return [self.there.terms[n] for n, _ in self.block.terms]
 
     @cached_property
-    def functions(self) -> list[Inexact[np.ndarray, "function system"]]:
-        """Functions of frequency of each of `Block.parts`."""
-        here = np.ones((1, len(self.omega)))
-        loss, damping = (bool(len(part.row)) for part in self.block.parts[1:3])
-        result = [here, 1j * here if self.there.lossy and loss else 0 * here]
-        result.append(1j * self.omega * here if self.there.damped and damping else 0 * here)
-        result.append(-(self.omega**2) * here)
-        for term, used in zip(self.terms, self.block.used, strict=True):
-            functions = term.functions(used)
+    def functions(self) -> Inexact[np.ndarray, "function system"]:
+        """Functions of frequency of `Block.elements`; none of many builds."""
+        if self.block.pencil.many:
+            return np.zeros((0, len(self.omega)))
+        here, used = np.ones(len(self.omega)), np.any(self.block.elements.weights, axis=0)
+        result = [here, 1j * here if self.there.lossy and used[1] else 0 * here]
+        result.append(1j * self.omega if self.there.damped and used[2] else 0 * here)
+        result.append(-(self.omega**2))
+        for term, own in zip(self.terms, self.block.used, strict=True):
+            result += term.functions(own)
             if isinstance(term, EvaluatedWires):
-                functions.append(-term.compliance)
-            result.append(np.array(np.broadcast_arrays(*functions, here[0])[:-1]))
-        return result
+                result.append(-term.compliance)
+        return np.array(np.broadcast_arrays(*result))
 
     @property
     def matrix(self) -> Inexact[np.ndarray, "unknown all frequency"]:
@@ -356,33 +321,31 @@ class EvaluatedBlock:
 
         `direct` is added: the response of the outputs to the support's own motion.
         """
-        outputs, moves, forces = (
-            part if part.ndim == 3 else part[..., None] for part in (outputs, moves, forces)
+        outputs, moves, forces, offset = (
+            part if part.ndim == 3 else part[..., None]
+            for part in (outputs, moves, forces, np.asarray(direct))
         )
-        offset = np.asarray(direct)
-        offset = offset if offset.ndim == 3 else offset[..., None]
+        result = np.empty((len(outputs), moves.shape[1], len(self.omega)), dtype=complex)
         below = self.omega < FAR * self.block.lowest
-        parts = []
         for relative, where in ((True, below), (False, ~below)):
             if not where.any():
                 continue
             equations = self.block.relative if relative else self.block.absolute
-            some = self.functions if where.all() else [part[:, where] for part in self.functions]
-            form, own = outputs, offset
-            if equations.to_absolute is not None:
-                follow, (rows, moved) = equations.to_absolute[6:], (outputs[..., 0], moves[..., 0])
-                first = offset[..., 0]
-                terms = np.abs(first) + np.abs(rows) @ np.abs(follow[:, :6]) @ np.abs(moved)
-                first = first + rows @ follow[:, :6] @ moved
-                own = np.where(np.abs(first) > ROUNDING * terms, first, 0.0)[..., None]
-                form = (rows @ follow[:, 6:])[..., None]
-            value = _apply(form, equations.solve(some, moves, forces))
-            parts.append((where, value + own if own.any() else value))
-        if len(parts) == 1:
-            return parts[0][1]
-        result = np.empty((*parts[0][1].shape[:2], len(self.omega)), dtype=parts[0][1].dtype)
-        for where, value in parts:
-            result[..., where] = value
+            some = self.functions if where.all() else self.functions[:, where]
+            form, own, joint = outputs, offset, equations.to_absolute
+            if joint is not None:
+                rows, moved, own = outputs[..., 0], moves[..., 0], offset[..., 0]
+                terms = np.abs(own) + np.abs(rows) @ np.abs(joint[6:, :6]) @ np.abs(moved)
+                own = own + rows @ joint[6:, :6] @ moved
+                own = np.where(np.abs(own) > ROUNDING * terms, own, 0.0)[..., None]
+                form = (rows @ joint[6:, 6:])[..., None]
+            q = equations.solve(some, moves, forces)
+            if form.shape[-1] == 1:
+                value = multiply_real(form[..., 0], q.reshape(len(q), -1))
+                value = value.reshape(len(form), *q.shape[1:])
+            else:
+                value = np.einsum("ocs,cis->ois", form, q)
+            result[..., where] = value + own
         return result
 
 
@@ -403,14 +366,18 @@ class AtFrequencies:
 
 @dataclass(frozen=True)
 class Pencil:
-    """Equations of small motions of one design, or of many builds without terms in frequency."""
+    """Equations of small motions of one design, or of many builds at one frequency (rad/s) each.
+
+    Those of builds have no terms in frequency (`LinearSystem.at`).
+    """
 
     model: LinearSystem
+    omega: Float[np.ndarray, " build"] | None = None
 
-    @cached_property
+    @property
     def many(self) -> bool:
         """Whether there are many builds."""
-        return np.ndim(self.model.soft) > 2
+        return self.omega is not None
 
     @staticmethod
     def of(model: LinearSystem) -> Pencil:
@@ -424,9 +391,17 @@ class Pencil:
         terms = [term.at(omega, lossy=lossy) for term in self.model.terms]
         return AtFrequencies(omega, terms, lossy, lossy)
 
-    def at_poles(self, s: Complex[np.ndarray, " pole"], loss: Loss) -> AtFrequencies:
-        """Evaluate at motions exp(s t), s in rad/s."""
-        omega, real = -1j * s, np.imag(s).copy()
+    def at_poles(
+        self,
+        s: Complex[np.ndarray, " pole"],
+        loss: Loss,
+        oscillating: Float[np.ndarray, " pole"] | None = None,
+    ) -> AtFrequencies:
+        """Evaluate at motions exp(s t), s in rad/s.
+
+        Losses that are phase lags are taken at the frequency of oscillation, by default Im s.
+        """
+        omega, real = -1j * s, np.imag(s).copy() if oscillating is None else oscillating
         terms = [
             term.at(
                 omega if term.dispersive else real,
@@ -436,40 +411,35 @@ class Pencil:
         ]
         return AtFrequencies(omega, terms, loss == "all", loss != "none")
 
-    @property
-    def dispersive(self) -> bool:
-        """Whether a term is a function of complex frequency."""
-        return any(term.dispersive for term in self.model.terms)
+    def block(self, group: Int[np.ndarray, " own"]) -> Block:
+        """Coordinates that couple to no others."""
+        keep = group[np.argsort(self.owner[group], kind="stable")]
+        return Block(self, keep, np.asarray(self.coupled[keep, :6].any(0)))
 
     @cached_property
     def blocks(self) -> list[Block]:
         """Coordinates that couple to each other, without the support's."""
-        coupled = self.coupled
-        groups = [6 + group for group in connected_groups(coupled[6:, 6:])]
-        groups = [group[np.argsort(self.owner[group], kind="stable")] for group in groups]
-        return [Block(self, group, coupled[group, :6].any(0)) for group in groups]
+        groups = connected_groups(self.coupled[6:, 6:])
+        return [self.block(6 + group) for group in groups]
 
     @cached_property
     def matrices(self) -> list[Inexact[np.ndarray, "#build coordinate coordinate"]]:
-        """Re K and Im K without the stretching of wires, C and M; of many builds K and nothing."""
-        soft = as_builds(self.model.soft)
-        split = np.isrealobj(soft) or self.many
-        parts = [soft, np.zeros((1, *soft.shape[1:]))] if split else [np.real(soft), np.imag(soft)]
-        return [*parts, as_builds(self.model.damping), as_builds(self.model.mass)]
+        """Re K and Im K without the stretching of wires, C and M; of many builds Z."""
+        soft, damping, mass = map(as_builds, (self.model.soft, self.model.damping, self.model.mass))
+        if self.omega is None:
+            return [np.real(soft), np.imag(soft), damping, mass]
+        w = self.omega[:, None, None]
+        return [soft - w**2 * mass + (1j * w * damping if damping.any() else 0.0)]
 
     @cached_property
     def used(self) -> list[Bool[np.ndarray, "coordinate coordinate"]]:
         """Elements of `matrices` that are not 0 in all builds."""
         return [(matrix != 0).any(0) for matrix in self.matrices]
 
-    @cached_property
+    @property
     def owner(self) -> Int[np.ndarray, " coordinate"]:
-        """Number of the body of each coordinate, from 1; 0: the support and its structure.
-
-        A blade's tip goes with the stage below.
-        """
-        number = {name: n for n, name in enumerate(self.model.body, 1)}
-        return np.array([number.get(name.split(".", 1)[0], 0) for name in self.model.coordinate])
+        """Number of the body of each coordinate, see `LinearSystem.owner`."""
+        return self.model.owner
 
     @cached_property
     def place(self) -> Int[np.ndarray, " coordinate"]:
@@ -486,7 +456,7 @@ class Pencil:
         model, matrices = self.model, [matrix[0] for matrix in self.matrices]
         if self.many:
             moved = (as_builds(model.elongation) != 0).any(0).astype(float)
-            return np.logical_or.reduce([model.allowed & (moved.T @ moved > 0), *self.used])
+            return (model.allowed & (moved.T @ moved > 0)) | self.used[0]
         for k in dict.fromkeys(model.k.tolist()):
             some = model.elongation[model.k == k]
             matrices.append(np.where(model.allowed, some.T @ some, 0.0))
@@ -529,20 +499,23 @@ class Pencil:
         return [0, *(int(coupling[n, :n].argmax()) for n in range(1, bodies))]
 
     def joint(self, columns: Int[np.ndarray, " own"]) -> Float[np.ndarray, "coordinate coordinate"]:
-        """T of x = T q, in which each body follows all those above it rigidly.
+        """T of x = T q, in which each body follows all those above it in translation and yaw.
 
-        `columns` are the coordinates: those of the support, then the block's.
+        What hangs does not follow roll and pitch. `columns` are the coordinates: those of the
+        support, then the block's.
         """
-        rigid, bodies = self.model.rigid, len(self.model.body) + 1
-        assert rigid is not None
-        result = np.eye(self.model.size)
-        result[:, :6] = rigid
+        model, bodies = self.model, len(self.model.body) + 1
+        assert model.rigid is not None
+        follow = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+        rigid = model.rigid @ follow
+        result = np.eye(model.size)
+        result[6:, :6] = rigid[6:]
         for n, dof in enumerate(DOFS):
-            if (name := f"{FRAME}.{dof}") in self.model.coordinate:
-                result[6 : 6 * bodies, self.model.coordinate.index(name)] = rigid[6 : 6 * bodies, n]
+            if (name := f"{FRAME}.{dof}") in model.coordinate:
+                result[6 : 6 * bodies, model.coordinate.index(name)] = rigid[6 : 6 * bodies, n]
         body = [slice(6 * n, 6 * n + 6) for n in range(bodies)]
         for n, above in enumerate(self.parent):
             while above:
-                result[body[n], body[above]] = rigid[body[n]] - rigid[body[above]] + np.eye(6)
+                result[body[n], body[above]] = rigid[body[n]] - rigid[body[above]] + follow
                 above = self.parent[above]
         return result[np.ix_(columns, columns)]

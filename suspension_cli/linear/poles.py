@@ -61,8 +61,8 @@ def solve(
 ) -> tuple[Poles, Complex[np.ndarray, "output pole"]]:
     """Compute the poles of a state space, and the outputs in each.
 
-    Real parts that may be rounding errors are 0. A pole with at least `NAMED` of its participation
-    in mechanical states is named after one of these rather than after a filter's.
+    Real parts that may be rounding errors are 0. A pole is named after a filter's state only if
+    mechanical ones have less than `NAMED` of its participation.
     """
     eigen: Any = np.linalg.eig(system.a)
     values, right = eigen.eigenvalues.astype(complex), eigen.eigenvectors

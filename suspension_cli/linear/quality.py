@@ -87,8 +87,7 @@ def evaluate(
 ) -> Quality:
     """Evaluate poles `value` (rad/s) with motions (m, rad) of the system's own coordinates.
 
-    `power` is Im x^H f of forces -f on the coordinates beside those of the model. Without `wires`
-    their mass is neglected.
+    `power` is Im x^H f of further forces -f. Without `wires` their mass is neglected.
     """
     oscillates, omega, x = np.imag(value) > 0, np.maximum(np.imag(value), 0.0), motion.T
     lost, elastic = _dissipation(model, omega, x)
@@ -108,10 +107,12 @@ def evaluate(
     stores = elastic > NOTHING * omega**2 * weight
     dilution = np.abs(value) ** 2 * weight / np.where(stores, elastic, 1.0)
     dilution = np.where(stores, dilution, np.inf)
+    # tables against frequency lack the energy in lossy elements
+    known = any(isinstance(term, WireTerm) or term.storage is None for term in model.terms)
     return Quality(
         refined,
         np.where(~oscillates & (lost > 0), 0.0, q),
-        np.where(oscillates & _knows_energy(model), dilution, np.nan),
+        np.where(oscillates & known, dilution, np.nan),
         weight,
         bodily / np.where(weight > 0, weight, 1.0),
         energy / np.where(weight > 0, weight, 1.0),
@@ -191,8 +192,3 @@ def _wire_energies(
         pushed = np.einsum("abm,bwm->awm", slope, motion)
         result.append(-np.real(motion.conj() * pushed).sum((0, 1)) / (2 * omega**2))
     return np.array(result)
-
-
-def _knows_energy(model: LinearSystem) -> bool:
-    """Whether the energy in lossy elements is known; tables against frequency lack it."""
-    return any(isinstance(term, WireTerm) or term.storage is None for term in model.terms)

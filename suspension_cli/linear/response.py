@@ -103,9 +103,9 @@ def transfer(
 ) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
     """Solve for the transfer matrix from drives to linear forms of the coordinates (`rows`).
 
-    Also returns the number of blocks solved. `omega` in rad/s. Drives that `acts` marks are
-    generalised forces; others are unit vectors of the support's coordinates, or of the ground's
-    (`ground`). If `finite`, raises `InputError` where a response is not finite.
+    `omega` in rad/s. Drives that `acts` marks are generalised forces; others are unit vectors of
+    the support's coordinates, or of the ground's (`ground`). Raises `InputError` where a response
+    is not finite, if asked. Also returns the number of blocks solved.
     """
     if ground is not None and any(ground):
         result, count = np.zeros((len(omega), len(rows), len(drives)), dtype=complex), 0
@@ -119,8 +119,7 @@ def transfer(
                 result[..., moved], blocks = transfer(system, omega, *own, sensed, finite=finite)
                 count += blocks
         return result, count
-    pushes = np.array(acts, dtype=bool)
-    moves, forces = np.where(pushes, 0.0, drives[:, :6].T), np.where(pushes, drives.T, 0.0)
+    moves, forces = np.where(acts, 0.0, drives[:, :6].T), np.where(acts, drives.T, 0.0)
     pencil = Pencil.of(model)
     chosen = _choose(pencil, moves, forces, rows)
     result = np.empty((len(omega), len(rows), len(drives)), dtype=complex)
@@ -151,8 +150,8 @@ def transfer_builds(
 ) -> Inexact[np.ndarray, "build frequency output input"]:
     """Solve for the responses of builds `which` of a batch to motions of the support and forces.
 
-    `moves`, `forces` and `rows` are those of all builds. Builds, times frequencies, are solved
-    together, in chunks that stay in the cache.
+    `moves`, `forces` and `rows` are those of all builds, which are solved in chunks that stay in
+    the cache.
     """
     count = len(which) * len(omega)
     result = np.empty((count, rows.shape[1], moves.shape[2]), dtype=complex)
@@ -160,7 +159,7 @@ def transfer_builds(
         build, frequency = np.divmod(np.arange(start, min(start + BUILDS, count)), len(omega))
         here: Any = as_slice(which[build]) if len(omega) == 1 else which[build]
         w = omega[frequency]
-        pencil = Pencil(model.select(here).at(w))
+        pencil = Pencil(model.select(here).at(w), w)
         own = [np.moveaxis(part[here], 0, -1) for part in (rows, moves, forces)]
         chosen = _choose(pencil, own[1], own[2], own[0])
         value = _respond(pencil, chosen, w, *own)
@@ -192,8 +191,7 @@ def _respond(
 ) -> Inexact[np.ndarray, "output input system"]:
     """Sum the responses of blocks and those of outputs to the support's own motion."""
     direct, there = np.einsum("ocs,cis->ois", rows[:, :6], moves), pencil.at(omega)
-    result = np.zeros((*direct.shape[:2], len(omega)), dtype=complex)
-    result[...] = direct
+    result = np.broadcast_to(direct, (*direct.shape[:2], len(omega))).astype(complex)
     reached = np.zeros(direct.shape[:2], dtype=bool)
     for block in chosen:
         sensing = np.flatnonzero(rows[:, block.keep].any((1, 2)))

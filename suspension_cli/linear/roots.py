@@ -28,13 +28,12 @@ import numpy as np
 
 from suspension_cli.design.foton import Filter, warp
 from suspension_cli.elimination import dense, solve_each
-from suspension_cli.linear.equations import Part
 from suspension_cli.linear.pencil import Block, Loss, Pencil
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
-    Functions = list[Inexact[np.ndarray, "function frequency"]]
+    Functions = Inexact[np.ndarray, "function frequency"]
 
 BESIDE = 1e-6
 """Relative step for the derivative of functions of frequency."""
@@ -122,16 +121,9 @@ class Roots:
 
 @dataclass(frozen=True)
 class Feedback:
-    """One control loop: forces -u on the coordinates, u = H(s) (sensed . x).
+    """One control loop: forces -u on the coordinates `pushed`, u = H(s) (`sensed` . x).
 
-    Attributes
-    ----------
-    sensed, pushed
-        Linear forms in the coordinates of the system.
-    filter
-        H without the delay.
-    delay
-        s.
+    H is the `filter`, later by `delay` (s).
     """
 
     sensed: Float[np.ndarray, " coordinate"]
@@ -143,33 +135,24 @@ class Feedback:
         self, s: Complex[np.ndarray, " frequency"]
     ) -> tuple[Complex[np.ndarray, "3 frequency"], Complex[np.ndarray, "3 frequency"]]:
         """Evaluate 1, N and D, and their derivatives."""
-        parts = self.filter.parts
-        zeros, zeros_slope, size = _multiply_factors(s, [(one.zeros, one.rate) for one in parts])
-        poles, poles_slope, unit = _multiply_factors(s, [(one.poles, one.rate) for one in parts])
+        values = self._functions(s)
+        return values, (self._functions(s * (1 + BESIDE)) - values) / (BESIDE * s)
+
+    def _functions(
+        self, s: Complex[np.ndarray, " frequency"]
+    ) -> Complex[np.ndarray, "3 frequency"]:
         with np.errstate(all="ignore"):  # far to the left a delay overflows, and the root is lost
-            late = np.prod([one.gain for one in parts]) * np.exp(size - unit - s * self.delay)
-        numerator_slope = late * (zeros_slope - self.delay * zeros)
-        return (
-            np.array([np.ones(len(s)), late * zeros, poles]),
-            np.array([np.zeros(len(s)), numerator_slope, poles_slope]),
-        )
-
-
-def _multiply_factors(
-    s: Complex[np.ndarray, " frequency"], parts: Sequence[tuple[tuple[complex, ...], float]]
-) -> tuple[Complex[np.ndarray, " frequency"], Complex[np.ndarray, " frequency"], float]:
-    """Product of all (w / 2 pi + root) / size, its derivative, and the logarithm of all sizes.
-
-    `parts` are roots in Hz and the sample rate of their w (see `design.foton`).
-    """
-    factors, slopes, sizes = [np.ones(len(s), dtype=complex)], [0 * s], [1.0]
-    for roots, rate in parts:
-        at, rise = warp(s, rate)
-        sizes += [abs(root) or 1.0 for root in roots]
-        factors += [(at / (2 * np.pi) + root) / (abs(root) or 1.0) for root in roots]
-        slopes += [rise / (2 * np.pi * (abs(root) or 1.0)) + 0 * s for root in roots]
-    others = (np.delete(factors, n, 0).prod(0) * slope for n, slope in enumerate(slopes))
-    return np.prod(factors, 0), sum(others, 0 * s), float(np.log(sizes).sum())
+            late = np.exp(-s * self.delay)
+        numerator = np.prod([part.gain for part in self.filter.parts]) * late
+        denominator = np.ones(len(s), dtype=complex)
+        for part in self.filter.parts:
+            at = warp(s, part.rate)[0] / (2 * np.pi)
+            for root in part.zeros:
+                numerator *= at + root
+            for root in part.poles:
+                denominator *= (at + root) / (abs(root) or 1.0)
+                numerator /= abs(root) or 1.0
+        return np.array([np.ones(len(s)), numerator, denominator])
 
 
 @dataclass(frozen=True)
@@ -184,16 +167,18 @@ class ClosedBlock(Block):
         return [*Block(self.pencil, self.keep, self.pull).owner, *(0 for _ in self.loops)]
 
     @cached_property
-    def parts(self) -> list[Part]:
-        """Weights of the functions of `Block.parts`, then of those of each `Feedback`."""
-        size, count = len(self.owner), len(self.loops)
-        result = list(Block(self.pencil, self.keep, self.pull).parts)
-        for n, loop in enumerate(self.loops, size - count):
-            weights = np.zeros((3, size, 6 + size))
-            weights[0, : len(self.keep), 6 + n] = loop.pushed[self.keep]
-            weights[1, n, 6 : 6 + len(self.keep)] = loop.sensed[self.keep]
-            weights[2, n, 6 + n] = -1.0
-            result.append(Part.of(weights))
+    def pieces(self) -> list[tuple[Any, Any, int, Any]]:
+        """Pieces of the elements of a `Block`, then those of the functions of each `Feedback`."""
+        keep, plain = self.keep, Block(self.pencil, self.keep, self.pull)
+        result, first = list(plain.pieces), plain.elements.weights.shape[1]
+        for n, loop in enumerate(self.loops, len(self.owner) - len(self.loops)):
+            for form, place in ((loop.pushed, 0), (loop.sensed, 1)):
+                own = np.flatnonzero(form[keep])
+                unknown = np.full(len(own), n)
+                row, column = (unknown, own) if place else (own, unknown)
+                result.append((row, 6 + column, first + place, form[keep[own], None]))
+            result.append((np.array([n]), np.array([6 + n]), first + 2, -np.ones((1, 1))))
+            first += 3
         return result
 
 
@@ -206,21 +191,15 @@ def _linearise(
 ) -> Iterator[tuple[Int[np.ndarray, " _"], Block, Functions, Functions]]:
     """Evaluate the functions of each block, and their derivatives, at those s that belong to it."""
     there = pencil.at_poles(s, loss)
-    beside = pencil.at_poles(s * (1 + BESIDE), loss) if pencil.dispersive else there
+    beside = pencil.at_poles(s * (1 + BESIDE), loss, np.imag(s).copy())
     for number in np.unique(block).tolist():
         here, own = np.flatnonzero(block == number), blocks[number]
-        functions = [each[:, here] for each in own.at(there).functions]
-        slopes = [0 * each for each in functions]
-        slopes[2] = slopes[2] + float(loss != "none")
-        slopes[3] = slopes[3] + 2 * s[here]
-        near = own.at(beside).functions if pencil.dispersive else functions
-        for n, (_, term) in enumerate(own.terms, 4):
-            if term.dispersive:
-                slopes[n] = (near[n][:, here] - functions[n]) / (BESIDE * s[here])
+        functions, near = (own.at(at).functions[:, here] for at in (there, beside))
+        slopes = (near - functions) / (BESIDE * s[here])
+        slopes[:2], slopes[2], slopes[3] = 0.0, float(loss != "none"), 2 * s[here]
         for loop in own.loops if isinstance(own, ClosedBlock) else ():
-            values, derivatives = loop.at(s[here])
-            functions.append(values)
-            slopes.append(derivatives)
+            both = zip((functions, slopes), loop.at(s[here]), strict=True)
+            functions, slopes = (np.concatenate(pair) for pair in both)
         yield here, own, functions, slopes
 
 
@@ -239,24 +218,20 @@ def _step(
 
     They are not finite at a root to the last bit.
     """
-
-    def differentiate(motion: np.ndarray) -> np.ndarray:
-        result = np.zeros(motion.shape, dtype=complex)
-        for part, own in zip(block.parts, slopes, strict=True):
-            part.apply(own, motion, result)
-        return result
-
-    right = differentiate(x)
+    elements = block.elements
+    right = elements.multiply(slopes, x)
     with np.errstate(all="ignore"):
         if len(x) > FEW and not pivoting and not isinstance(block, ClosedBlock):
             equations = block.absolute
-            y = equations.pattern.solve(equations.elements(functions), right, np.inf)
+            own = equations.in_pattern(elements.at(functions))
+            y = equations.pattern.solve(own, right, np.inf)
         else:
             y = dense(block.matrix(functions)[:, 6:], right)
         size = np.abs(y).max(0)
         size[size == 0] = 1.0
         y, right = y / size, right / size
-        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in (right, differentiate(y)))
+        both = right, elements.multiply(slopes, y)
+        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in both)
         second += np.eye(len(size)) * ~y.any(0).T[:, None]
         return solve_each(second, first), y
 
@@ -272,9 +247,8 @@ def find_roots(
 ) -> Roots:
     """Find the roots near start values, which all oscillate, or are all real.
 
-    Those at a relative distance up to `close`, and `width`, by how much losses may move each from
-    its start, rad/s, start together. If the values are those of roots with unknown shapes, they
-    stay in the first steps, `known` in number.
+    Those closer than `close`, or than their `width`, by how much losses may move each (rad/s),
+    start together. In the first `known` steps values stay, if shapes are unknown.
     """
     if not len(start.value):
         return start
@@ -286,12 +260,10 @@ def find_roots(
     found = _iterate(pencil, blocks, found, each, STEPS, loss)
     far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)
     lost = found.lost | far | ~np.isfinite(found.motion).all(0)
-    return Roots(
-        value=np.where(lost, start.value, found.value),
-        block=start.block,
-        motion=np.where(lost, start.motion, found.motion),
-        lost=lost,
+    value, motion = (
+        np.where(lost, getattr(start, name), getattr(found, name)) for name in ("value", "motion")
     )
+    return Roots(value, start.block, motion, lost)
 
 
 def repeated(found: Roots) -> Bool[np.ndarray, " root"]:
@@ -307,20 +279,21 @@ def group_roots(
     start: Roots, close: float, width: Float[np.ndarray, " root"]
 ) -> list[Int[np.ndarray, " _"]]:
     """Group roots of one block that are close together."""
-    result = []
-    for number in np.unique(start.block):
-        own = np.flatnonzero(start.block == number)
-        own = own[np.argsort(np.abs(start.value[own]), kind="stable")]
-        group = own[:1].tolist()
-        for last, n in zip(own[:-1].tolist(), own[1:].tolist(), strict=True):
-            s = start.value[n]
-            near = close * abs(s) + 2 * (width[n] + width[last])
-            if abs(s - start.value[last]) > near or abs(s) > WIDE * abs(start.value[group[0]]):
-                result.append(np.array(group))
-                group = []
-            group.append(n)
-        result.append(np.array(group))
-    return result
+    result: list[list[int]] = []
+    size = np.abs(start.value)
+    for n in np.lexsort([size, start.block]).tolist():
+        last = result[-1][-1] if result else -1
+        near = close * size[n] + 2 * (width[n] + width[last])
+        if (
+            last >= 0
+            and start.block[n] == start.block[last]
+            and abs(start.value[n] - start.value[last]) <= near
+            and size[n] <= WIDE * size[result[-1][0]]
+        ):
+            result[-1].append(n)
+        else:
+            result.append([n])
+    return [np.array(group) for group in result]
 
 
 def _iterate(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -113,16 +112,14 @@ def is_input(signal: Signal) -> bool:
 def parse_output(text: str, known: tuple[str, ...], option: str = "--output") -> Signal:
     """Parse an output: a motion."""
     signal = parse(text, option, known)
+    problem, remedy = "", ""
     if signal.acts:
-        raise InputError.of(
-            option,
-            "a force is an input",
-            f"give {signal.body}.{DOFS[signal.dof]}",
-            format_value(text),
-        )
-    if signal.is_ground:
+        problem, remedy = "a force is an input", f"give {signal.body}.{DOFS[signal.dof]}"
+    elif signal.is_ground:
+        problem = "the ground's motion is an input"
         remedy = f"take a stage's motion, or give {signal.text} as an input"
-        raise InputError.of(option, "the ground's motion is an input", remedy, format_value(text))
+    if problem:
+        raise InputError.of(option, problem, remedy, format_value(text))
     return signal
 
 
@@ -131,73 +128,50 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
     name, at, where = text.partition("@")
     body, _, motion = name.rpartition(".")
     body, pair, against = body.partition(BETWEEN)
-    if pair:
-        _check_second(body, against, text, option, bodies)
-    if name in bodies:
+    acts, problem, remedy = motion in FORCES, "", ""
+    if pair and (fault := _second_fault(body, against, bodies)):
+        problem, remedy = fault
+    elif name in bodies:
+        problem = "names a body, but no motion of it"
         remedy = f"write for example {name}.x; motions are {', '.join(DOFS)}"
-        raise InputError.of(option, "names a body, but no motion of it", remedy, format_value(text))
-    if body not in bodies:
-        raise InputError.of(
-            option,
-            "names no body",
-            suggest(body or name, list(bodies)) + "; write for example test.x",
-            format_value(text),
-        )
-    if motion not in DOFS and motion not in FORCES:
-        raise InputError.of(
-            option,
-            "names no motion or force",
-            suggest(motion, [*DOFS, *FORCES]),
-            format_value(text),
-        )
-    acts = motion in FORCES
-    if acts and body in (SUPPORT, GROUND):
-        raise InputError.of(
-            option,
-            f"the {body}'s motion is given, so a force on it has no effect",
-            f"take {body}.x, or a force on a stage",
-            format_value(text),
-        )
-    return Signal(
-        text,
-        body,
-        (FORCES if acts else DOFS).index(motion),
-        _point(where, at, text, option),
-        acts,
-        against,
-    )
+    elif body not in bodies:
+        problem = "names no body"
+        remedy = suggest(body or name, list(bodies)) + "; write for example test.x"
+    elif motion not in DOFS and not acts:
+        problem, remedy = "names no motion or force", suggest(motion, [*DOFS, *FORCES])
+    elif acts and body in (SUPPORT, GROUND):
+        problem = f"the {body}'s motion is given, so a force on it has no effect"
+        remedy = f"take {body}.x, or a force on a stage"
+    point = _point(where) if at else (0.0, 0.0, 0.0)
+    if not problem and point is None:
+        problem = "is no point"
+        remedy = "write three lengths in m, for example test.x@0,0,-0.001"
+    if problem or point is None:
+        raise InputError.of(option, problem, remedy, format_value(text))
+    dof = (FORCES if acts else DOFS).index(motion)
+    return Signal(text, body, dof, point, acts, against)
 
 
-def _check_second(body: str, against: str, text: str, option: str, bodies: tuple[str, ...]) -> None:
-    """Check the second body of a signal between two."""
+def _second_fault(body: str, against: str, bodies: tuple[str, ...]) -> tuple[str, str] | None:
+    """Check the second body of a signal between two: problem and remedy."""
     stages = [name for name in bodies if name not in (FRAME, GROUND)]
     if body == SUPPORT or body not in stages:
-        problem = "names no stage before the ~"
         remedy = suggest(body, [name for name in stages if name != SUPPORT])
-    elif against not in stages:
-        problem, remedy = "names no stage or support after the ~", suggest(against, stages)
-    elif against == body:
-        problem, remedy = "names one body twice", "write for example test~reaction.x"
-    else:
-        return
-    raise InputError.of(option, problem, remedy, format_value(text))
+        return "names no stage before the ~", remedy
+    if against not in stages:
+        return "names no stage or support after the ~", suggest(against, stages)
+    if against == body:
+        return "names one body twice", "write for example test~reaction.x"
+    return None
 
 
-def _point(where: str, at: str, text: str, option: str) -> tuple[float, float, float]:
-    if not at:
-        return (0.0, 0.0, 0.0)
+def _point(where: str) -> tuple[float, float, float] | None:
+    """Coordinates in m; None if these are no such."""
     try:
         x, y, z = (float(part) for part in where.split(","))
     except ValueError:
-        x = y = z = math.nan
-    if not all(math.isfinite(value) and abs(value) < 1e5 for value in (x, y, z)):
-        raise InputError.of(
-            option,
-            "is no point",
-            "write three lengths in m, for example test.x@0,0,-0.001",
-            format_value(text),
-        )
-    return (x, y, z)
+        return None
+    return (x, y, z) if all(abs(value) < 1e5 for value in (x, y, z)) else None
 
 
 def linear_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*batch coordinate"]:
@@ -212,12 +186,10 @@ def linear_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*ba
         return np.cos(signal.tilt) * level + np.sin(signal.tilt) * up
     if signal.against:
         return _relative_form(signal, model)
-    turn = model.orientation
-    result = (
-        np.zeros((*turn.shape[:-3], model.size), dtype=turn.dtype)
-        if turn is not None
-        else np.zeros(model.size)
-    )
+    turn, shape = model.orientation, (model.size,)
+    if turn is not None:
+        shape = (*turn.shape[:-3], model.size)
+    result = np.zeros(shape, dtype=float if turn is None else turn.dtype)
     if signal.body == FRAME:
         name = f"frame.{DOFS[signal.dof]}"
         if name not in model.coordinate:
@@ -244,12 +216,8 @@ def _relative_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "
     own = linear_form(replace(signal, against=""), model)
     rigid = model.rigid
     if rigid is None:
-        raise InputError.of(
-            signal.text,
-            "signals between two bodies need a general model",
-            "rerun with --fidelity string",
-            None,
-        )
+        problem = "signals between two bodies need a general model"
+        raise InputError.of(signal.text, problem, "rerun with --fidelity string", None)
     first = model.body.index(signal.body) + 1
     second = 0 if signal.against == SUPPORT else model.body.index(signal.against) + 1
     point = np.array(signal.point)

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import FRAME
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
@@ -31,7 +30,6 @@ from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Int
@@ -87,10 +85,7 @@ class StateSpace:
 
 
 def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
-    """Build the state space from support motions and forces to motions.
-
-    It covers the blocks that an input drives and an output senses, of a system without batch axes.
-    """
+    """Build the state space from support motions and forces to motions, without batch axes."""
     rows = np.array([signals.linear_form(signal, model) for signal in outputs])
     drives = np.array([signals.linear_form(signal, model) for signal in inputs])
     return assemble(model, drives, inputs, rows, outputs)
@@ -100,11 +95,11 @@ def refuse_ground(inputs: list[Signal]) -> None:
     """Raise `InputError` for motions of the ground, which are no inputs of a state space."""
     for signal in inputs:
         if signal.is_ground:
+            problem = "a motion of the ground beside the support is no input of a state space"
             remedy = (
                 "take motions of the support and forces; pendsus response has responses to the"
                 " ground"
             )
-            problem = "a motion of the ground beside the support is no input of a state space"
             raise InputError.of("--input", problem, remedy, signal.text)
 
 
@@ -121,41 +116,30 @@ def assemble(
 
     It covers the blocks that are driven and sensed; with `undriven`, all that are sensed.
     """
+    from scipy.linalg import block_diag
+
     refuse_ground(inputs)
     acts = np.array([signal.acts for signal in inputs], dtype=bool)
     drives = drives.reshape(len(inputs), model.size)
     moves = np.where(acts[:, None], 0.0, drives[:, :6]).T
     forces = np.where(acts[:, None], drives, 0.0).T
-    a: list[Array] = []
-    b: list[Array] = []
-    c: list[Array] = []
     feed = rows[:, :6] @ moves
-    model = _with_states_of_light(
-        replace(model, damping=model.damping + _equivalent_damping(model.constant))
-    )
-    rows, forces = (_pad(part, model.size) for part in (rows, forces.T))
-    forces, damping = forces.T, model.damping
-    states: list[str] = []
+    damped = model.damping + _equivalent_damping(model.constant)
+    model = _with_states_of_light(replace(model, damping=damped))
+    more = model.size - rows.shape[1]
+    rows, forces = np.pad(rows, ((0, 0), (0, more))), np.pad(forces, ((0, more), (0, 0)))
+    parts, states = [], list[str]()
     for block in Pencil.of(model.constant).blocks:
-        if not rows[:, block.keep].any() or not (undriven or block.is_driven(moves, forces).any()):
-            continue
-        part = _block(block, damping, moves, forces, rows)
-        a.append(part.a)
-        b.append(part.b)
-        c.append(part.c)
-        feed = feed + part.d
-        states += [
-            f"{model.coordinate[n]}{kind}" for kind, coordinates in part.states for n in coordinates
-        ]
-    size = sum(len(part) for part in a)
-    whole, place = np.zeros((size, size)), 0
-    for part in a:
-        whole[place : place + len(part), place : place + len(part)] = part
-        place += len(part)
+        if rows[:, block.keep].any() and (undriven or block.is_driven(moves, forces).any()):
+            part = _block(block, model.damping, moves, forces, rows)
+            parts.append(part)
+            feed = feed + part.d
+            for kind, coordinates in part.states:
+                states += [f"{model.coordinate[n]}{kind}" for n in coordinates]
     return StateSpace(
-        a=whole,
-        b=np.concatenate([np.zeros((0, len(inputs))), *b]),
-        c=np.concatenate([np.zeros((len(outputs), 0)), *c], axis=1),
+        a=np.asarray(block_diag(np.zeros((0, 0)), *(part.a for part in parts))),
+        b=np.concatenate([np.zeros((0, len(inputs))), *(part.b for part in parts)]),
+        c=np.concatenate([np.zeros((len(outputs), 0)), *(part.c for part in parts)], axis=1),
         d=feed,
         state=tuple(states),
         state_unit=tuple(_unit(name) for name in states),
@@ -164,11 +148,6 @@ def assemble(
         output=tuple(signal.text for signal in outputs),
         output_unit=tuple(signal.unit for signal in outputs),
     )
-
-
-def _pad(rows: Float[np.ndarray, "row _"], size: int) -> Float[np.ndarray, "row coordinate"]:
-    """Give rows a column of zeros for each further coordinate."""
-    return np.pad(rows, ((0, 0), (0, size - rows.shape[1])))
 
 
 def _with_states_of_light(model: LinearSystem) -> LinearSystem:
@@ -229,27 +208,6 @@ class _Part:
     states: tuple[tuple[str, Int[np.ndarray, " _"]], ...]
 
 
-def _condense(
-    block: Block,
-) -> tuple[Int[np.ndarray, " kept"], Float[np.ndarray, "kept 6+kept"]]:
-    """Eliminate the tensions of a block and its blade tips without mass and damping.
-
-    Neither inputs nor outputs act on these. Returns the other coordinates, and their stiffness
-    towards the support and themselves.
-    """
-    model, keep, size = block.pencil.model, block.keep, len(block.owner)
-    whole = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]  # complex if lossy
-    frame = np.array([model.coordinate[n].startswith(FRAME) for n in keep], dtype=bool)
-    light = model.massless[keep] & ~frame & ~(model.damping[keep] != 0).any(1)
-    a = np.flatnonzero(~light)
-    b = np.append(np.flatnonzero(light), np.arange(len(keep), size))
-    columns = np.append(np.arange(6), 6 + a)
-    follow = -np.linalg.solve(whole[b[:, None], 6 + b], whole[b[:, None], columns])
-    stiffness = np.real(_sum(whole[a[:, None], columns], whole[a[:, None], 6 + b], follow))
-    stiffness[:, 6:] = (stiffness[:, 6:] + stiffness[:, 6:].T) / 2
-    return keep[a], stiffness
-
-
 def _block(
     block: Block,
     damping: Float[np.ndarray, "coordinate coordinate"],
@@ -259,8 +217,8 @@ def _block(
 ) -> _Part:
     """Build the state space of one block: inputs `moves` and `forces`, outputs `rows`.
 
-    Where a damper resists coordinates b without mass (of a massless support structure), its momenta
-    p are states too:
+    Tensions count as coordinates b without mass, as those of blade tips do. Where a damper resists
+    such (of a massless support structure), its momenta p are states too:
 
         p = U^T (C_ba a + C_bb b + C_bs s),    p' = U^T (f - K_ba a - K_bb b - K_bs s),
 
@@ -269,21 +227,23 @@ def _block(
     """
     from scipy.linalg import qr
 
-    kept, stiffness = _condense(block)
-    at = np.ix_(kept, np.append(np.arange(6), kept))
-    whole_mass, damping, force = block.pencil.model.mass[at], damping[at], forces[kept]
-    heavy = np.flatnonzero((whole_mass[:, 6:] != 0).any(1))
-    light = np.setdiff1d(np.arange(len(kept)), heavy)
-    mass = whole_mass[heavy[:, None], 6 + heavy]
+    keep, size = block.keep, len(block.owner)
+    at, more = np.ix_(keep, np.append(np.arange(6), keep)), size - len(keep)
+    mass, damping = (np.pad(matrix[at], (0, more)) for matrix in (block.pencil.model.mass, damping))
+    force, sensed = (
+        np.pad(forces[keep], ((0, more), (0, 0))),
+        np.pad(rows[:, keep], ((0, 0), (0, more))),
+    )
+    stiffness = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]  # complex if lossy
+    heavy = np.flatnonzero((mass[:, 6:] != 0).any(1))
+    light = np.setdiff1d(np.arange(size), heavy)
     (k_s, k), (c_s, c) = ((m[:, :6] @ moves, m[:, 6:]) for m in (stiffness, damping))
     directions, _, _ = np.linalg.svd(c[np.ix_(light, light)])
-    largest = np.abs(damping).max(initial=0.0)
-    rank = 0
+    limit, rank = 1e-12 * np.abs(damping).max(initial=0.0), 0
     if len(light):
-        limit = 1e-12 * np.abs(c).max(initial=0.0)
         rank = int(np.linalg.matrix_rank(c[np.ix_(light, light)], tol=limit))
     resisted, unresisted = directions[:, :rank].T, directions[:, rank:].T
-    if np.abs(unresisted @ damping[light]).max(initial=0.0) > 1e-12 * largest:
+    if np.abs(unresisted @ damping[light]).max(initial=0.0) > limit:
         remedy = "give [support] a mass and inertia"
         raise InputError.of(
             "control.loop",
@@ -295,25 +255,27 @@ def _block(
     count, inputs = len(heavy), moves.shape[1]
     ends = np.cumsum([0, count, count, rank, inputs])
     z, w, p, u = (slice(n, m) for n, m in pairwise(ends))
-    q, momentum, applied = np.zeros((3, len(k), ends[-1]))
-    q[heavy, z], q[heavy, u] = np.eye(count), -np.linalg.solve(mass, whole_mass[heavy, :6] @ moves)
+    q, momentum, applied = np.zeros((3, size, ends[-1]), dtype=stiffness.dtype)
+    inertia = mass[heavy[:, None], 6 + heavy]
+    q[heavy, z], q[heavy, u] = np.eye(count), -np.linalg.solve(inertia, mass[heavy, :6] @ moves)
     momentum[:, u], applied[:, u] = c_s, force - k_s
     both = np.concatenate([resisted @ c[light], unresisted @ k[light]])
     right = np.concatenate([-resisted @ momentum[light], unresisted @ applied[light]])
     right[:rank, p] = np.eye(rank)
     solve = np.linalg.inv(both[:, light])
     q[light] = _sum(solve @ right, -solve @ both[:, heavy], q[heavy])
-    momentum, applied = _sum(momentum, c, q), _sum(applied, -k, q)
+    momentum, applied = (np.real(part) for part in (_sum(momentum, c, q), _sum(applied, -k, q)))
     rates = np.zeros((ends[-2], ends[-1]))
     rates[z], rates[w] = (
-        -np.linalg.solve(mass, momentum[heavy]),
-        np.linalg.solve(mass, applied[heavy]),
+        -np.linalg.solve(inertia, momentum[heavy]),
+        np.linalg.solve(inertia, applied[heavy]),
     )
     rates[z, w] += np.eye(count)
     rates[p] = resisted @ applied[light]
-    sensed = rows[:, kept] @ q
+    sensed = np.real(sensed @ q)
     leading = light[qr(resisted, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
-    names = ("", kept[heavy]), (" rate", kept[heavy]), (" momentum", kept[leading])
+    states = ("", heavy), (" rate", heavy), (" momentum", leading)
+    names = tuple((kind, keep[which]) for kind, which in states)
     return _Part(rates[:, : u.start], rates[:, u], sensed[:, : u.start], sensed[:, u], names)
 
 

@@ -47,8 +47,6 @@ ROUNDING = 1e-13
 ones must equal exactly."""
 
 
-CENTRED = 1e-9
-"""Sum of odd numbers over members, relative to the largest, that may be rounding."""
 ODD = (3, 5, 7)
 """Odd numbers of equal wires, blades or legs around z that are looked for."""
 
@@ -57,14 +55,9 @@ ODD = (3, 5, 7)
 class Symmetry:
     """Coordinates adapted to the mirror symmetries of a scene.
 
-    Attributes
-    ----------
-    basis
-        The named coordinates (rows) in terms of the adapted ones (columns); orthogonal.
-    allowed
-        Elements of a matrix that the symmetry allows.
-    mirrors
-        ``("x", "y")`` for a scene with both symmetries.
+    `basis` has the named coordinates (rows) in terms of the adapted ones (columns), orthogonal;
+    `allowed` marks the elements of a matrix that the symmetry allows; `mirrors` are ``("x", "y")``
+    for a scene with both symmetries.
     """
 
     basis: Float[np.ndarray, "coordinate coordinate"]
@@ -249,32 +242,10 @@ def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
     """Whether each scene of a batch is symmetric in x and in y."""
     result = np.zeros((*scene.batch, 2), dtype=bool)
     for axis in (0, 1):
-        possible = np.broadcast_to(_is_centred(scene, axis), scene.batch)
+        possible = np.broadcast_to(_has_mirror(scene, axis), scene.batch)
         if possible.any():
             some = select_scenes(scene, possible) if scene.batch else scene
             result[possible, axis] = _mirror(some, axis)[0]
-    return result
-
-
-def _is_centred(scene: Scene, axis: int) -> Bool[np.ndarray, "*#batch"]:
-    """Whether sums of all that is odd in a mirror cancel: a quick necessary condition.
-
-    The sums are over the members of a part, weighted with their scalars, which images share.
-    """
-    result, odd = _has_mirror(scene, axis), np.array((PARITY_X, PARITY_Y)[axis]) < 0
-    for name, part in scene.parts.items():
-        if name == "bodies" or not part.label:
-            continue
-        axes, vectors = inner_axes(type(part)), signed(type(part))
-        weight = 1.0
-        for values in (getattr(part, field) for field, inner in axes.items() if inner == 1):
-            largest = np.abs(values).max(-1, keepdims=True)
-            weight = weight + np.abs(values) / np.where(largest == 0, 1.0, largest)
-        for field in (field for field, inner in axes.items() if inner == 2 and vectors[field][0]):
-            values = getattr(part, field)
-            own = values[..., odd[: values.shape[-1]]] * np.asarray(weight)[..., None]
-            limit = CENTRED * np.abs(own).max((-2, -1), keepdims=True)[..., 0]
-            result = result & (np.abs(own.sum(-2)) <= limit).all(-1)
     return result
 
 
@@ -327,8 +298,8 @@ def _mirror(
     """Whether each scene is symmetric in x (axis 0) or y (1), and its members that are images.
 
     Members without an image may repeat around z an odd number of times instead, if the other mirror
-    is one of the scene: what they couple has both parities then. `Pairs` has their next ones under
-    "turned blades". With a `chain`, only its bodies and what is attached to them count.
+    is one of the scene. `Pairs` has their next ones under "turned blades". With a `chain`, only its
+    bodies and what is attached to them count.
     """
     symmetric = _has_mirror(scene, axis, chain)
     if not np.any(symmetric):

@@ -28,12 +28,8 @@ if TYPE_CHECKING:
 class Ground:
     """Forces -(K + i omega C + sum f_n A_n) g of the motion g of the ground on the coordinates.
 
-    Attributes
-    ----------
-    stiffness, damping
-        K (complex if lossy) and C; 0 in the rows of the support.
-    terms
-        They replace the first terms of the system, with the ground's coordinates for the support's.
+    K (complex if lossy) and C are 0 in the rows of the support. The `terms` replace the first terms
+    of the system, with the ground's coordinates for the support's.
     """
 
     stiffness: Inexact[np.ndarray, "*#batch coordinate 6"]
@@ -42,13 +38,14 @@ class Ground:
 
     def widened(self, count: int) -> Ground:
         """Append coordinates on which the ground exerts no force."""
-        rows = [(0, 0)] * (self.stiffness.ndim - 2) + [(0, count), (0, 0)]
         size = self.stiffness.shape[-2]
-        return Ground(
-            np.pad(self.stiffness, rows),
-            np.pad(self.damping, rows),
-            tuple(term.spread(np.eye(size, size + count)) for term in self.terms),
-        )
+        terms = tuple(term.spread(np.eye(size, size + count)) for term in self.terms)
+        return Ground(_padded(self.stiffness, count), _padded(self.damping, count), terms)
+
+
+def _padded(matrix: Inexact[np.ndarray, "*batch row column"], count: int) -> Any:
+    """Append rows of zeros."""
+    return np.pad(matrix, [(0, 0)] * (matrix.ndim - 2) + [(0, count), (0, 0)])
 
 
 @dataclass(frozen=True)
@@ -61,10 +58,8 @@ class LinearSystem:
 
     Attributes
     ----------
-    body
-        Names of the stages.
     coordinate
-        N names: ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
+        ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
     basis
         The named coordinates (rows) in terms of the system's own (columns).
     massless
@@ -83,10 +78,6 @@ class LinearSystem:
         Rotation of each body (support first) from its nominal orientation; None if none is rotated.
     residual
         Largest unbalanced force in the equilibrium, as a fraction of the weight.
-    wire
-        Names of the wires (string model).
-    terms
-        Parts that depend on frequency.
     rigid
         Coordinates per unit motion of the support (m, rad) when everything moves with it as one
         body; 0 for coordinates relative to a body (blade tips, the frame). None if not known.
@@ -123,23 +114,20 @@ class LinearSystem:
     @property
     def driven_by_ground(self) -> LinearSystem:
         """System with the motion of the ground in place of that of the support."""
+        ground = self.ground
+        assert ground is not None
         if "ground" not in self.prepared:
-            ground = self.ground
-            assert ground is not None
-
-            def coupled(columns: np.ndarray) -> np.ndarray:
-                result = np.zeros((*columns.shape[:-1], self.size), dtype=columns.dtype)
-                result[..., :6] += columns
-                result[..., :6, :] += np.swapaxes(columns, -1, -2)
-                return result
-
             at_rest = np.diag(np.arange(self.size) >= 6).astype(float)
-            rest = replace(self, terms=self.terms[len(ground.terms) :])
-            moved = rest.spread(at_rest, 0.0, coupled(ground.stiffness), coupled(ground.damping))
-            terms = (*ground.terms, *moved.terms)
-            self.prepared["ground"] = replace(
-                moved, terms=terms, rigid=None, ground=None, allowed=self.allowed
-            )
+            moved = []
+            for columns in (ground.stiffness, ground.damping):
+                whole = np.zeros((*columns.shape[:-1], self.size), columns.dtype)
+                whole[..., :6] += columns
+                whole[..., :6, :] += np.swapaxes(columns, -1, -2)
+                moved.append(whole)
+            rest = replace(self, terms=self.terms[len(ground.terms) :], rigid=None, ground=None)
+            made = rest.spread(at_rest, 0.0, *moved)
+            terms = (*ground.terms, *made.terms)
+            self.prepared["ground"] = replace(made, terms=terms, allowed=self.allowed)
         return self.prepared["ground"]
 
     def spread(
@@ -149,10 +137,7 @@ class LinearSystem:
         stiffness: Inexact[np.ndarray, "*#batch new new"],
         damping: Inexact[np.ndarray, "*#batch new new"],
     ) -> LinearSystem:
-        """Change matrices to new coordinates, old = `from_new` @ new, and add some to them.
-
-        A stiffness that is added is lossy if it is complex.
-        """
+        """Change matrices to new coordinates, old = `from_new` @ new, and add some to them."""
 
         def change(matrix: np.ndarray) -> np.ndarray:
             return from_new.T @ matrix @ from_new
@@ -176,27 +161,21 @@ class LinearSystem:
         damping: Float[np.ndarray, "new new"],
         from_new: Float[np.ndarray, "coordinate new"] | None = None,
     ) -> LinearSystem:
-        """Append coordinates, and add matrices of all.
-
-        The coordinates so far are `from_new` @ all; by default the new ones do not move them.
-        """
+        """Append coordinates, which move those so far by `from_new`, and add matrices of all."""
         size, count = self.size, len(names)
         basis = np.eye(size + count)
         basis[:size, :size] = self.basis
-        wider = self.spread(
-            np.eye(size, size + count) if from_new is None else from_new, mass, stiffness, damping
-        )
-        rigid = self.rigid
-        if rigid is not None:
-            rigid = np.pad(rigid, [(0, 0)] * (rigid.ndim - 2) + [(0, count), (0, 0)])
+        by_default = np.eye(size, size + count)
+        old = by_default if from_new is None else from_new
+        wider = self.spread(old, mass, stiffness, damping)
         return replace(
             wider,
             coordinate=(*self.coordinate, *names),
             basis=basis,
             massless=np.append(self.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
             allowed=wider.allowed | (mass != 0) | (stiffness != 0) | (damping != 0),
-            ground=None if self.ground is None else self.ground.widened(count),
-            rigid=rigid,
+            ground=self.ground and self.ground.widened(count),
+            rigid=None if self.rigid is None else _padded(self.rigid, count),
         )
 
     @property
@@ -247,7 +226,7 @@ class LinearSystem:
 
     @property
     def size(self) -> int:
-        """Number N of coordinates."""
+        """Number of coordinates."""
         return len(self.coordinate)
 
     @cached_property
@@ -287,6 +266,15 @@ class LinearSystem:
         stretching = np.where(self.allowed, pulled @ self.elongation, 0.0)
         return soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
 
+    @cached_property
+    def owner(self) -> Int[np.ndarray, " coordinate"]:
+        """Number of the body of each coordinate, from 1; 0: the support and its structure.
+
+        A blade's tip goes with the stage below.
+        """
+        number = {name: n for n, name in enumerate(self.body, 1)}
+        return np.array([number.get(name.split(".", 1)[0], 0) for name in self.coordinate])
+
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch axes."""
@@ -303,10 +291,7 @@ class LinearSystem:
 
     @cached_property
     def blocks(self) -> tuple[Index, ...]:
-        """Groups of coordinates that do not couple, without the support's, by first coordinate.
-
-        The connected components of the graph of non-zero matrix elements.
-        """
+        """Groups of coordinates that do not couple, without the support's, by first coordinate."""
         coupled = np.zeros((self.size, self.size), dtype=bool)
         for term in self.terms:
             coupled[np.ix_(term.columns, term.columns)] |= term.compact.any(0)

@@ -15,8 +15,8 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import spring
 from suspension_cli.elements.registry import elements_of
+from suspension_cli.equilibrium.clamps import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.energy import sum_forms
-from suspension_cli.equilibrium.hinges import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops

@@ -40,9 +40,9 @@ from suspension_cli.design.wires import (
 )
 from suspension_cli.elements import string
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.equilibrium.residual_scale import carried_weights
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.models.cavity import angular_stiffness, optical_spring
 from suspension_cli.models.string import STRING
 from suspension_cli.rotations import rotation_vector

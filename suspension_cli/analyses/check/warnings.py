@@ -24,7 +24,7 @@ from suspension_cli.design.checks import ImplausibleNumber
 from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.equilibrium.residual_scale import carried_weights
+from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.errors import Fault, InputError, format_value, suggest
 from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.linear.eigenmodes import Modes
