@@ -11,7 +11,7 @@ from suspension_cli.analyses.budget import noise, solve
 from suspension_cli.analyses.budget.noise import Noises
 from suspension_cli.analyses.budget.spectrum import Spectrum
 from suspension_cli.analyses.damp import control
-from suspension_cli.analyses.damp.osems import compute_matrices
+from suspension_cli.analyses.damp.control import compute_matrices
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.sensors import Osem
 from suspension_cli.errors import InputError
