@@ -33,8 +33,8 @@ from suspension_cli.grids import decade_points, parse_frequencies
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.budget.ground import Spectrum
     from suspension_cli.analyses.budget.solve import Budget, Requirement
-    from suspension_cli.analyses.budget.spectrum import Spectrum
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
@@ -122,7 +122,6 @@ class BudgetAnalysis(Analysis):
         """Compute the budget of every output."""
         import numpy as np
 
-        from suspension_cli.analyses.budget import noise
         from suspension_cli.analyses.budget import solve as budget
         from suspension_cli.analyses.damp import control
         from suspension_cli.analyses.damp.solve import find_steady_poles
@@ -139,10 +138,10 @@ class BudgetAnalysis(Analysis):
         parsed = thermal.parse_outputs(model, outputs, setting["arm"])
         poles = find_steady_poles(design, model, choice.model, "motion").value
         if choice.model.has_wire_mass:
-            poles = np.append(poles, noise.find_wire_modes(model, float(grid[-1])))
+            poles = np.append(poles, budget.find_wire_modes(model, float(grid[-1])))
         temperature = design.constants.temperature if warm else None
         plant = control.build_plant(design, model)
-        noises = noise.Noises(plant, parsed, motions, temperature, setting["mirrors"])
+        noises = budget.Noises(plant, parsed, motions, temperature, setting["mirrors"])
         if not noises.cause:
             problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"
             raise InputError.of("--ground", problem, remedy)
@@ -312,7 +311,7 @@ def _requirements(
     setting: Settings, outputs: Sequence[str], folder: Path, grid: Array
 ) -> dict[int, Spectrum]:
     """Read the required spectra by number of the output."""
-    from suspension_cli.analyses.budget import ground, spectrum
+    from suspension_cli.analyses.budget import ground
 
     result: dict[int, Spectrum] = {}
     for text in setting["requirements"]:
@@ -324,7 +323,7 @@ def _requirements(
         unit = "rad" if outputs[number].partition("@")[0].endswith(DOFS[3:]) else "m"
         path = ground.find(source, folder, "--requirement")
         with attribute_faults_to(str(path)):
-            [found, *others] = spectrum.read(path, unit, setting["arm"]).values()
+            [found, *others] = ground.read(path, unit, setting["arm"]).values()
             if others:
                 problem = f"has {1 + len(others)} columns of values instead of one"
                 remedy = "write two columns, frequency and asd, and a file per output"

@@ -107,7 +107,8 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
         rows = [signals.linear_form(signal, model) for signal, _ in parsed]
         forms.append(np.array(rows).reshape(len(loops), model.size))
         weights.append(np.reshape([own for _, own in parsed], (len(loops), len(given))))
-    return Plant(model, loops, *forms, given, weights[0], weights[1].T)
+    (sensed, pushed), (reading, driving) = forms, weights
+    return Plant(model, loops, sensed, pushed, given, reading, driving.T)
 
 
 def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
@@ -177,7 +178,7 @@ def compute_matrices(osems: Sequence[Osem]) -> tuple[OsemMatrices, ...]:
     """Compute the matrices of each stage with OSEMs (of each reference, if there are two)."""
     found = []
     for place in dict.fromkeys((one.stage, one.reference) for one in osems):
-        some = [osems[n] for n in np.flatnonzero(_of_stage(osems, *place))]
+        some = [osems[n] for n in np.flatnonzero(_of_stage(osems, *place)).tolist()]
         weights, known = compute_weights(np.eye(6), some)
         names = tuple(dof for dof, one in zip(DOFS, known, strict=True) if one)
         found.append(OsemMatrices(*place, tuple(one.name for one in some), names, weights[known]))
