@@ -121,7 +121,7 @@ class ExportAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.export import foton, interferometer
+        from suspension_cli.analyses.export import file, foton
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.grids import parse_band
@@ -145,13 +145,13 @@ class ExportAnalysis(Analysis):
         )
         known = signals.bodies_with_signals(model)
         chain, finesse = main_chain(run.design), setting["format"] == "finesse"
-        usual = interferometer.finesse_signals if finesse else signals.local_control_signals
+        usual = file.finesse_signals if finesse else signals.local_control_signals
         drives, motions = usual(chain)
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
         if finesse:
             names = [[signal.text for signal in some] for some in (inputs, outputs)]
-            interferometer.check_names(names[0], names[1], chain[-1])
+            file.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
         band, accuracy = parse_band(setting["band"] or "0.1:100", "--band"), setting["accuracy"]
         if loss:
