@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,11 +90,9 @@ class BudgetAnalysis(Analysis):
             multiple=True,
             default=(GROUND,),
             metavar="[COORDINATES=]SOURCE",
-            help=(
-                "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
-                " (or aligo-bsc) and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for"
-                " some coordinates (repeatable)."
-            ),
+            help="Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
+            " (or aligo-bsc) and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for"
+            " some coordinates (repeatable).",
         ),
         option(
             "--isolation",
@@ -107,10 +105,8 @@ class BudgetAnalysis(Analysis):
             "requirements",
             multiple=True,
             metavar="[SIGNAL=]FILE",
-            help=(
-                "CSV of the required spectrum of an output, by default the first; with --arm also"
-                " in strain/sqrt(Hz) (repeatable)."
-            ),
+            help="CSV of the required spectrum of an output, by default the first; with --arm also"
+            " in strain/sqrt(Hz) (repeatable).",
         ),
         options.frequencies("0.01:100:2000"),
         *options.BEAM,
@@ -130,9 +126,8 @@ class BudgetAnalysis(Analysis):
 
         setting, design, folder = run.setting, run.design, Path(run.source.file).parent
         motions, grid, notes = _ground(setting, folder)
-        outputs = list(setting["outputs"]) or [
-            f"{mirror(design)}.{dof}" for dof in ("x", "pitch", "yaw")
-        ]
+        usual = [f"{mirror(design)}.{dof}" for dof in ("x", "pitch", "yaw")]
+        outputs = list(setting["outputs"]) or usual
         requirements = _requirements(setting, outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)
         parsed = thermal.parse_outputs(model, outputs, setting["arm"])
@@ -145,21 +140,21 @@ class BudgetAnalysis(Analysis):
         if not noises.cause:
             problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"
             raise InputError.of("--ground", problem, remedy)
+        found = budget.solve(noises, grid, poles, requirements, added=":" in setting["frequency"])
+        notes += [
+            f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
+            " give loss angles or dampers"
+            for one in found
+            if np.isinf(one.rms).any()
+        ]
+        notes += [
+            f"coil {one.coil}: {CREST:g} times the RMS of its drive (an assumed crest factor) is"
+            f" {CREST * one.part:.3g} times its range, mostly due to {one.cause}"
+            for one in found[0].drive or ()
+            if CREST * one.part > 1
+        ]
         for note in notes:
             run.log.warn(note)
-        added = ":" in setting["frequency"]
-        found = budget.solve(noises, grid, poles, requirements, added=added)
-        for one in found:
-            if np.isinf(one.rms).any():
-                run.log.warn(
-                    f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
-                    " give loss angles or dampers"
-                )
-        for one in found[0].drive or ():
-            if CREST * one.part > 1:
-                peak = f"{CREST:g} times the RMS of its drive (an assumed crest factor)"
-                size = f"{CREST * one.part:.3g} times its range, mostly due to {one.cause}"
-                run.log.warn(f"coil {one.coil}: {peak} is {size}")
         extra = describe_mirrors(setting)
         if setting["arm"]:
             extra["tilt_rad"] = thermal.compute_arm_tilt(setting["arm"])
@@ -177,40 +172,18 @@ class BudgetAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
-        frequency = result.data[0].frequency
-        shown = decade_points(frequency)
-        low, high = frequency[0], frequency[-1]
-        span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "")
-        lines = [result.choice.line, f"ground: {_describe_ground(result.data[0])}"]
+        first: Budget = result.data[0]
+        low, high = first.frequency[[0, -1]]
+        span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz"
+        lines = [result.choice.line, f"ground: {_describe_ground(first)}"]
         for one in result.data:
             tilt = result.extra.get("tilt_rad", 0.0) * (one.output.partition("@")[0][-2:] == ".x")
-            lines += ["", f"{one.output}{name_mirrors(result, tilt)}, {span} Hz"]
-            columns = {"cause": "", f"RMS\n{one.unit}": ".3e"}
-            columns[f"RMS velocity\n{one.unit}/s"] = ".3e"
-            columns |= {f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for at in frequency[shown]}
-            parts = [("all", one.rms[0], one.rms_velocity[0], one.amplitude)]
-            squares = zip(one.mean_square[0], one.mean_square_velocity[0], strict=True)
-            parts += [
-                (name, square**0.5, velocity**0.5, part)
-                for (name, part), (square, velocity) in zip(one.parts.items(), squares, strict=True)
-            ]
-            parts.sort(key=lambda part: -part[3].max())
-            rows = [
-                (name, *("infinite" if math.isinf(size) else size for size in sizes), *part[shown])
-                for name, *sizes, part in parts
-                if part.any()
-            ]
-            lines.append(tables.render(columns, rows))
-            none = [name for name, _, _, part in parts if not part.any()]
-            if none:
-                lines.append(f"  no contribution of {', '.join(none)}")
-            if one.requirement is not None:
-                lines.append(f"  {_describe_requirement(one.requirement)}")
-        if result.data[0].drive is not None:
+            lines += ["", f"{one.output}{name_mirrors(result, tilt)}, {span}", *_tabulate(one)]
+        if first.drive is not None:
             units = ("N", "A", "V", "counts", "of range")
             columns = {"coil": ""} | {f"RMS\n{unit}": ".3g" for unit in units}
-            rows = [[*vars(one).values()] for one in result.data[0].drive]
-            lines += ["", f"Drives of coils by the loops, {span} Hz"]
+            rows = [[*vars(one).values()] for one in first.drive]
+            lines += ["", f"Drives of coils by the loops, {span}"]
             lines.append(tables.render(columns | {"mostly due to": ""}, rows))
         return "\n".join(lines)
 
@@ -253,6 +226,32 @@ def _document(one: Budget) -> Document:
             "exceeded_hz": [list(span) for span in found.exceeded],
         }
     return result
+
+
+def _tabulate(one: Budget) -> Iterator[str]:
+    """Write the table of one output, the largest cause first, and what it requires."""
+    shown = decade_points(one.frequency)
+    columns = {"cause": "", f"RMS\n{one.unit}": ".3e", f"RMS velocity\n{one.unit}/s": ".3e"}
+    columns |= {f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for at in one.frequency[shown]}
+    causes = zip(
+        ("all", *one.cause),
+        (one.rms[0], *one.mean_square[0] ** 0.5),
+        (one.rms_velocity[0], *one.mean_square_velocity[0] ** 0.5),
+        (one.amplitude, *one.contribution.T),
+        strict=True,
+    )
+    rows, none = [], []
+    for name, *sizes, density in sorted(causes, key=lambda cause: -cause[3].max()):
+        if density.any():
+            sizes = ["infinite" if math.isinf(size) else size for size in sizes]
+            rows.append((name, *sizes, *density[shown]))
+        else:
+            none.append(name)
+    yield tables.render(columns, rows)
+    if none:
+        yield f"  no contribution of {', '.join(none)}"
+    if one.requirement is not None:
+        yield f"  {_describe_requirement(one.requirement)}"
 
 
 def _describe_requirement(found: Requirement) -> str:
