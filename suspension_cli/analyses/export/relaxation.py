@@ -54,16 +54,10 @@ MINOR = 3e-3
 """Share of the loss of a mode below which an element's loss angle there does not matter."""
 STABLE = 0.3
 """Largest share of the stiffness of a mode that is taken back at rest."""
-OFF = 0.05
-"""Weight of a frequency that is off by a width of the mode, over that of a width that is wrong."""
-SHIFTED = 30.0
-"""The same of a relative shift of its frequency."""
-EVERYWHERE = 2.0
-"""Weight of a stiffness of a mode that is wrong, over that of a width that is wrong."""
 BETWEEN = 0.1
-"""Weight of a loss angle between modes."""
+"""Weight of a loss angle between modes, over that at a mode which loses all its energy by it."""
 POINTS = 16
-"""Frequencies of the band at which the stiffness of an element must be right."""
+"""Frequencies of the band at which the loss angle of an element must be right."""
 RELAXATION, WIRE = "relaxation", "wire"
 """First parts of the names of coordinates that are added."""
 
@@ -281,25 +275,31 @@ def _with_relaxation(
     band: tuple[float, float],
 ) -> LinearSystem:
     """Add the relaxation that gives the elements their losses in a band, rad/s."""
+    from scipy.optimize import nnls
+
     # elastic energy and loss of each element in each mode
     energy = np.array([((one.rows @ shapes) ** 2).sum(0) for one in elements]) / omega**2
     angle = np.array([np.broadcast_to(one.angle(omega), omega.shape) for one in elements])
     loss = energy * angle
     total = np.maximum(loss.sum(0), 1e-12)
-    strength = np.zeros((len(elements), len(rates)))
-    shift, stiffer = np.zeros(len(elements)), np.zeros((len(elements), len(omega)))
+    every = np.append(omega, np.geomspace(*band, POINTS))
+    lag = every[:, None] * rates / (every[:, None] ** 2 + rates**2)
     step = omega[:, None] ** 2 / (omega[:, None] ** 2 + rates**2)
+    strength, stiffer = np.zeros((len(elements), len(rates))), np.zeros(energy.shape)
     for n, one in enumerate(elements):
-        some = (loss[n] > MINOR * total) & (angle[n] > 0)
-        if some.any():
-            shares = (loss[n] / total)[some]
-            found = _fit(one, omega[some], energy[n, some], shares, rates, band)
-            strength[n], shift[n] = found
-            stiffer[n] = step @ strength[n] - shift[n] - one.stored(omega)
-    # what is left of the stiffening at the modes is taken back, in all elements together
+        if (loss[n] > MINOR * total).any():
+            weight = np.append(loss[n] / total, np.full(POINTS, BETWEEN))
+            weight /= np.maximum(one.angle(every), 1e-12)
+            strength[n] = nnls(lag * weight[:, None], one.angle(every) * weight)[0]
+            stiffer[n] = step @ strength[n] - one.stored(omega)
+    # take back what the modes have become stiffer by: each element where it stores most energy,
+    # the rest in all together, but not so much that the design becomes unstable
+    shift = (energy**2 * stiffer).sum(1) / np.maximum((energy**2).sum(1), 1e-300)
+    stiffer -= shift[:, None]
     unit, root = np.abs(stiffer).max(1), np.sqrt(total)
     parts, wanted = (energy * unit[:, None] / root).T, (energy * stiffer).sum(0) / root
     shift += unit * np.linalg.lstsq(parts, wanted, rcond=1e-2)[0]
+    shift = np.minimum(shift, STABLE / np.maximum(energy.max(1), 1e-300))
     groups, size = _groups(system), system.size
     added = sum(-d * one.rows.T @ one.rows for d, one in zip(shift, elements, strict=True))
     follow, own_rates = _followers(elements, strength, rates, groups)
@@ -308,38 +308,6 @@ def _with_relaxation(
     damping = np.diag(np.append(np.zeros(size), 1 / own_rates))
     names = [f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)]
     return system.widened(names, np.zeros_like(whole), whole, damping)
-
-
-def _fit(
-    one: Lossy,
-    omega: Float[np.ndarray, " mode"],
-    energy: Float[np.ndarray, " mode"],
-    share: Float[np.ndarray, " mode"],
-    rates: Float[np.ndarray, " rate"],
-    band: tuple[float, float],
-) -> tuple[Float[np.ndarray, " rate"], float]:
-    """Fit the strengths g of relaxation, and d, to one element.
-
-    Its loss angle must be right at the modes in which it loses energy (`share`), in proportion, and
-    its stiffness where it stores it (`energy`); both, with less weight, in the whole band.
-    """
-    from scipy.optimize import lsq_linear
-
-    at, count = np.append(omega, np.geomspace(*band, POINTS)), len(omega)
-    angles = np.maximum(one.angle(at), 1e-12)
-    of_loss = np.append(share, np.full(POINTS, BETWEEN)) / angles
-    of_stiffness = np.full(len(at), EVERYWHERE * energy.max())
-    of_stiffness[:count] = np.maximum(OFF * of_loss[:count], SHIFTED * energy)
-    weight = np.append(of_loss, of_stiffness)
-    step = 1j * at[:, None] / (1j * at[:, None] + rates)
-    constant = np.append(np.zeros(len(at)), -np.ones(len(at)))
-    parts = np.column_stack([np.concatenate([step.imag, step.real]), constant])
-    # what is taken from the stiffness at rest must not make the design unstable
-    low = np.append(np.zeros(len(rates)), -np.inf)
-    high = np.append(np.full(len(rates), np.inf), STABLE / energy.max())
-    wanted = np.append(angles, one.stored(at)) * weight
-    found = lsq_linear(parts * weight[:, None], wanted, (low, high), method="bvls").x
-    return np.maximum(found[:-1], 0.0), float(found[-1])
 
 
 def _followers(
