@@ -202,8 +202,6 @@ def _sources(one: Budget) -> dict[str, str]:
 
 def _document(one: Budget) -> Document:
     """Return one output as JSON, without its frequencies."""
-    squares = zip(one.cause, one.mean_square[0], one.mean_square_velocity[0], strict=True)
-    rms = [(name, as_number(x**0.5), as_number(v**0.5)) for name, x, v in squares]
     result: Document = {
         "output": one.output,
         "unit": f"{one.unit}/sqrt(Hz)",
@@ -211,8 +209,10 @@ def _document(one: Budget) -> Document:
         "contributions": {name: part.tolist() for name, part in one.parts.items()},
         "rms": as_number(one.rms[0]),
         "rms_velocity": as_number(one.rms_velocity[0]),
-        "rms_by_cause": {name: value for name, value, _ in rms},
-        "rms_velocity_by_cause": {name: value for name, _, value in rms},
+        "rms_by_cause": dict(zip(one.cause, plain(one.mean_square[0] ** 0.5), strict=True)),
+        "rms_velocity_by_cause": dict(
+            zip(one.cause, plain(one.mean_square_velocity[0] ** 0.5), strict=True)
+        ),
         "cumulative_rms": plain(one.rms),
         "cumulative_rms_velocity": plain(one.rms_velocity),
     }

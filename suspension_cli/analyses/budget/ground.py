@@ -55,15 +55,9 @@ SHIPPED = (*PETERSON, "aligo-isi", "aligo-bsc", "aligo-ham")
 def parse(given: Sequence[str], isolation: Sequence[str], folder: Path) -> dict[str, Spectrum]:
     """Parse the given motions of the support by coordinate.
 
-    Parameters
-    ----------
-    given : sequence of str
-        ``SOURCE`` or ``COORDINATES=SOURCE``; later ones replace earlier ones. A source is a shipped
-        model, a file, or ``none``.
-    isolation : sequence of str
-        Tables of a platform's transmissibility, likewise; each multiplies the motion.
-    folder : Path
-        Folder of the design, searched for files after the current one.
+    They are ``SOURCE`` or ``COORDINATES=SOURCE``, and later ones replace earlier ones. A source is
+    a shipped model, a file in the current folder or in that of the design, or ``none``. Tables of
+    a platform's transmissibility, likewise, multiply the motion (`isolation`).
     """
     motions: dict[str, Spectrum] = {}
     for text in given:
@@ -150,14 +144,8 @@ def find(source: str, folder: Path, option: str, known: Sequence[str] = ()) -> P
 class Spectrum:
     """Values, at least 0, at some frequencies; power laws between them.
 
-    Attributes
-    ----------
-    name
-        Of the model or file.
-    frequency
-        Hz, ascending, above 0.
-    value
-        m/sqrt(Hz) or rad/sqrt(Hz); 1 for transmissibilities.
+    Frequencies are in Hz, ascending, above 0; values in m/sqrt(Hz) or rad/sqrt(Hz), 1 for
+    transmissibilities. `name` is that of the model or file.
     """
 
     name: str
@@ -187,17 +175,9 @@ def read(path: Path, unit: str, arm: float = 0.0) -> dict[str, Spectrum]:
     Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))". The
     keys of the result are the headings in lower case; "" is the only column of a file without.
 
-    Parameters
-    ----------
-    unit
-        SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or "1".
-    arm
-        Length (m) whose strain columns in m may have as unit, "strain"; 0 for none.
-
-    Raises
-    ------
-    InputError
-        With the line at fault.
+    `unit` is the SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or
+    "1". Columns in m may be strains of an arm of a length in m. Raises `InputError` with the line
+    at fault.
     """
     with attribute_faults_to(str(path)):
         source = columns.read(path)
