@@ -489,12 +489,12 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
     >>> element.support.x.full_name
     'suspension.support.x'
     """
-    from suspension_cli.analyses.export import interferometer
+    from suspension_cli.analyses.export import file
 
     made = _state_space(result)
     with python_names():
-        interferometer.check_names(made.system.input, made.system.output, made.mirror)
-    return interferometer.suspend(made, name, mirror, facing)
+        file.check_names(made.system.input, made.system.output, made.mirror)
+    return file.suspend(made, name, mirror, facing)
 
 
 def gwinc(result: Result, frequency: Any = None) -> Any:

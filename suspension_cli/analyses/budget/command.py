@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,8 +33,8 @@ from suspension_cli.grids import decade_points, parse_frequencies
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.budget.ground import Spectrum
     from suspension_cli.analyses.budget.solve import Budget, Requirement
-    from suspension_cli.analyses.budget.spectrum import Spectrum
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
@@ -90,11 +90,9 @@ class BudgetAnalysis(Analysis):
             multiple=True,
             default=(GROUND,),
             metavar="[COORDINATES=]SOURCE",
-            help=(
-                "Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
-                " (or aligo-bsc) and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for"
-                " some coordinates (repeatable)."
-            ),
+            help="Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
+            " (or aligo-bsc) and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for"
+            " some coordinates (repeatable).",
         ),
         option(
             "--isolation",
@@ -107,10 +105,8 @@ class BudgetAnalysis(Analysis):
             "requirements",
             multiple=True,
             metavar="[SIGNAL=]FILE",
-            help=(
-                "CSV of the required spectrum of an output, by default the first; with --arm also"
-                " in strain/sqrt(Hz) (repeatable)."
-            ),
+            help="CSV of the required spectrum of an output, by default the first; with --arm also"
+            " in strain/sqrt(Hz) (repeatable).",
         ),
         options.frequencies("0.01:100:2000"),
         *options.BEAM,
@@ -122,7 +118,6 @@ class BudgetAnalysis(Analysis):
         """Compute the budget of every output."""
         import numpy as np
 
-        from suspension_cli.analyses.budget import noise
         from suspension_cli.analyses.budget import solve as budget
         from suspension_cli.analyses.damp import control
         from suspension_cli.analyses.damp.solve import find_steady_poles
@@ -131,36 +126,35 @@ class BudgetAnalysis(Analysis):
 
         setting, design, folder = run.setting, run.design, Path(run.source.file).parent
         motions, grid, notes = _ground(setting, folder)
-        outputs = list(setting["outputs"]) or [
-            f"{mirror(design)}.{dof}" for dof in ("x", "pitch", "yaw")
-        ]
+        usual = [f"{mirror(design)}.{dof}" for dof in ("x", "pitch", "yaw")]
+        outputs = list(setting["outputs"]) or usual
         requirements = _requirements(setting, outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)
         parsed = thermal.parse_outputs(model, outputs, setting["arm"])
         poles = find_steady_poles(design, model, choice.model, "motion").value
         if choice.model.has_wire_mass:
-            poles = np.append(poles, noise.find_wire_modes(model, float(grid[-1])))
+            poles = np.append(poles, budget.find_wire_modes(model, float(grid[-1])))
         temperature = design.constants.temperature if warm else None
         plant = control.build_plant(design, model)
-        noises = noise.Noises(plant, parsed, motions, temperature, setting["mirrors"])
+        noises = budget.Noises(plant, parsed, motions, temperature, setting["mirrors"])
         if not noises.cause:
             problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"
             raise InputError.of("--ground", problem, remedy)
+        found = budget.solve(noises, grid, poles, requirements, added=":" in setting["frequency"])
+        notes += [
+            f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
+            " give loss angles or dampers"
+            for one in found
+            if np.isinf(one.rms).any()
+        ]
+        notes += [
+            f"coil {one.coil}: {CREST:g} times the RMS of its drive (an assumed crest factor) is"
+            f" {CREST * one.part:.3g} times its range, mostly due to {one.cause}"
+            for one in found[0].drive or ()
+            if CREST * one.part > 1
+        ]
         for note in notes:
             run.log.warn(note)
-        added = ":" in setting["frequency"]
-        found = budget.solve(noises, grid, poles, requirements, added=added)
-        for one in found:
-            if np.isinf(one.rms).any():
-                run.log.warn(
-                    f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
-                    " give loss angles or dampers"
-                )
-        for one in found[0].drive or ():
-            if CREST * one.part > 1:
-                peak = f"{CREST:g} times the RMS of its drive (an assumed crest factor)"
-                size = f"{CREST * one.part:.3g} times its range, mostly due to {one.cause}"
-                run.log.warn(f"coil {one.coil}: {peak} is {size}")
         extra = describe_mirrors(setting)
         if setting["arm"]:
             extra["tilt_rad"] = thermal.compute_arm_tilt(setting["arm"])
@@ -178,40 +172,18 @@ class BudgetAnalysis(Analysis):
 
     def text(self, result: Result) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
-        frequency = result.data[0].frequency
-        shown = decade_points(frequency)
-        low, high = frequency[0], frequency[-1]
-        span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "")
-        lines = [result.choice.line, f"ground: {_describe_ground(result.data[0])}"]
+        first: Budget = result.data[0]
+        low, high = first.frequency[[0, -1]]
+        span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz"
+        lines = [result.choice.line, f"ground: {_describe_ground(first)}"]
         for one in result.data:
             tilt = result.extra.get("tilt_rad", 0.0) * (one.output.partition("@")[0][-2:] == ".x")
-            lines += ["", f"{one.output}{name_mirrors(result, tilt)}, {span} Hz"]
-            columns = {"cause": "", f"RMS\n{one.unit}": ".3e"}
-            columns[f"RMS velocity\n{one.unit}/s"] = ".3e"
-            columns |= {f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for at in frequency[shown]}
-            parts = [("all", one.rms[0], one.rms_velocity[0], one.amplitude)]
-            squares = zip(one.mean_square[0], one.mean_square_velocity[0], strict=True)
-            parts += [
-                (name, square**0.5, velocity**0.5, part)
-                for (name, part), (square, velocity) in zip(one.parts.items(), squares, strict=True)
-            ]
-            parts.sort(key=lambda part: -part[3].max())
-            rows = [
-                (name, *("infinite" if math.isinf(size) else size for size in sizes), *part[shown])
-                for name, *sizes, part in parts
-                if part.any()
-            ]
-            lines.append(tables.render(columns, rows))
-            none = [name for name, _, _, part in parts if not part.any()]
-            if none:
-                lines.append(f"  no contribution of {', '.join(none)}")
-            if one.requirement is not None:
-                lines.append(f"  {_describe_requirement(one.requirement)}")
-        if result.data[0].drive is not None:
+            lines += ["", f"{one.output}{name_mirrors(result, tilt)}, {span}", *_tabulate(one)]
+        if first.drive is not None:
             units = ("N", "A", "V", "counts", "of range")
             columns = {"coil": ""} | {f"RMS\n{unit}": ".3g" for unit in units}
-            rows = [[*vars(one).values()] for one in result.data[0].drive]
-            lines += ["", f"Drives of coils by the loops, {span} Hz"]
+            rows = [[*vars(one).values()] for one in first.drive]
+            lines += ["", f"Drives of coils by the loops, {span}"]
             lines.append(tables.render(columns | {"mostly due to": ""}, rows))
         return "\n".join(lines)
 
@@ -230,8 +202,6 @@ def _sources(one: Budget) -> dict[str, str]:
 
 def _document(one: Budget) -> Document:
     """Return one output as JSON, without its frequencies."""
-    squares = zip(one.cause, one.mean_square[0], one.mean_square_velocity[0], strict=True)
-    rms = [(name, as_number(x**0.5), as_number(v**0.5)) for name, x, v in squares]
     result: Document = {
         "output": one.output,
         "unit": f"{one.unit}/sqrt(Hz)",
@@ -239,8 +209,10 @@ def _document(one: Budget) -> Document:
         "contributions": {name: part.tolist() for name, part in one.parts.items()},
         "rms": as_number(one.rms[0]),
         "rms_velocity": as_number(one.rms_velocity[0]),
-        "rms_by_cause": {name: value for name, value, _ in rms},
-        "rms_velocity_by_cause": {name: value for name, _, value in rms},
+        "rms_by_cause": dict(zip(one.cause, plain(one.mean_square[0] ** 0.5), strict=True)),
+        "rms_velocity_by_cause": dict(
+            zip(one.cause, plain(one.mean_square_velocity[0] ** 0.5), strict=True)
+        ),
         "cumulative_rms": plain(one.rms),
         "cumulative_rms_velocity": plain(one.rms_velocity),
     }
@@ -254,6 +226,32 @@ def _document(one: Budget) -> Document:
             "exceeded_hz": [list(span) for span in found.exceeded],
         }
     return result
+
+
+def _tabulate(one: Budget) -> Iterator[str]:
+    """Write the table of one output, the largest cause first, and what it requires."""
+    shown = decade_points(one.frequency)
+    columns = {"cause": "", f"RMS\n{one.unit}": ".3e", f"RMS velocity\n{one.unit}/s": ".3e"}
+    columns |= {f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for at in one.frequency[shown]}
+    causes = zip(
+        ("all", *one.cause),
+        (one.rms[0], *one.mean_square[0] ** 0.5),
+        (one.rms_velocity[0], *one.mean_square_velocity[0] ** 0.5),
+        (one.amplitude, *one.contribution.T),
+        strict=True,
+    )
+    rows, none = [], []
+    for name, *sizes, density in sorted(causes, key=lambda cause: -cause[3].max()):
+        if density.any():
+            sizes = ["infinite" if math.isinf(size) else size for size in sizes]
+            rows.append((name, *sizes, *density[shown]))
+        else:
+            none.append(name)
+    yield tables.render(columns, rows)
+    if none:
+        yield f"  no contribution of {', '.join(none)}"
+    if one.requirement is not None:
+        yield f"  {_describe_requirement(one.requirement)}"
 
 
 def _describe_requirement(found: Requirement) -> str:
@@ -312,7 +310,7 @@ def _requirements(
     setting: Settings, outputs: Sequence[str], folder: Path, grid: Array
 ) -> dict[int, Spectrum]:
     """Read the required spectra by number of the output."""
-    from suspension_cli.analyses.budget import ground, spectrum
+    from suspension_cli.analyses.budget import ground
 
     result: dict[int, Spectrum] = {}
     for text in setting["requirements"]:
@@ -324,7 +322,7 @@ def _requirements(
         unit = "rad" if outputs[number].partition("@")[0].endswith(DOFS[3:]) else "m"
         path = ground.find(source, folder, "--requirement")
         with attribute_faults_to(str(path)):
-            [found, *others] = spectrum.read(path, unit, setting["arm"]).values()
+            [found, *others] = ground.read(path, unit, setting["arm"]).values()
             if others:
                 problem = f"has {1 + len(others)} columns of values instead of one"
                 remedy = "write two columns, frequency and asd, and a file per output"

@@ -1,4 +1,4 @@
-"""Motion of the support: models of ground noise, platforms, tables of the user.
+"""Spectra: models of ground noise and platforms, and tables of the user.
 
 Peterson's new low and high noise models (J. Peterson, Observations and modeling of seismic
 background noise, U.S. Geological Survey Open-File Report 93-322 (1993), Tables 3 and 4) bound the
@@ -16,18 +16,26 @@ straight in a log-log plot (gwinc uses cubic polynomials).
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.budget import spectrum
-from suspension_cli.analyses.budget.spectrum import Spectrum
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import InputError, format_value
+from suspension_cli.errors import InputError, attribute_faults_to, format_value
+from suspension_cli.files import columns
+from suspension_cli.files.columns import PER_M, PER_RAD
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+UNITS = {"m": PER_M, "rad": PER_RAD, "1": {"1": 1.0, "m/m": 1.0, "rad/rad": 1.0, "%": 100.0}}
+"""Units by kind of a column, without "per sqrt(Hz)"; 1 for ratios."""
+PER_ROOT_HZ = r"\s*(/\s*(sqrt\s*\(?Hz\)?|rtHz|\u221aHz|Hz\^\(?(1/2|0\.5)\)?)|Hz\^\(?-(1/2|0\.5)\)?)"
 PETERSON = ("nlnm", "nhnm")
 LONGEST = 1e5
 """Longest period of both, s."""
@@ -47,15 +55,9 @@ SHIPPED = (*PETERSON, "aligo-isi", "aligo-bsc", "aligo-ham")
 def parse(given: Sequence[str], isolation: Sequence[str], folder: Path) -> dict[str, Spectrum]:
     """Parse the given motions of the support by coordinate.
 
-    Parameters
-    ----------
-    given : sequence of str
-        ``SOURCE`` or ``COORDINATES=SOURCE``; later ones replace earlier ones. A source is a shipped
-        model, a file, or ``none``.
-    isolation : sequence of str
-        Tables of a platform's transmissibility, likewise; each multiplies the motion.
-    folder : Path
-        Folder of the design, searched for files after the current one.
+    They are ``SOURCE`` or ``COORDINATES=SOURCE``, and later ones replace earlier ones. A source is
+    a shipped model, a file in the current folder or in that of the design, or ``none``. Tables of
+    a platform's transmissibility, likewise, multiply the motion (`isolation`).
     """
     motions: dict[str, Spectrum] = {}
     for text in given:
@@ -94,11 +96,11 @@ def _read(text: str, option: str, folder: Path, every: Sequence[str]) -> dict[st
     if option == "--ground" and source.lower() in PETERSON:
         found = dict.fromkeys(TRANSLATIONS, _peterson(source.lower()))
     elif option == "--ground" and source.lower() in SHIPPED:
-        found = spectrum.read(FOLDER / f"{source.lower().replace('bsc', 'isi')}.csv", "m")
+        found = read(FOLDER / f"{source.lower().replace('bsc', 'isi')}.csv", "m")
     else:
         unit = "rad" if wanted and not {*wanted} & {*TRANSLATIONS} else "m"
         path = find(source, folder, option, SHIPPED if option == "--ground" else ())
-        found = spectrum.read(path, "1" if option == "--isolation" else unit)
+        found = read(path, "1" if option == "--isolation" else unit)
         if len(found) == 1 and not {*found} & {*DOFS}:
             found = dict.fromkeys(wanted or every, *found.values())
         for name in found:
@@ -136,3 +138,73 @@ def find(source: str, folder: Path, option: str, known: Sequence[str] = ()) -> P
     close = suggest(source, list(known))
     remedy = close if "did you mean" in close else "name a CSV file" + " or a model" * bool(known)
     raise InputError.of(option, problem, remedy, format_value(source))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Values, at least 0, at some frequencies; power laws between them.
+
+    Frequencies are in Hz, ascending, above 0; values in m/sqrt(Hz) or rad/sqrt(Hz), 1 for
+    transmissibilities. `name` is that of the model or file.
+    """
+
+    name: str
+    frequency: Float[np.ndarray, " point"]
+    value: Float[np.ndarray, " point"]
+
+    def at(self, frequency: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
+        """Interpolate at frequencies in Hz by power laws, linearly next to a 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log = np.interp(np.log(frequency), np.log(self.frequency), np.log(self.value))
+        straight = np.interp(frequency, self.frequency, self.value)
+        positive = np.interp(frequency, self.frequency, (self.value == 0).astype(float)) == 0
+        return np.where(positive, np.exp(log), straight)
+
+    def through(self, platform: Spectrum) -> Spectrum:
+        """Multiply by a transmissibility, where both are known."""
+        low = max(self.frequency[0], platform.frequency[0])
+        high = min(self.frequency[-1], platform.frequency[-1])
+        at = np.unique(np.clip(np.union1d(self.frequency, platform.frequency), low, high))
+        name = f"{self.name} x {platform.name}"
+        return Spectrum(name, at, self.at(at) * platform.at(at))
+
+
+def read(path: Path, unit: str, arm: float = 0.0) -> dict[str, Spectrum]:
+    """Read a table: frequency, then one or more columns (format: `files.columns`).
+
+    Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))". The
+    keys of the result are the headings in lower case; "" is the only column of a file without.
+
+    `unit` is the SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or
+    "1". Columns in m may be strains of an arm of a length in m. Raises `InputError` with the line
+    at fault.
+    """
+    with attribute_faults_to(str(path)):
+        source = columns.read(path)
+        width = len(source.names)
+        if width < 2:
+            problem, remedy = "has one column", "write a frequency and a value per line"
+            raise InputError.of("", problem, remedy)
+        if not source.headed and width > 2:
+            problem = f"has {width} columns without headings"
+            raise InputError.of("", problem, "begin with a line such as frequency,x,y,z")
+        first = columns.recognise(source.names).get("frequency", 0) if source.headed else 0
+        frequency, found = source.frequencies(first, low=1e-9), {}
+        for n in (n for n in range(width) if n != first):
+            name, scale = _split_heading(source.names[n], unit, arm) if source.headed else ("", 1.0)
+            if name in found:
+                remedy = "give each column a heading of its own"
+                raise InputError.of("", "has two columns of one name", remedy, name)
+            remedy = "give amplitude spectral densities, not dB: 10^(dB/20)"
+            values = source.numbers(n, name or "value", 0.0, remedy=remedy) / scale
+            found[name] = Spectrum(str(path), frequency, values)
+        return found
+
+
+def _split_heading(title: str, unit: str, arm: float) -> tuple[str, float]:
+    """Split a heading into its name, in lower case, and its unit, as the number per SI unit."""
+    title = re.sub(PER_ROOT_HZ, "", title) if unit != "1" else title
+    units = UNITS["rad" if unit == "m" and title.lower().startswith(DOFS[3:]) else unit]
+    units = units | ({"strain": 1 / arm} if arm and unit == "m" else {})
+    name, scale = columns.split_unit(title, units, "" if unit == "1" else " per sqrt(Hz)")
+    return name.lower(), scale

@@ -17,15 +17,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.budget.noise import Noises
-from suspension_cli.analyses.budget.spectrum import Spectrum
+from suspension_cli.analyses.budget.ground import Spectrum
+from suspension_cli.analyses.damp import control
+from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.thermal.solve import compute_densities
+from suspension_cli.conventions import GROUND, SUPPORT
 from suspension_cli.design.sensors import Osem
 from suspension_cli.files.declared import EACH, along, derived, in_unit
+from suspension_cli.linear import signals
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
+MOST = 2000
+"""Most wire modes whose widths are computed."""
 ACCURACY = 3e-5
 """Largest estimated error of an interval over the integral from its lower end up."""
 NARROWEST = 1e-13
@@ -42,6 +51,92 @@ RANGE = 0.05
 """Relative distance from a resonance up to which points are placed around it."""
 STEP = 1.0
 """Step in u of the points f + w sinh(u) around a resonance of half width w."""
+
+
+@dataclass(frozen=True)
+class Noises:
+    """Causes that move a suspension with or without loops.
+
+    `motion` is that of the support by coordinate. `temperature` (K) is that of dampers and of the
+    support's loss; None leaves thermal noise out. Densities are those of one suspension times
+    `mirrors`, the number of equal, independent ones.
+    """
+
+    plant: Plant
+    output: list[Signal]
+    motion: dict[str, Spectrum]
+    temperature: float | None
+    mirrors: float = 1.0
+
+    @property
+    def cause(self) -> tuple[str, ...]:
+        """Names of the causes (c)."""
+        sensing, pushing = self._noisy
+        return (
+            *(f"ground.{dof}" for dof in self.motion),
+            *(f"sensor.{self.plant.parts[n].name}" for n in sensing),
+            *(f"actuator.{self.plant.parts[n].name}" for n in pushing),
+            *(["thermal"] if self.temperature is not None else []),
+        )
+
+    @property
+    def source(self) -> tuple[str, ...]:
+        """Name of the model or file of each cause (c); "" for those in the design."""
+        names = [motion.name for motion in self.motion.values()]
+        return (*names, *[""] * (len(self.cause) - len(names)))
+
+    @property
+    def _noisy(self) -> tuple[list[int], list[int]]:
+        """Numbers of the sensors and actuators with noise."""
+        parts, at = [*enumerate(self.plant.parts)], np.ones(1)
+        sensing = [n for n, part in parts if control.evaluate_noise(part, at).any()]
+        return sensing, [n for n, part in parts if part.actuator_noise]
+
+    def density(
+        self, frequency: Float[np.ndarray, " frequency"]
+    ) -> Float[np.ndarray, "output cause frequency"]:
+        """Compute power spectral densities, m^2/Hz or rad^2/Hz, at frequencies in Hz.
+
+        Behind those of the outputs are those of the forces that loops demand of coils, N^2/Hz.
+        """
+        plant, count = self.plant, len(self.motion)
+        known = signals.bodies_with_signals(plant.model)
+        # the ground under the support and beside it moves as one
+        moved = (SUPPORT,) if plant.model.ground is None else (SUPPORT, GROUND)
+        texts = [f"{body}.{dof}" for body in moved for dof in self.motion]
+        inputs = [signals.parse_input(text, known) for text in texts]
+        found = control.solve_responses(plant, frequency, inputs, self.output, drives=True)
+        value = found.value.reshape(*found.value.shape[:2], len(moved), count).sum(2)
+        asd = np.array([motion.at(frequency) for motion in self.motion.values()])
+        sensing, pushing = self._noisy
+        parts = [np.abs(value) * asd.reshape(count, len(frequency)).T[:, None]]
+        parts += [found.noise[..., sensing], found.actuator_noise[..., pushing]]
+        if self.temperature is not None:
+            # thermal motion of what is observed, and of what sensors read with the loops open
+            rows = [signals.linear_form(signal, plant.model) for signal in self.output]
+            direct = np.eye(found.value.shape[1], len(rows))
+            weights = [np.broadcast_to(direct, (len(frequency), *direct.shape)), found.sensing]
+            powers = compute_densities(
+                plant.model,
+                frequency,
+                np.concatenate([rows, plant.sensed]),
+                self.temperature,
+                np.concatenate(weights, axis=2),
+            )
+            none = np.zeros(len(frequency))
+            warm = np.array([sum(one.values(), none) for one in powers])
+            parts.append(np.sqrt(warm).T[..., None])
+        result = np.moveaxis(np.concatenate(parts, axis=2) ** 2, 0, -1)
+        result[: len(self.output)] *= self.mirrors
+        return result
+
+
+def find_wire_modes(model: LinearSystem, highest: float) -> Complex[np.ndarray, " pole"]:
+    """Poles (rad/s) of modes up to a frequency in Hz, of a model with wire mass."""
+    if not 0 < wire_modes.count_modes(model, highest) <= MOST:
+        return np.zeros(0, dtype=complex)
+    found = wire_modes.solve(model, highest)
+    return -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared, 0.0))
 
 
 @dataclass(frozen=True)
@@ -104,10 +199,6 @@ class Budget:
 
     Attributes
     ----------
-    frequency
-        Hz, ascending.
-    output, unit
-        Observed motion, and m or rad.
     cause
         ``ground.x``, ``sensor.LOOP``, ``actuator.LOOP``, ``thermal``.
     source
@@ -168,18 +259,10 @@ def solve(
     *,
     added: bool,
 ) -> list[Budget]:
-    """Compute the budget of every output.
+    """Compute the budget of every output, on an ascending grid in Hz.
 
-    Parameters
-    ----------
-    grid : (f,) array
-        Hz, ascending.
-    resonance : (p,) complex array
-        Poles, rad/s; points are added around them.
-    requirements : dict
-        Required amplitude spectral densities by number of the output.
-    added : bool
-        Whether the spectra include the added points.
+    Points are added around resonances (poles, rad/s); the spectra include them if `added`.
+    `requirements` are those of outputs, by their number.
     """
     decades = 10.0 ** np.arange(np.ceil(np.log10(grid[0])), np.log10(grid[-1]))
     corners = [one.frequency for one in (*noises.motion.values(), *requirements.values())]
@@ -234,26 +317,23 @@ def _join(
 
 
 def points_around(resonance: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " point"]:
-    """Place frequencies (n,) in Hz around poles (p,) in rad/s, denser towards them."""
-    found: list[Array] = [np.zeros(0)]
-    for pole in resonance:
-        centre = abs(pole.imag) / (2 * np.pi)
-        width = max(abs(pole.real) / (2 * np.pi), NARROWEST * centre)
-        if not 0 < width < RANGE * centre:
-            continue
-        steps = int(np.arcsinh(RANGE * centre / width) / STEP) + 1
-        # half a step aside, as the motion may be infinite at the resonance
-        found.append(centre + width * np.sinh(STEP * (np.arange(-steps, steps) + 0.5)))
-    return np.concatenate(found)
+    """Place frequencies in Hz around poles in rad/s, denser towards them."""
+    centre = np.abs(np.imag(resonance)) / (2 * np.pi)
+    width = np.maximum(np.abs(np.real(resonance)) / (2 * np.pi), NARROWEST * centre)
+    u = STEP * np.arange(np.arcsinh(RANGE / NARROWEST) / STEP)
+    some = np.sinh(u) * width[:, None] <= RANGE * centre[:, None]
+    some &= (centre > 0)[:, None] & (width < RANGE * centre)[:, None]
+    # half a step aside, as the motion may be infinite at the resonance
+    offset = width[:, None] * np.sinh(u + STEP / 2)
+    return np.concatenate([(centre[:, None] + side * offset)[some] for side in (-1, 1)])
 
 
 def refine(
     density: Callable[[Array], Array], grid: Float[np.ndarray, " given"]
 ) -> tuple[Float[np.ndarray, " frequency"], Float[np.ndarray, "output cause frequency"]]:
-    """Add points to a grid until the integrals over spectra, and of velocity, are accurate.
+    """Add points to a grid (Hz) until the integrals over spectra, and of velocity, are accurate.
 
-    `density` computes power spectral densities (o, c, f) at frequencies (f,) in Hz. Returns the
-    refined grid and the densities there.
+    Returns the refined grid and the densities there.
     """
     value = density(grid)
     for _ in range(ROUNDS):

@@ -9,24 +9,20 @@ space are found.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Loop
 from suspension_cli.elimination import connected_groups
 from suspension_cli.linear import poles, quality, roots, signals, statespace
-from suspension_cli.linear.frequency_terms import is_light
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.statespace import StateSpace, with_constant_loss
-from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Complex
@@ -43,6 +39,8 @@ GROWING = 1e-18
 """Growth rate over frequency up to which it is a rounding error of the power of loops."""
 BESIDE = 1 + 1e-6
 """Factor from a start value to where the force of a loop is evaluated: it may be a pole of it."""
+LOOP = Signal("", "", 0, (0.0, 0.0, 0.0), acts=True)
+"""Stands for the force and the reading of a loop, which are inside the closed system."""
 
 
 def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
@@ -57,20 +55,18 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
     """
     from scipy.linalg import block_diag
 
-    model = _add_dampers(plant)
+    model, count, i, o = plant.model, len(plant.loops), len(inputs), len(outputs)
+    # velocity dampers are part of the damping matrix, which may become asymmetric
+    viscous = np.array([_viscous(loop) for loop in plant.loops])
+    model = replace(model, damping=model.damping + (plant.pushed.T * viscous) @ plant.sensed)
     drives, rows = (
         np.array([*(signals.linear_form(s, model) for s in some), *loops])
         for some, loops in ((inputs, plant.pushed), (outputs, plant.sensed))
     )
+    within = [LOOP] * count
     bare = statespace.assemble(
-        model,
-        drives,
-        [*inputs, *plant.actuator],
-        rows,
-        [*outputs, *plant.sensor],
-        undriven=not inputs,
+        model, drives, [*inputs, *within], rows, [*outputs, *within], undriven=not inputs
     )
-    count, i, o = len(plant.loops), len(inputs), len(outputs)
     if not count:
         return bare
     filters = [(f.A, f.B, f.C, f.D) for f in map(realise, plant.loops)]
@@ -101,14 +97,6 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
         output=bare.output[:o],
         output_unit=bare.output_unit[:o],
     )
-
-
-def _add_dampers(plant: Plant) -> LinearSystem:
-    """Add velocity dampers to the damping matrix, which may become asymmetric."""
-    damping = plant.model.damping.copy()
-    for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
-        damping += _viscous(loop) * np.outer(pushed, sensed)
-    return replace(plant.model, damping=damping)
 
 
 def _viscous(loop: Loop) -> float:
@@ -157,90 +145,76 @@ def _realise_delay(delay: float) -> Any:
 
 def find(plant: Plant) -> Poles:
     """Find the closed-loop poles of a plant without wire mass, one of each conjugate pair."""
+    fixed = replace(plant, model=with_constant_loss(plant.model))
+    found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
+    value = np.concatenate([one.value for one in found])
+    states = [state for one in found for state in one.state]
+    order = np.argsort(np.abs(value), kind="stable")
+    return Poles(value[order], tuple(states[n] for n in order))
+
+
+def _build_blocks(plant: Plant) -> list[tuple[ClosedBlock, list[int]]]:
+    """Coordinates that couple to no others, with the numbers of the loops that act on them."""
+    pencil = Pencil.of(plant.model)
+    linked = pencil.coupled | ((plant.pushed != 0).T.astype(float) @ (plant.sensed != 0) > 0)
+    blocks = []
+    for group in connected_groups(linked[6:, 6:]):
+        keep = 6 + group[np.argsort(pencil.owner[6 + group], kind="stable")]
+        acting = (plant.pushed[:, keep] != 0).any(1) | (plant.sensed[:, keep] != 0).any(1)
+        numbers = np.flatnonzero(acting).tolist()
+        loops = tuple(
+            Feedback(plant.sensed[n], plant.pushed[n], loop.controller_and_sensor, loop.delay)
+            for n, loop in enumerate(plant.loops)
+            if n in numbers
+        )
+        pull = np.asarray(linked[keep, :6].any(0))
+        blocks.append((ClosedBlock(pencil, keep, pull, loops), numbers))
+    return blocks
+
+
+def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list[int]) -> Poles:
+    """Find the poles of one block; `fixed` has the plant's losses as constant matrices."""
     model = plant.model
-    fixed = replace(plant, model=with_constant_loss(model))
-    known = signals.bodies_with_signals(model)
-    every = [signals.parse_output(f"{body}.{dof}", known) for body in model.body for dof in DOFS]
-    start, shape = poles.solve(build_closed_loop(fixed, [], every))
+    bodily = block.keep[block.keep < 6 + 6 * len(model.body)]
+    if not len(bodily):
+        return Poles(np.zeros(0, dtype=complex), ())
+    own = fixed.with_loops(numbers)
+    motions = [Signal("", model.body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False) for n in bodily]
+    start, shape = poles.solve(build_closed_loop(own, [], motions))
     value = np.where(np.abs(start.value) <= STILL * np.abs(start.value).max(), 0.0, start.value)
-    blocks = _build_blocks(plant)
-    member = _find_blocks(start.state, plant, blocks)
     motion = np.zeros((len(value), model.size), dtype=complex)
-    motion[:, 6 : 6 + len(every)] = shape.T
-    late = (max((one.delay + one.filter.period for one in b.loops), default=0.0) for b in blocks)
-    delay = np.array([*late])[member]
+    motion[:, bodily] = shape.T
+    delay = max((one.delay + one.filter.period for one in block.loops), default=0.0)
     spurious = -np.real(value) * delay > FAR  # of the approximated delay
     value[spurious] = 0.0
     for chosen in (np.imag(value) > 0, (np.imag(value) == 0) & (value != 0)):
         some = np.flatnonzero(chosen)
-        if len(some):
-            starts = _build_starts(value[some], member[some], motion[some], blocks)
-            loss = "all" if np.imag(value[some[0]]) else "dampers"
-            found = roots.find_roots(Pencil.of(model), blocks, starts, loss=loss)
-            kept = ~(found.lost | roots.repeated(found))
-            spurious[some] = ~kept & (delay[some] > 0)
-            value[some[kept]] = _refine_decays(plant, blocks, found.select(kept))
-    order = np.argsort(np.abs(value), kind="stable")
-    order = order[~spurious[order]]
-    return Poles(value[order], tuple(start.state[n] for n in order))
+        if not len(some):
+            continue
+        starts = Roots.starts([block], value[some], np.zeros(len(some), dtype=int), motion[some])
+        for force, loop in zip(_forces(block, starts), block.loops, strict=True):
+            _, over, under = loop.at(value[some] * BESIDE)[0]
+            force[:] = over / under * (motion[some] @ loop.sensed)
+        loss = "all" if np.imag(value[some[0]]) else "dampers"
+        found = roots.find_roots(Pencil.of(model), [block], starts, loss=loss)
+        kept = ~(found.lost | roots.repeated(found))
+        spurious[some] = ~kept & (delay > 0)
+        value[some[kept]] = _refine_decays(plant, block, found.select(kept))
+    left = np.flatnonzero(~spurious)
+    return Poles(value[left], tuple(start.state[n] for n in left))
 
 
-def _build_blocks(plant: Plant) -> list[ClosedBlock]:
-    """Coordinates that couple to no others, with the loops that act on them."""
-    pencil = Pencil.of(plant.model)
-    linked = pencil.coupled.copy()
-    loops = []
-    for loop, sensed, pushed in zip(plant.loops, plant.sensed, plant.pushed, strict=True):
-        linked |= np.outer(pushed, sensed) != 0
-        loops.append(Feedback(sensed, pushed, loop.controller_and_sensor, loop.delay))
-    blocks = []
-    for group in connected_groups(linked[6:, 6:]):
-        keep = 6 + group[np.argsort(pencil.owner[6 + group], kind="stable")]
-        acting = tuple(one for one in loops if one.pushed[keep].any() or one.sensed[keep].any())
-        blocks.append(ClosedBlock(pencil, keep, np.asarray(linked[keep, :6].any(0)), acting))
-    return blocks
+def _forces(block: ClosedBlock, found: Roots) -> Complex[np.ndarray, "loop root"]:
+    """Forces of the loops of a block, which are its last unknowns."""
+    return found.motion[len(block.owner) - len(block.loops) :]
 
 
-def _find_blocks(states: tuple[str, ...], plant: Plant, blocks: list[ClosedBlock]) -> np.ndarray:
-    """Find the block of each state, such as ``frame.x momentum`` or ``loop roll 2``."""
-    place = {name: n for n, name in enumerate(plant.model.coordinate)}
-    for loop, pushed in zip(plant.loops, plant.pushed, strict=True):
-        place[f"loop {loop.name}"] = int(np.flatnonzero(pushed[6:])[0]) + 6
-    for term in filter(is_light, plant.model.terms):
-        place |= dict.fromkeys(statespace.names_of_light(term), int(term.columns[-1]))
-    numbers = [place[name if name in place else name.rpartition(" ")[0]] for name in states]
-    return np.array([next(n for n, b in enumerate(blocks) if at in b.keep) for at in numbers])
-
-
-def _build_starts(
-    value: Complex[np.ndarray, " pole"],
-    member: np.ndarray,
-    motion: Complex[np.ndarray, "pole coordinate"],
-    blocks: list[ClosedBlock],
-) -> Roots:
-    """Start values with the forces of loops."""
-    result = Roots.starts(blocks, value, member, motion)
-    for n, number in enumerate(member.tolist()):
-        for place, loop in _forces(blocks[number]):
-            (_, (over,), (under,)), _ = loop.at(value[[n]] * BESIDE)
-            result.motion[place, n] = over / under * (loop.sensed @ motion[n])
-    return result
-
-
-def _forces(block: ClosedBlock) -> Iterator[tuple[int, Feedback]]:
-    """Iterate over the loops of a block and the numbers of their forces among its unknowns."""
-    return enumerate(block.loops, len(block.owner) - len(block.loops))
-
-
-def _refine_decays(
-    plant: Plant, blocks: list[ClosedBlock], found: Roots
-) -> Complex[np.ndarray, " pole"]:
+def _refine_decays(plant: Plant, block: ClosedBlock, found: Roots) -> Complex[np.ndarray, " pole"]:
     """Compute slow decays from dissipation and the power of loops (see `linear.quality`)."""
-    motion = found.motions(blocks, plant.model.size)
+    motion = found.motions([block], plant.model.size)
     power = np.zeros(len(motion))
-    for n, number in enumerate(found.block.tolist()):
-        for place, loop in _forces(blocks[number]):
-            power[n] += np.imag(np.conj(motion[n]) @ loop.pushed * found.motion[place, n])
+    for force, loop in zip(_forces(block, found), block.loops, strict=True):
+        power += np.imag(np.conj(motion @ loop.pushed) * force)
     value = quality.evaluate(plant.model, found.value, motion, power).value
     steady = (np.real(value) > 0) & (np.real(value) <= GROWING * np.abs(value))
     return np.where(steady, 1j * np.imag(value), value)

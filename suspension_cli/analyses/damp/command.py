@@ -69,18 +69,14 @@ class DampAnalysis(Analysis):
         option(
             "--output",
             metavar="SIGNAL",
-            help=(
-                "Motion whose impulse response and sensor noise are computed."
-                "  [default: x of the mirror]"
-            ),
+            help="Motion whose impulse response and sensor noise are computed."
+            "  [default: x of the mirror]",
         ),
         option(
             "--impulse",
             metavar="SIGNAL",
-            help=(
-                "Force or torque that gives an impulse of 1 N s or 1 N m s."
-                "  [default: that along --output]"
-            ),
+            help="Force or torque that gives an impulse of 1 N s or 1 N m s."
+            "  [default: that along --output]",
         ),
         option(
             "--duration",
@@ -88,12 +84,7 @@ class DampAnalysis(Analysis):
             default=60.0,
             help="Length of the impulse response, s.",
         ),
-        option(
-            "--frequency",
-            default="0.1:100:2000",
-            metavar="GRID",
-            help="Frequencies of loop gains and noise, Hz.",
-        ),
+        options.frequencies("0.1:100:2000", "Frequencies of loop gains and noise, Hz."),
         LOOPS,
         option(
             "--foton",
@@ -154,13 +145,12 @@ class DampAnalysis(Analysis):
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
     ) -> Iterator[Callable[[], object]]:
         """Parse the sensors and actuators of the loops."""
-        from suspension_cli.analyses.damp import control
-        from suspension_cli.analyses.damp.osems import weigh
+        from suspension_cli.analyses.damp.control import parse_end
 
-        osems = design.control.osem if design.control is not None else ()
-        for loop in design.control.loop if design.control is not None else ():
-            yield lambda one=loop: weigh(osems, one, control.parse_sensor(one, stages, known))
-            yield lambda one=loop: weigh(osems, one, control.parse_actuator(one, known))
+        loops, osems = (c.loop, c.osem) if (c := design.control) is not None else ((), ())
+        for loop in loops:
+            yield lambda one=loop: parse_end(one, "sensor", osems, stages, known)
+            yield lambda one=loop: parse_end(one, "actuator", osems, stages, known)
 
     def document(self, result: Result) -> Document:
         """Return poles, margins and sensor noise."""
@@ -176,15 +166,18 @@ class DampAnalysis(Analysis):
             | ({"growth_rate_per_s": float(growth)} if growth else {})
             for frequency, q, growth, p, state in _rows(answer.closed)
         ]
-        margins = None
+        matrices = [
+            vars(one) | {key: getattr(one, key).tolist() for key in ("to_euler", "to_coil")}
+            for one in answer.osems or ()
+        ]
+        margins = sensitivity = None
         if answer.margin is not None:
             gains = ("gain_up_db", "gain_down_db")
             margins = [
                 {"loop": loop} | {key: as_number(getattr(one, key)) for key in (*vars(one), *gains)}
                 for loop, one in zip(answer.loop, answer.margin, strict=True)
             ]
-        sensitivity, peak = None, answer.sensitivity
-        if peak is not None:
+        if (peak := answer.sensitivity) is not None:
             sensitivity = {
                 "largest_singular_value": peak.size,
                 "frequency_hz": peak.frequency,
@@ -192,11 +185,6 @@ class DampAnalysis(Analysis):
                 "gain_down": peak.gain_down,
                 "phase": peak.phase,
             }
-        noise = (answer.noise**2).sum(1) ** 0.5
-        matrices = [
-            vars(one) | {key: getattr(one, key).tolist() for key in ("to_euler", "to_coil")}
-            for one in answer.osems or ()
-        ]
         return ({"osems": matrices} if matrices else {}) | {
             "stable": answer.stable,
             "output": answer.output,
@@ -205,7 +193,7 @@ class DampAnalysis(Analysis):
             "margins": margins,
             "sensitivity": sensitivity,
             "frequency_hz": answer.frequency.tolist(),
-            "sensor_noise_asd": noise.tolist(),
+            "sensor_noise_asd": ((answer.noise**2).sum(1) ** 0.5).tolist(),
         }
 
     def text(self, result: Result) -> str:
@@ -259,9 +247,7 @@ class DampAnalysis(Analysis):
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
         from suspension_cli.analyses.damp import picture
 
-        chosen = _chosen(setting["loops"], result.data.loop)
-        gains = picture.refine_gains(result)
-        return {"": picture.draw(result.data, result.subtitle, gains, chosen)}
+        return {"": picture.draw(result, _chosen(setting["loops"], result.data.loop))}
 
 
 def _rows(poles: Poles) -> Iterator[tuple[float, float, float, complex, str]]:
@@ -305,10 +291,8 @@ def write_foton(design: Design) -> str:
         "# actuator (N or N m) = - filter * sensor (m or rad)",
     ]
     for loop in design.control.loop if design.control is not None else ():
-        lines += [
-            "",
-            f"# {loop.name}: {loop.sensor} -> {loop.actuator}, reference {loop.reference}",
-        ]
+        ends = f"{loop.sensor} -> {loop.actuator}, reference {loop.reference}"
+        lines += ["", f"# {loop.name}: {ends}"]
         if loop.damper is not None:
             lines.append("# a velocity damper: add poles above the band before use in Foton")
         if loop.sensor_response is not None:

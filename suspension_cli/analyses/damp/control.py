@@ -1,52 +1,59 @@
-"""Closed-loop responses of local control.
+"""Loops of local control on a model, their OSEMs, and closed-loop responses.
 
 Each loop applies u = -H(f) (y + n) with its sensor's motion y and noise n. A sensor with
 ``reference = "support"`` measures motion relative to the support structure, taken as rigid up to
-the sensor; its actuator pushes against this structure. Closed-loop responses follow from the
-open-loop ones, which are solved directly: x = G_e e + G_u u, u = -(1 + H G_yu)^-1 H (G_ye e + n).
+the sensor; its actuator pushes against this structure. With the open-loop responses G of motions x
+to these forces,
+
+    u = U (y_open + n),    U = -(1 + H G_yu)^-1 H,    x = x_open + G_xu u,
+
+so whatever sensors read with the loops open acts as their noise.
+
+An OSEM at the point p of a body reads s = d . (x + t x p) = d . x + (p x d) . t along its direction
+d if the body moves by x and turns by t: a row of the sensing matrix S, s = S q. Its coil acts by
+the same row, F = S^T f (virtual work). So a loop that reads g . q, or pushes by F = g u, gives the
+OSEMs the weights g S^+ with the pseudo-inverse S^+. They touch no other coordinate if g S^+ S = g,
+and of all such weights have the least sum of squares: the least noise of equal OSEMs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from suspension_cli.analyses.damp import osems
-from suspension_cli.conventions import SUPPORT
+from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.schema import Design, Loop
 from suspension_cli.design.sensors import SENSORS, NoiseSpectrum, Osem
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
+from suspension_cli.files.declared import derived, in_unit
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Inexact
+    from jaxtyping import Bool, Complex, Float, Inexact
 
-BESIDE = (0.0, 1e-15, -1e-15, 3e-15, -3e-15, 1e-14, -1e-14)
-"""Relative steps, tried in turn, from a frequency where the response is infinite."""
+End = Literal["sensor", "actuator"]
+
+BESIDE = 1e-13
+"""Relative step from a frequency where the open-loop response is infinite."""
+TINY = 1e-11
+"""Relative size of singular values, errors of g S^+ S and weights that are rounding errors of 0."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """A model with the sensors and actuators of its loops.
+    """A model with its loops, their sensors and actuators as linear forms in the coordinates.
 
-    Attributes
-    ----------
-    sensed, pushed
-        Sensed motions and actuator forces as linear forms in the coordinates.
-    reading, driving
-        Readings of loops from those of OSEMs, and forces of their coils from those of loops.
+    `reading` are readings of loops from those of OSEMs, `driving` forces of coils from those of
+    loops.
     """
 
     model: LinearSystem
     loops: Sequence[Loop]
-    sensor: list[Signal]
-    actuator: list[Signal]
     sensed: Float[np.ndarray, "loop coordinate"]
     pushed: Float[np.ndarray, "loop coordinate"]
     osems: Sequence[Osem]
@@ -68,34 +75,15 @@ class Plant:
                 row += part * signals.linear_form(_relate(end, osem), self.model)
         return result
 
-    @cached_property
-    def dampers(self) -> Float[np.ndarray, " loop"]:
-        """Coefficients that damp strongly what each actuator moves, N s/m or N m s/rad."""
-        size = (self.pushed[:, 6:] ** 2).sum(1)
-        stiffness, mass = (
-            np.einsum("li,ij,lj->l", self.pushed[:, 6:], part[6:, 6:], self.pushed[:, 6:]) / size
-            for part in (np.real(self.model.stiffness), self.model.mass)
-        )
-        return np.sqrt(np.abs(stiffness * mass)) / size
-
-    @cached_property
-    def damped(self) -> LinearSystem:
-        """The model with these dampers."""
-        more = (self.pushed.T * self.dampers) @ self.pushed
-        return replace(self.model, damping=self.model.damping + more)
-
     def with_loops(self, keep: list[int]) -> Plant:
         """Select loops by number."""
-        return Plant(
-            self.model,
-            [self.loops[n] for n in keep],
-            [self.sensor[n] for n in keep],
-            [self.actuator[n] for n in keep],
-            self.sensed[keep],
-            self.pushed[keep],
-            self.osems,
-            self.reading[keep],
-            self.driving[:, keep],
+        return replace(
+            self,
+            loops=[self.loops[n] for n in keep],
+            sensed=self.sensed[keep],
+            pushed=self.pushed[keep],
+            reading=self.reading[keep],
+            driving=self.driving[:, keep],
         )
 
 
@@ -103,7 +91,7 @@ def demand_loops(design: Design) -> None:
     """Raise `InputError` if a design has no loops."""
     if design.control is None:
         remedy = "add [[control.loop]] with sensor, actuator and damper or gain"
-        raise InputError([Fault("control", "missing", remedy)])
+        raise InputError.of("control", "missing", remedy)
 
 
 def build_plant(design: Design, model: LinearSystem) -> Plant:
@@ -111,25 +99,16 @@ def build_plant(design: Design, model: LinearSystem) -> Plant:
 
     Raises `InputError` if a sensor or actuator names no signal of the model.
     """
-    known = signals.bodies_with_signals(model)
-    loops = design.control.loop if design.control is not None else ()
-    given = design.control.osem if design.control is not None else ()
-    sensors = [parse_sensor(loop, model.body, known) for loop in loops]
-    actuators = [parse_actuator(loop, known) for loop in loops]
-    sensed, pushed = (
-        np.array(
-            [
-                signals.linear_form(_relate(signal, loop), model)
-                for signal, loop in zip(some, loops, strict=True)
-            ]
-        ).reshape(-1, model.size)
-        for some in (sensors, actuators)
-    )
-    reading, driving = (
-        np.reshape([*map(partial(osems.weigh, given), loops, some)], (len(loops), len(given)))
-        for some in (sensors, actuators)
-    )
-    return Plant(model, loops, sensors, actuators, sensed, pushed, given, reading, driving.T)
+    known, control = signals.bodies_with_signals(model), design.control
+    loops, given = (control.loop, control.osem) if control is not None else ((), ())
+    forms, weights = [], []
+    for end in ("sensor", "actuator"):
+        parsed = [parse_end(loop, end, given, model.body, known) for loop in loops]
+        rows = [signals.linear_form(signal, model) for signal, _ in parsed]
+        forms.append(np.array(rows).reshape(len(loops), model.size))
+        weights.append(np.reshape([own for _, own in parsed], (len(loops), len(given))))
+    (sensed, pushed), (reading, driving) = forms, weights
+    return Plant(model, loops, sensed, pushed, given, reading, driving.T)
 
 
 def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
@@ -138,24 +117,91 @@ def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
     return replace(signal, against=SUPPORT) if to_support else signal
 
 
-def parse_sensor(loop: Loop, stages: tuple[str, ...], known: tuple[str, ...]) -> Signal:
-    """Parse the sensor of a loop; `InputError` if it is not a motion of a stage."""
-    key = f"control.loop.{loop.name}.sensor"
-    sensor = signals.parse(loop.sensor, key, known)
-    if sensor.acts or sensor.body not in stages:
-        problem, remedy = "is not a motion of a stage", "write for example upper.x"
-        raise InputError([Fault(key, problem, remedy, format_value(loop.sensor))])
-    return sensor
+def parse_end(
+    loop: Loop, end: End, osems: Sequence[Osem], stages: Sequence[str], known: tuple[str, ...]
+) -> tuple[Signal, Float[np.ndarray, " osem"]]:
+    """Parse the sensor or actuator of a loop, and compute the weights of all OSEMs in it.
+
+    These are 0 for OSEMs of other stages or references. Raises `InputError` if the signal is no
+    motion of a stage or no force, if the OSEMs do not resolve it, or if the loop gives noise of its
+    own besides theirs.
+    """
+    key, text = f"control.loop.{loop.name}.{end}", getattr(loop, end)
+    signal = signals.parse(text, key, known)
+    if end == "sensor" and (signal.acts or signal.body not in stages):
+        remedy = "write for example upper.x"
+        raise InputError.of(key, "is not a motion of a stage", remedy, format_value(text))
+    if end == "actuator" and not signal.acts:
+        remedy = "write for example upper.force_x"
+        raise InputError.of(key, "is not a force or torque", remedy, format_value(text))
+    weights = np.zeros(len(osems))
+    own = _of_stage(osems, signal.body, signal.against or loop.reference)
+    if own.any():
+        if getattr(loop, f"{end}_noise"):
+            problem = f"conflicts with the OSEMs of {signal.body}, whose noise enters the loop"
+            raise InputError.of(f"{key}_noise", problem, "give the noise of each OSEM alone")
+        some = [osem for osem, chosen in zip(osems, own, strict=True) if chosen]
+        form = np.eye(6)[signal.dof]
+        if signal.dof < 3:
+            form[3:] = np.cross(signal.point, form[:3])
+        weights[own], resolved = compute_weights(form, some)
+        if not resolved:
+            names = compute_matrices(some)[0].coordinate
+            remedy = f"add OSEMs: these resolve {', '.join(names) or 'no coordinate alone'}"
+            problem = f"is not resolved by the OSEMs of {signal.body}"
+            raise InputError.of(key, problem, remedy, format_value(text))
+    return _relate(signal, loop), weights
 
 
-def parse_actuator(loop: Loop, known: tuple[str, ...]) -> Signal:
-    """Parse the actuator of a loop; `InputError` if it is not a force or torque."""
-    key = f"control.loop.{loop.name}.actuator"
-    actuator = signals.parse(loop.actuator, key, known)
-    if not actuator.acts:
-        problem, remedy = "is not a force or torque", "write for example upper.force_x"
-        raise InputError([Fault(key, problem, remedy, format_value(loop.actuator))])
-    return actuator
+@dataclass(frozen=True)
+class OsemMatrices:
+    """Matrices of the OSEMs of one stage.
+
+    `to_euler` gives the coordinates that they resolve (m, rad) from readings (m), `to_coil` forces
+    of coils (N) from forces and torques on the coordinates (N, N m).
+    """
+
+    stage: str
+    reference: str
+    osem: tuple[str, ...]
+    coordinate: tuple[str, ...]
+    to_euler: Float[np.ndarray, "coordinate osem"] = field(metadata=in_unit("SI"))
+
+    @property
+    @derived("SI")
+    def to_coil(self) -> Float[np.ndarray, "osem coordinate"]:
+        """The transpose of `to_euler`."""
+        return self.to_euler.T
+
+
+def compute_matrices(osems: Sequence[Osem]) -> tuple[OsemMatrices, ...]:
+    """Compute the matrices of each stage with OSEMs (of each reference, if there are two)."""
+    found = []
+    for place in dict.fromkeys((one.stage, one.reference) for one in osems):
+        some = [osems[n] for n in np.flatnonzero(_of_stage(osems, *place)).tolist()]
+        weights, known = compute_weights(np.eye(6), some)
+        names = tuple(dof for dof, one in zip(DOFS, known, strict=True) if one)
+        found.append(OsemMatrices(*place, tuple(one.name for one in some), names, weights[known]))
+    return tuple(found)
+
+
+def _of_stage(osems: Sequence[Osem], stage: str, reference: str) -> Bool[np.ndarray, " osem"]:
+    """Which OSEMs are those of a stage with a reference."""
+    return np.array([(o.stage, o.reference) == (stage, reference) for o in osems], dtype=bool)
+
+
+def compute_weights(
+    form: Float[np.ndarray, "*form 6"], osems: Sequence[Osem]
+) -> tuple[Float[np.ndarray, "*form osem"], np.ndarray]:
+    """Compute weights g S^+ of linear forms g, and whether the OSEMs of a body resolve each."""
+    along = np.array([one.vector for one in osems])
+    sensing = np.hstack([along, np.cross([one.at for one in osems], along)])
+    size = np.linalg.norm(sensing, axis=0)  # rotations to the scale of displacements
+    size[size == 0] = 1.0
+    weights = (form / size) @ np.linalg.pinv(sensing / size, rcond=TINY)
+    largest = np.abs(weights).max(-1, keepdims=True)
+    weights = np.where(np.abs(weights) > TINY * largest, weights, 0.0)
+    return weights, (np.abs(weights @ sensing - form) <= TINY * size).all(-1)
 
 
 def evaluate_filter(
@@ -166,6 +212,14 @@ def evaluate_filter(
     return loop.controller_and_sensor.at(f) * np.exp(-2j * np.pi * loop.delay * f)
 
 
+def evaluate_filters(
+    plant: Plant, frequency: Float[np.ndarray, " frequency"]
+) -> Inexact[np.ndarray, "frequency loop"]:
+    """Evaluate H of all loops at frequencies in Hz."""
+    found = [evaluate_filter(loop, frequency) for loop in plant.loops]
+    return np.array(found).reshape(len(plant.loops), len(frequency)).T
+
+
 def evaluate_noise(
     part: Loop | Osem, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
@@ -174,8 +228,8 @@ def evaluate_noise(
     It is flat, or flat with power rising as 1/f below a corner, or interpolated on logarithmic
     axes.
     """
-    noise, frequency = part.sensor_noise, np.asarray(frequency, dtype=float)
-    noise = SENSORS.get(getattr(part, "sensor", ""), noise)
+    known, noise = isinstance(part, Osem) and part.sensor, part.sensor_noise
+    noise, frequency = SENSORS[known] if known else noise, np.asarray(frequency, dtype=float)
     if not isinstance(noise, NoiseSpectrum):
         return np.full(frequency.shape, noise)
     with np.errstate(divide="ignore"):
@@ -193,12 +247,15 @@ class ClosedLoopResponse:
     ----------
     value
         Outputs over external inputs.
+    sensing
+        Outputs over noise of the sensor of each loop.
     noise, actuator_noise
         Amplitude spectral densities at each output from the noise of the sensor and actuator of
         each of `Plant.parts`, m/sqrt(Hz) or rad/sqrt(Hz); of coils N/sqrt(Hz).
     """
 
     value: Complex[np.ndarray, "frequency output input"]
+    sensing: Complex[np.ndarray, "frequency output loop"]
     noise: Float[np.ndarray, "frequency output part"]
     actuator_noise: Float[np.ndarray, "frequency output part"]
 
@@ -211,48 +268,39 @@ def solve_responses(
     *,
     drives: bool = False,
 ) -> ClosedLoopResponse:
-    """Solve for closed-loop responses, and noise at the outputs.
+    """Solve for closed-loop responses to external inputs, and noise, at frequencies in Hz.
 
-    Parameters
-    ----------
-    frequency
-        Hz.
-    inputs, outputs
-        External drives (i) and observed motions (o).
-    drives
-        Whether the forces that the loops demand of the coils of OSEMs are further outputs.
+    If `drives`, the forces that the loops demand of the coils of OSEMs are further outputs.
     """
-    model, count, coils = plant.damped, len(plant.loops), len(plant.osems)
-    observed = np.array([signals.linear_form(s, model) for s in outputs]).reshape(-1, model.size)
-    rows = np.concatenate([observed, plant.sensed, plant.pushed])
-    given = np.array([signals.linear_form(s, model) for s in inputs]).reshape(-1, model.size)
-    acts = [*(s.acts for s in inputs), *([True] * (coils + count))]
-    ground = [*(s.is_ground for s in inputs), *([False] * (coils + count))]
-    omega = 2 * np.pi * frequency
-    driven = np.concatenate([given, plant.coils, plant.pushed])
-    g, _ = response.transfer(model, omega, driven, acts, rows, ground=ground)
-    i, o, one = len(inputs) + coils, len(outputs), np.eye(count)
-    seen = o + count if drives else o
-    h, dampers = evaluate_filters(plant, frequency), 1j * omega[:, None] * plant.dampers
-    feedback = np.concatenate([h[:, :, None] * one, -dampers[:, :, None] * one], axis=-1)
-    # forces e at the actuators become (1 + F G_qu)^-1 e
-    pushed = np.linalg.solve(
-        np.swapaxes(one + feedback @ g[:, o:, i:], -1, -2), np.swapaxes(g[:, :seen, i:], -1, -2)
+    model, i, o, count = plant.model, len(inputs), len(outputs), len(plant.loops)
+    given, seen = (
+        np.array([signals.linear_form(s, model) for s in some]).reshape(-1, model.size)
+        for some in (inputs, outputs)
     )
-    pushed = np.swapaxes(pushed, -1, -2)
-    value = g[:, :seen, :i] - pushed @ (feedback @ g[:, o:, :i])
-    weights = np.hstack([one, plant.reading])
-    read = -(pushed * h[:, None]) @ weights
-    shaken = np.concatenate([pushed, value[:, :, i - coils :]], axis=2)
-    value = value[:, :, : i - coils]
-    if drives:  # the loops read the noise of sensors itself, too
-        read[:, o:] += weights
-        every, forced = (value, read, shaken), -plant.driving * h[:, None]
-        value, read, shaken = (np.hstack([x[:, :o], forced @ x[:, o:]]) for x in every)
-    noises = [evaluate_noise(part, frequency) for part in plant.parts]
-    densities = np.array(noises).reshape(len(noises), len(frequency)).T
-    forces = np.array([part.actuator_noise for part in plant.parts])
-    return ClosedLoopResponse(value, np.abs(read) * densities[:, None], np.abs(shaken) * forces)
+    pushes = len(plant.parts)
+    g, _ = response.transfer(
+        model,
+        2 * np.pi * frequency,
+        np.concatenate([given, plant.pushed, plant.coils]),
+        [*(s.acts for s in inputs), *[True] * pushes],
+        np.concatenate([seen, plant.sensed]),
+        ground=[*(s.is_ground for s in inputs), *[False] * pushes],
+    )
+    h, one = evaluate_filters(plant, frequency)[:, :, None], np.eye(count)
+    opened, read, through = g[:, :o], g[:, o:], g[:, :o, i : i + count]
+    if drives:
+        coils = np.broadcast_to(plant.driving, (len(g), *plant.driving.shape))
+        opened = np.concatenate([opened, np.zeros((*coils.shape[:2], g.shape[2]))], axis=1)
+        through = np.concatenate([through, coils], axis=1)
+    sensing = -through @ np.linalg.solve(one + h * read[:, :, i : i + count], h * one)
+    value = opened + sensing @ read
+    asd = np.array([evaluate_noise(part, frequency) for part in plant.parts])
+    return ClosedLoopResponse(
+        value[:, :, :i],
+        sensing,
+        np.abs(sensing @ np.hstack([one, plant.reading])) * asd.reshape(pushes, len(g)).T[:, None],
+        np.abs(value[:, :, i:]) * np.array([part.actuator_noise for part in plant.parts]),
+    )
 
 
 def compute_loop_gains(
@@ -281,31 +329,16 @@ def compute_open_loop(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop loop"]:
     """Compute H G at frequencies in Hz, beside resonances without loss."""
-    count = len(plant.loops)
-    result = np.full((len(frequency), count, count), np.nan, dtype=complex)
-    left = np.arange(len(frequency))
+    acts = [True] * len(plant.loops)
+
+    def solve(at: Float[np.ndarray, " point"]) -> Complex[np.ndarray, "point loop loop"]:
+        omega = 2 * np.pi * at
+        g, _ = response.transfer(plant.model, omega, plant.pushed, acts, plant.sensed, finite=False)
+        return evaluate_filters(plant, at)[:, :, None] * g
+
     with np.errstate(all="ignore"):
-        for beside in BESIDE:
-            at = frequency[left] * (1 + beside)
-            g, _ = response.transfer(
-                plant.model,
-                2 * np.pi * at,
-                plant.pushed,
-                [True] * count,
-                plant.sensed,
-                finite=False,
-            )
-            known = np.isfinite(g).all((1, 2))
-            result[left[known]] = evaluate_filters(plant, at[known])[:, :, None] * g[known]
-            left = left[~known]
-            if not len(left):
-                break
+        result = solve(frequency)
+        infinite = ~np.isfinite(result).all((1, 2))
+        if infinite.any():
+            result[infinite] = solve(frequency[infinite] * (1 + BESIDE))
     return result
-
-
-def evaluate_filters(
-    plant: Plant, frequency: Float[np.ndarray, " frequency"]
-) -> Inexact[np.ndarray, "frequency loop"]:
-    """Evaluate H of all loops at frequencies in Hz."""
-    found = [evaluate_filter(loop, frequency) for loop in plant.loops]
-    return np.array(found).reshape(len(plant.loops), len(frequency)).T

@@ -45,6 +45,10 @@ QUARTERS = np.array([0.25, 0.5, 0.75])
 """Points that divide an interval, on a log scale."""
 CLOSEST = 1e-14
 """Relative width of the narrowest interval; a change within is a pole or zero without loss."""
+REAL = 0.1
+"""Angle (rad) from the real axis up to which a static gain with losses is real."""
+STILL = 1e-3
+"""Frequency over the lowest of the grid at which gains are static."""
 BEYOND = 1e3
 """Factor by which the grid extends beyond the given frequencies."""
 FOUND = 1e-12
@@ -119,28 +123,16 @@ class Margins:
 
 
 def compute_margins(
-    gain: Gain,
-    frequency: Float[np.ndarray, " given"],
-    static: Float[np.ndarray, " loop"] | None = None,
-    *,
-    faint: float = 0.0,
+    gain: Gain, frequency: Float[np.ndarray, " given"], *, faint: float = 1e-6
 ) -> list[Margins]:
     """Compute the margins of each loop of a stable closed-loop system.
 
     A delay tau multiplies L by exp(-i omega tau), so at each frequency omega with |L| = 1 it makes
-    L = -1 when omega tau is the angle from -1 to L (Astrom and Murray, section 10.3).
+    L = -1 when omega tau is the angle from -1 to L (Astrom and Murray, section 10.3). A loop with
+    L < 0 at 0 Hz, scaled by -1/L, has a pole at 0.
 
-    Parameters
-    ----------
-    gain
-        Loop gains L (f, l) at frequencies (f,) in Hz.
-    frequency
-        Hz, of poles and zeros of the gains, and a width to either side of each.
-    static
-        Real gains at 0 Hz, infinite where not real. A loop with L < 0, scaled by -1/L, has a pole
-        at 0.
-    faint
-        Gain below which the grid is not refined, as a delay turns small gains without end.
+    `frequency` are poles and zeros of the gains, and a width to either side of each, Hz. The phase
+    of gains below `faint` is not followed, as a delay turns them without end.
 
     Examples
     --------
@@ -151,6 +143,7 @@ def compute_margins(
     6.0
     """
     frequency, value = refine_grid(gain, frequency, faint=faint)
+    static = gain(frequency[:1] * STILL)[0]
     unity, lag = _find_crossings(
         gain, frequency, value, lambda z: np.log(_size(z)), lambda z: np.ones(z.shape, dtype=bool)
     )
@@ -164,26 +157,26 @@ def compute_margins(
     )
     result = []
     for n in range(value.shape[1]):
-        factors, places = 1 / np.abs(size[n]), real[n]
-        if static is not None and static[n] < 0:
-            factors, places = np.append(factors, -1 / static[n]), np.append(places, 0.0)
+        at_rest = abs(np.angle(-static[n])) < REAL and faint < abs(static[n]) < 1 / faint
+        factors = 1 / np.abs(np.append(size[n], static[n] if at_rest else []))
+        places = np.append(real[n], 0.0 if at_rest else [])
         angle, up = np.angle(-lag[n]), factors > 1
-        phase, phase_frequency = _find_least(np.abs(np.degrees(angle)), unity[n])
         delays = np.mod(angle, 2 * np.pi) / (2 * np.pi * unity[n])
+        phase, phase_frequency = _find_least(np.abs(np.degrees(angle)), unity[n])
         delay, delay_frequency = _find_least(delays, unity[n])
         gain_up, gain_up_frequency = _find_least(factors[up], places[up])
         fall, gain_down_frequency = _find_least(1 / factors[~up], places[~up])
         result.append(
             Margins(
-                phase,
-                phase_frequency,
-                gain_up,
-                1 / fall,
-                float(nearest[n]),
-                gain_up_frequency,
-                gain_down_frequency,
-                delay,
-                delay_frequency,
+                phase=phase,
+                phase_frequency=phase_frequency,
+                gain_up=gain_up,
+                gain_down=1 / fall,
+                distance=float(nearest[n]),
+                gain_up_frequency=gain_up_frequency,
+                gain_down_frequency=gain_down_frequency,
+                delay=delay,
+                delay_frequency=delay_frequency,
             )
         )
     return result
@@ -282,19 +275,8 @@ def search_smallest(
 ) -> tuple[Float[np.ndarray, " function"], Float[np.ndarray, " function"]]:
     """Find the minimum of each positive function, from the local minima among known values.
 
-    Parameters
-    ----------
-    evaluate
-        From frequencies (c,) in Hz and numbers of functions (c,) to values (c,).
-    frequency
-        Hz, ascending.
-    distance
-        Values there.
-
-    Returns
-    -------
-    smallest, where : array
-        Minima and their frequencies, Hz.
+    `distance` are values at ascending frequencies, and `evaluate` computes those at frequencies
+    (c,) in Hz of functions of numbers (c,). Returns the minima and their frequencies.
     """
     smallest, place = distance.min(0), frequency[distance.argmin(0)]
     middle = distance[1:-1]
@@ -372,12 +354,8 @@ def find_peak(
 ) -> SensitivityPeak:
     """Find the largest singular value of the scaled sensitivity of stable closed loops.
 
-    Parameters
-    ----------
-    sensitivity
-        S (f, l, l) at frequencies (f,) in Hz.
-    frequency
-        Hz, as for `compute_margins`.
+    `sensitivity` computes S (f, l, l) at frequencies (f,) in Hz; `frequency` as for
+    `compute_margins`.
     """
 
     def largest(matrix: np.ndarray) -> np.ndarray:

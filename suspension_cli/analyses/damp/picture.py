@@ -14,18 +14,10 @@ from suspension_cli.analyses.damp.solve import LocalControl
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
-from suspension_cli.drawing.style import (
-    DOF_COLOUR,
-    INK,
-    NOTE,
-    PALETTE,
-    RED,
-    LineLook,
-    single_line,
-)
+from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALETTE, RED, LineLook, single_line
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Inexact, Int
+    from jaxtyping import Complex, Float
     from matplotlib.typing import LineStyleType
 
     from suspension_cli.analyses.analysis import Result
@@ -54,23 +46,22 @@ DOT: LineLook = {"linestyle": "none", "marker": "o", "markersize": 3.5, "zorder"
 """Marks of margins."""
 
 
-def draw(
-    damped: LocalControl,
-    title: str,
-    gains: tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]
-    | None = None,
-    chosen: Sequence[int] = (),
-) -> Figure:
-    """Draw the figure of `pendsus damp`; `title` names design and model.
+def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
+    """Draw the figure of `pendsus damp`.
 
-    `gains` are frequencies (f,) in Hz and loop gains (f, l) with resonances resolved; by default
-    those of `damped`. `chosen` are the loops whose gains are drawn; by default the most critical.
+    `chosen` are the loops whose gains are drawn; by default the most critical.
     """
-    frequency, gain = gains or (damped.frequency, damped.gain)
+    damped: LocalControl = result.data
+    frequency, gain = _refine_gains(result)
     growing = {
         damped.closed.state[n].rpartition(".")[2] for n in np.flatnonzero(damped.closed.growth_rate)
     }
-    drawn = chosen or find_critical(gain, [name in growing for name in damped.loop]).tolist()
+    # loops on motions that grow, then those whose gains come nearest to -1
+    distance = [
+        0.0 if name in growing else size
+        for name, size in zip(damped.loop, np.nanmin(np.abs(1 + gain), axis=0), strict=True)
+    ]
+    drawn = chosen or sorted(np.argsort(distance, kind="stable")[:SHOWN].tolist())
     which = f" of {len(drawn)} of {len(damped.loop)} loops"
     if not chosen:
         which = f" of the {SHOWN} most critical of {len(damped.loop)} loops"
@@ -114,10 +105,10 @@ def draw(
             ),
         ),
     ]  # fmt: skip
-    return panels.draw(_heading_text(damped), title, shown)
+    return panels.draw(_heading_text(damped), result.subtitle, shown)
 
 
-def refine_gains(
+def _refine_gains(
     result: Result,
 ) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]:
     """Add the frequencies that resolve resonances to loop gains, the other loops closed."""
@@ -138,18 +129,6 @@ def _heading_text(damped: LocalControl) -> str:
     worst = int(rate.argmax())
     where = single_line(damped.closed.state[worst], 14)
     return f"Local control UNSTABLE: {where} grows at {rate[worst]:.3g}/s"
-
-
-def find_critical(
-    gain: Inexact[np.ndarray, "frequency loop"], first: Sequence[bool]
-) -> Int[np.ndarray, " critical"]:
-    """Find the loops marked in `first` (l), then those whose gains (f, l) come nearest to -1.
-
-    >>> find_critical(np.array([[-0.9, 0.1, -0.5, -0.8]]), [False, True, False, False]).tolist()
-    [0, 1, 3]
-    """
-    distance = np.where(first, -1.0, np.nanmin(np.abs(1 + gain), axis=0))
-    return np.sort(distance.argsort(kind="stable")[:SHOWN])
 
 
 def _looks(loops: Sequence[str]) -> list[tuple[str, LineStyleType]]:

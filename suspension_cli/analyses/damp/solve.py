@@ -10,11 +10,10 @@ import numpy as np
 
 from suspension_cli.analyses.damp import closed_loop_poles, control, margins
 from suspension_cli.analyses.damp.closed_loop_poles import build_closed_loop
-from suspension_cli.analyses.damp.control import Plant
+from suspension_cli.analyses.damp.control import OsemMatrices, Plant
 from suspension_cli.analyses.damp.margins import Margins, SensitivityPeak
-from suspension_cli.analyses.damp.osems import OsemMatrices, compute_matrices
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear import poles, signals
 from suspension_cli.linear.poles import Poles
@@ -28,12 +27,8 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
     from suspension_cli.models.base import Model
 
-STILL = 1e-6
-"""Frequency over the lowest of poles and zeros at which gains are static to 1e-12."""
-FAINT = 1e-6
-"""Loop gain below which grids of loops with delay end; its inverse is the largest gain margin."""
-REAL = 1e-3
-"""Imaginary over real part up to which a static loop gain is real."""
+SAMPLES = 4001
+"""Number of times of impulse responses."""
 
 
 @dataclass(frozen=True)
@@ -114,39 +109,22 @@ def solve(
     drive: str,
     frequency: Float[np.ndarray, " frequency"],
     duration: float,
-    samples: int = 4001,
+    samples: int = SAMPLES,
 ) -> LocalControl:
     """Compute the closed-loop behaviour of a design with local control.
 
-    Impulse responses approximate losses by constant matrices (`with_constant_loss`); all else has
-    the losses of the model, which must be one without wire mass.
-
-    Parameters
-    ----------
-    output, drive
-        Observed motion, and force (or motion of the support) that gets a unit impulse.
-    frequency
-        Of noise and loop gains, Hz.
-    duration, samples
-        Of the impulse response, s.
+    `drive` gets the impulse, whose response lasts `duration` in s. Impulse responses approximate
+    losses by constant matrices (`with_constant_loss`); all else has the losses of the model, which
+    must be one without wire mass.
     """
     control.demand_loops(design)
     plant = control.build_plant(design, model)
-    constant = replace(plant, model=with_constant_loss(model))
     closed, opened = (closed_loop_poles.find(one) for one in (plant, plant.with_loops([])))
     known = signals.bodies_with_signals(model)
     observed = signals.parse_output(output, known)
     driven = signals.parse_input(drive, known, "--impulse")
-    answer = control.solve_responses(plant, frequency, [driven], [observed])
-    corners = find_corner_frequencies(constant, closed)
-    # a delay turns the gain at high frequencies without end, where it does not matter
-    late = any(loop.delay or loop.controller_and_sensor.period for loop in plant.loops)
-    faint = FAINT if late else 0.0
-    margin = peak = None
-    if closed.stable:
-        gain, static = partial(control.compute_loop_gains, plant), _static_gains(plant, corners[0])
-        margin = tuple(margins.compute_margins(gain, corners, static, faint=faint))
-        peak = margins.find_peak(partial(control.compute_sensitivity, plant), corners)
+    margin, peak = find_margins(plant, closed) if closed.stable else (None, None)
+    constant = replace(plant, model=with_constant_loss(model))
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
         poles.impulse(build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
@@ -164,11 +142,34 @@ def solve(
         undamped=undamped,
         frequency=frequency,
         sensor=tuple(one.name for one in plant.parts),
-        noise=answer.noise[:, 0],
+        noise=control.solve_responses(plant, frequency, [], [observed]).noise[:, 0],
         gain=control.compute_loop_gains(plant, frequency),
         sensitivity=peak,
-        osems=compute_matrices(plant.osems) or None,
+        osems=control.compute_matrices(plant.osems) or None,
     )
+
+
+def find_margins(plant: Plant, closed: Poles) -> tuple[tuple[Margins, ...], SensitivityPeak]:
+    """Find the margins of each loop and of all at once, from stable closed-loop poles."""
+    corners = _find_corner_frequencies(plant, closed)
+    gain = partial(control.compute_loop_gains, plant)
+    peak = margins.find_peak(partial(control.compute_sensitivity, plant), corners)
+    return tuple(margins.compute_margins(gain, corners)), peak
+
+
+def _find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
+    """Find frequencies (Hz) of closed-loop poles and of roots of filters, and beside them.
+
+    A resonance narrow in a loop gain L with the others closed is as near to a closed-loop pole,
+    where 1 + L is 0, as it is wide.
+    """
+    filters = [loop.controller_and_sensor.continuous for loop in plant.loops]
+    found = [root for one in filters for root in (*one.zeros, *one.poles)]
+    every: Complex[np.ndarray, " root"] = np.append(closed.value / (2 * np.pi), found)
+    every = every[np.abs(every) > 0]
+    centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
+    beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
+    return np.unique(np.concatenate([np.abs(every), *beside]))
 
 
 def find_steady_poles(
@@ -191,7 +192,7 @@ def find_steady_poles(
         if not allow_unstable:
             problem = f"the closed loop is unstable, so it has no steady {motion}: {where}"
             way = " (pendsus damp)" if allow_unstable is None else ", or give --allow-unstable"
-            raise InputError([Fault("control", problem, remedy + way)])
+            raise InputError.of("control", problem, remedy + way)
         assert log is not None
         log.warn(f"the closed loop is unstable: {where}; {remedy}")
     return found
@@ -208,31 +209,3 @@ def describe_growth(closed: Poles) -> tuple[str, str]:
     )
     remedy = "check the sign of the loops that drive it, or lower their gain or phase lag there"
     return where + more, remedy
-
-
-def find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
-    """Find frequencies (Hz) of poles of loop gains L, of zeros of 1 + L, and of roots of filters.
-
-    They are poles with each loop open (the others closed), and closed-loop poles, with their widths
-    to either side. `plant` has constant matrices.
-    """
-    found: list[np.ndarray] = [closed.value / (2 * np.pi)]
-    for n, loop in enumerate(plant.loops):
-        others = plant.with_loops([k for k in range(len(plant.loops)) if k != n])
-        system = build_closed_loop(others, [], [plant.sensor[n]])
-        found.append(np.linalg.eigvals(system.a) / (2 * np.pi))
-        made = loop.controller_and_sensor.continuous
-        found += [np.array(roots, dtype=complex) for roots in (made.zeros, made.poles)]
-    every = np.concatenate(found)
-    every = every[np.abs(every) > 0]
-    centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
-    beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
-    return np.unique(np.concatenate([np.abs(every), *beside]))
-
-
-def _static_gains(plant: Plant, lowest: float) -> Float[np.ndarray, " loop"]:
-    """Loop gains far below the lowest pole and zero (Hz), without loss angles; inf if not real."""
-    lossless = replace(plant, model=plant.model.lossless)
-    found = control.compute_loop_gains(lossless, np.array([STILL * lowest]))[0]
-    real, imag = np.real(found), np.imag(found)
-    return np.where(np.abs(imag) <= REAL * np.abs(real), real, np.inf)

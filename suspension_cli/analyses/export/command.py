@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, as_number
 from suspension_cli.analyses.options import option
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import h5py
 
     from suspension_cli.analyses.export.solve import Exported
+    from suspension_cli.design.foton_file import FilterFile
 
 FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "foton", "gwinc")
 """Keys of `file.FORMATS`, which is not imported just to print help."""
@@ -121,7 +122,7 @@ class ExportAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.export import foton, interferometer
+        from suspension_cli.analyses.export import file, foton
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.grids import parse_band
@@ -145,13 +146,13 @@ class ExportAnalysis(Analysis):
         )
         known = signals.bodies_with_signals(model)
         chain, finesse = main_chain(run.design), setting["format"] == "finesse"
-        usual = interferometer.finesse_signals if finesse else signals.local_control_signals
+        usual = file.finesse_signals if finesse else signals.local_control_signals
         drives, motions = usual(chain)
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
         outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
         if finesse:
             names = [[signal.text for signal in some] for some in (inputs, outputs)]
-            interferometer.check_names(names[0], names[1], chain[-1])
+            file.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
         band, accuracy = parse_band(setting["band"] or "0.1:100", "--band"), setting["accuracy"]
         if loss:
@@ -171,11 +172,13 @@ class ExportAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return names and the band of agreement."""
-        head = {"format": result.extra["format"], "file": result.extra.get("file")}
+        head: Document = {"format": result.extra["format"], "file": result.extra.get("file")}
         if head["format"] == "gwinc":
             return head | result.data.document()
         made: Exported = result.data
-        system, head = made.system, head | _modules(made)
+        system = made.system
+        if made.filters is not None:
+            head |= {"rate_hz": made.filters.rate, "modules": _modules(made.filters)}
         return head | {
             "state": list(system.state),
             "input": list(system.input),
@@ -192,28 +195,28 @@ class ExportAnalysis(Analysis):
         if result.extra["format"] == "gwinc":
             return f"{result.choice.line}\n{result.data.text(result.extra.get('file', ''))}"
         made: Exported = result.data
-        system, own = made.system, f"the {result.choice.level} model to {made.tolerance:g}"
-        if made.band is None:
-            low, high = made.tried
-            agrees = (
-                f"there is no band in which it agrees with {own} ({low:.3g} to {high:.4g} Hz tried)"
-            )
-        else:
-            low, high = made.band
-            agrees = f"agrees with {own} from {low:.3g} to {high:.4g} Hz"
-        lines = [
-            result.choice.line,
-            f"states: {len(system.state)}, inputs: {len(system.input)}, outputs:"
-            f" {len(system.output)}; {agrees}",
-            f"(worst {made.worst:.1e}, up to 100 times the highest mode)",
-        ]
+        own, (low, high) = f"the {result.choice.level} model to {made.tolerance:g}", made.tried
+        tried = f"({low:.3g} to {high:.4g} Hz tried)"
+        agrees = f"there is no band in which it agrees with {own} {tried}"
+        if made.band is not None:
+            agrees = "agrees with {} from {:.3g} to {:.4g} Hz".format(own, *made.band)
+        error = f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
         if made.q_error is not None:
-            lines[-1] = (
-                f"worst error from {made.tried[0]:g} to {made.tried[1]:g} Hz:"
-                f" {100 * made.worst:.2g} % of a response off resonance,"
-                f" {100 * made.q_error:.2g} % of a Q"
+            sizes = (
+                f"{100 * made.worst:.2g} % of a response off resonance, {100 * made.q_error:.2g}"
             )
-        return "\n".join([*lines, *_module_table(made), _table(made)])
+            error = f"worst error from {low:g} to {high:g} Hz: {sizes} % of a Q"
+        counts = [len(getattr(made.system, key)) for key in ("state", "input", "output")]
+        size = "states: {}, inputs: {}, outputs: {}".format(*counts)
+        lines = [result.choice.line, f"{size}; {agrees}", error]
+        if (filters := made.filters) is not None:
+            low, high = filters.band
+            head = f"filter modules at {filters.rate:g} Hz, with the largest error from {low:g} to"
+            columns = dict.fromkeys(("module", "output", "input", "sections", "poles"), "")
+            rows = [tuple(row.values()) for row in _modules(filters)]
+            lines += [f"\n{head} {high:g} Hz off resonance:\n"]
+            lines += [tables.render(columns | {"error": ".2g"}, rows)]
+        return "\n".join([*lines, _table(made)])
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the exported file."""
@@ -234,36 +237,24 @@ class ExportAnalysis(Analysis):
 
     def fill(self, file: h5py.File, result: Result) -> None:
         """Refuse: a state space has no labelled arrays."""
-        from suspension_cli.errors import Fault, InputError
+        from suspension_cli.errors import InputError
 
         remedy = "take system.a, b, c and d, or save it as .mat, .npz, .h5 or .json"
-        raise InputError([Fault("", "a state space has no labelled arrays", remedy)])
+        raise InputError.of("", "a state space has no labelled arrays", remedy)
 
 
-def _modules(made: Exported) -> Document:
-    """Return the modules of a Foton filter file, if it is one."""
-    rows = [
-        {"module": one.name, "output": one.output, "input": one.input}
-        | {"sections": len(one.section), "poles": sum(len(part.poles) for part in one.section)}
-        | {"error": as_number(one.error)}
-        for one in (made.filters.module if made.filters else [])
-    ]
-    return {"rate_hz": made.filters.rate, "modules": rows} if made.filters else {}
-
-
-def _module_table(made: Exported) -> list[str]:
-    """Tabulate the modules of a Foton filter file, if it is one."""
-    from suspension_cli.analyses import tables
-
-    if made.filters is None:
-        return []
-    low, high = made.filters.band
-    columns = {"module": "", "output": "", "input": "", "sections": "", "poles": "", "error": ".2g"}
-    rows = [tuple(row.values()) for row in _modules(made)["modules"]]
+def _modules(filters: FilterFile) -> list[Document]:
+    """Return the modules of a Foton filter file."""
     return [
-        f"\nfilter modules at {made.filters.rate:g} Hz, with the largest error from {low:g} to"
-        f" {high:g} Hz off resonance:\n",
-        tables.render(columns, rows),
+        {
+            "module": one.name,
+            "output": one.output,
+            "input": one.input,
+            "sections": len(one.section),
+            "poles": sum(len(part.poles) for part in one.section),
+            "error": as_number(one.error),
+        }
+        for one in filters.module
     ]
 
 
@@ -275,9 +266,8 @@ def _agreement(made: Exported) -> Document:
 
     found, system = made.agreement, made.system
     assert found is not None
-    result: Document = {"model": found.model}
     if found.unknown:
-        return result | {"unknown": found.unknown, "pairs": None}
+        return {"model": found.model, "unknown": found.unknown, "pairs": None}
     pairs = []
     for o, i in np.ndindex(found.low.shape[1:]):
         pair: Document = {"output": system.output[o], "input": system.input[i]}
@@ -285,7 +275,7 @@ def _agreement(made: Exported) -> Document:
             band = [float(low[o, i]), float(high[o, i])] if low[o, i] > 0 else None
             pair[f"band_hz_{100 * error:g}_percent"] = band
         pairs.append(pair)
-    return result | {"pairs": pairs}
+    return {"model": found.model, "pairs": pairs}
 
 
 def _table(made: Exported) -> str:
@@ -293,23 +283,19 @@ def _table(made: Exported) -> str:
 
     Of more than `MOST` responses, only those of equal coordinates.
     """
-    from suspension_cli.analyses import tables
     from suspension_cli.analyses.export.solve import AGREEMENT
 
-    found = made.agreement
-    assert found is not None
-    if found.unknown:
-        return (
-            f"agreement with the {found.model} model (wires that bend and have mass) is not known:"
-            f" {found.unknown}; give the material and radius of wires"
-        )
+    found = _agreement(made)
+    name, pairs = f"agreement with the {found['model']} model", found["pairs"]
+    if pairs is None:
+        why = f"{found['unknown']}; give the material and radius of wires"
+        return f"{name} (wires that bend and have mass) is not known: {why}"
 
-    def coordinate(name: str) -> str:
-        return name.partition("@")[0].rpartition(".")[2].rpartition("_")[2]
+    def coordinate(signal: str) -> str:
+        return signal.partition("@")[0].rpartition(".")[2].rpartition("_")[2]
 
-    every = _agreement(made)["pairs"]
-    equal = [pair for pair in every if coordinate(pair["output"]) == coordinate(pair["input"])]
-    shown = equal if equal and len(every) > MOST else every
+    equal = [pair for pair in pairs if coordinate(pair["output"]) == coordinate(pair["input"])]
+    shown = equal if equal and len(pairs) > MOST else pairs
     columns = {"output": "", "input": ""}
     for error in AGREEMENT:
         columns |= {f"{100 * error:g} % from\nHz": ".3g", f"{100 * error:g} % to\nHz": ".4g"}
@@ -317,11 +303,8 @@ def _table(made: Exported) -> str:
         (out, into, *(end for band in bands for end in band or (None, None)))
         for out, into, *bands in (pair.values() for pair in shown)
     ]
-    rest = "" if shown is every else "; all responses are in --json and in the file"
-    return (
-        f"\nbands of agreement with the {found.model} model, off resonance{rest}:\n\n"
-        + tables.render(columns, rows)
-    )
+    rest = "" if shown is pairs else "; all responses are in --json and in the file"
+    return f"\nbands of {name}, off resonance{rest}:\n\n" + tables.render(columns, rows)
 
 
 ANALYSIS = ExportAnalysis()

@@ -1,14 +1,13 @@
-"""Files of state spaces and zero-pole-gain forms, in the formats of `pendsus export`."""
+"""Files of exported systems, in the formats of `pendsus export`; objects of other programs."""
 
 from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Callable, Sequence
+from importlib import import_module, resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -16,9 +15,9 @@ import numpy as np
 from suspension_cli.analyses.analysis import as_number, plain
 from suspension_cli.analyses.export import gwinc_tables
 from suspension_cli.analyses.export.foton import write_foton
-from suspension_cli.analyses.export.interferometer import write_finesse
 from suspension_cli.analyses.export.solve import AGREEMENT, Exported
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.conventions import SUPPORT
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, write
 from suspension_cli.version import __version__
@@ -29,6 +28,26 @@ if TYPE_CHECKING:
 MAT_HEAD = f"MATLAB 5.0 MAT-file, written by pendsus {__version__}".encode().ljust(116)
 """Header text of a MAT-file, 116 bytes (MAT-File Format, The MathWorks, "Level 5 MAT-File Header").
 It replaces that of scipy, which contains the time of day."""
+FORCES = ("force_x", "torque_pitch", "torque_yaw")
+MOTIONS = ("x", "pitch", "yaw")
+"""Forces on a mirror, and its motions, that finesse has."""
+SUSPEND = '''
+def _matrix(shape, row, column, value):
+    result = np.zeros(shape)
+    result[row, column] = value
+    return result
+
+
+PLANT = {{
+{plant}
+}}
+
+
+def suspend(name, mirror, facing=1):
+    """Suspend a mirror of finesse as the {mirror} of this design."""
+    return Suspension(name, mirror, facing, PLANT)
+'''
+"""End of the module for finesse."""
 
 
 def format_of(path: Path, made: Exported | gwinc_tables.Tables) -> str:
@@ -49,7 +68,7 @@ def format_of(path: Path, made: Exported | gwinc_tables.Tables) -> str:
     if path.suffix.lower() not in endings:
         problem = "is of no format" if made.zpk is None else "is of no format with zeros and poles"
         remedy = f"end it in {', '.join(endings)}"
-        raise InputError([Fault("--out", problem, remedy, format_value(str(path)))])
+        raise InputError.of("--out", problem, remedy, format_value(str(path)))
     return endings[path.suffix.lower()]
 
 
@@ -70,7 +89,7 @@ def _write_mat(path: Path, made: Exported, origin: Provenance) -> None:
 
 
 def _write_npz(path: Path, made: Exported, origin: Provenance) -> None:
-    arrays: dict[str, Any] = {key: np.array(v) for key, v in _fields(made, origin).items()}
+    arrays: dict[str, Any] = _fields(made, origin)
     stream = io.BytesIO()
     np.savez(stream, **arrays)
     write_bytes(path, stream.getvalue())
@@ -78,35 +97,14 @@ def _write_npz(path: Path, made: Exported, origin: Provenance) -> None:
 
 def _write_control(path: Path, made: Exported, origin: Provenance) -> None:
     document = {
-        key: value.tolist() if isinstance(value, np.ndarray) else value
+        key: plain(value) if isinstance(value, np.ndarray) else value
         for key, value in _fields(made, origin).items()
     }
     document |= {"band_hz": made.band, "worst_error": as_number(made.worst)}
-    document |= {key: plain(values) for key, values in _bands(made).items()}
     write_bytes(path, json.dumps(document, indent=1, allow_nan=False).encode())
 
 
-@dataclass(frozen=True)
-class Format:
-    """A file format: the end of the file name, and the function that writes the file."""
-
-    suffix: str
-    write: Callable[[Path, Any, Provenance], None]
-
-
-FORMATS = {
-    "mat": Format(".mat", _write_mat),
-    "npz": Format(".npz", _write_npz),
-    "hdf5": Format(".h5", _write_hdf5),
-    "zpk": Format("-zpk.h5", _write_hdf5),
-    "control": Format("-control.json", _write_control),
-    "finesse": Format("-finesse.py", write_finesse),
-    "foton": Format("-foton.txt", write_foton),
-    "gwinc": Format("-gwinc", gwinc_tables.write),
-}
-
-
-def _fields(made: Exported, origin: Provenance) -> dict[str, object]:
+def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
     """Fields of a file: matrices, names, units, band and error, provenance."""
     system = made.system
     names = ("state", "state_unit", "input", "input_unit", "output", "output_unit")
@@ -124,13 +122,12 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, object]:
 
 def _agreement(made: Exported) -> dict[str, Any]:
     """Band of agreement (2,), Hz, NaN if there is none, and the errors in and beyond it."""
-    band = np.array(made.band or (np.nan, np.nan))
-    found: dict[str, Any] = {"band_hz": band, "tolerance": made.tolerance}
-    found["worst_error"] = made.worst
-    if made.agreement is not None:
-        found |= {"agreement_model": made.agreement.model}
-        found |= {"agreement_unknown": made.agreement.unknown}
-    return found
+    band, found = np.array(made.band or (np.nan, np.nan)), made.agreement
+    result: dict[str, Any] = {"band_hz": band, "tolerance": made.tolerance}
+    result["worst_error"] = made.worst
+    if found is not None:
+        result |= {"agreement_model": found.model, "agreement_unknown": found.unknown}
+    return result
 
 
 def _bands(made: Exported) -> dict[str, Float[np.ndarray, "tolerance ..."]]:
@@ -187,3 +184,75 @@ def python_control(made: Exported) -> Any:
     )
     matrices = (system.a, system.b, system.c, system.d)
     return control.ss(*matrices, states=states, inputs=inputs, outputs=outputs)
+
+
+def finesse_signals(chain: list[str]) -> tuple[list[str], list[str]]:
+    """Inputs and outputs by default: the support's motions, forces on stages, and their motions."""
+    moved = [f"{SUPPORT}.{dof}" for dof in MOTIONS]
+    return (
+        moved + [f"{body}.{force}" for body in chain for force in FORCES],
+        [f"{body}.{dof}" for body in chain for dof in MOTIONS],
+    )
+
+
+def check_names(inputs: Sequence[str], outputs: Sequence[str], mirror: str) -> None:
+    """Raise `InputError` for signals that are no nodes of finesse."""
+    for option, names in (("--input", inputs), ("--output", outputs)):
+        for name in names:
+            body, _, kind = name.rpartition(".")
+            remedy = ""
+            if not name.replace(".", "").replace("-", "").isidentifier():
+                remedy = f"take motions of and forces on the COM of one body, such as {mirror}.x"
+            elif body == mirror and kind not in (*FORCES, *MOTIONS):
+                remedy = f"finesse's mirrors have {', '.join((*MOTIONS, *FORCES))}"
+            if remedy:
+                raise InputError.of(option, "is no node of finesse", remedy, name)
+
+
+def _plant(made: Exported) -> dict[str, Any]:
+    """State space with the names of signals, as `finesse.Suspension` takes it."""
+    system = made.system.balanced()
+    found: dict[str, Any] = {key: getattr(system, key) for key in "abcd"}
+    for key in ("input", "output"):
+        found[key] = [name.replace("-", "_") for name in getattr(system, key)]
+    return found | {"mirror": made.mirror.replace("-", "_")}
+
+
+def _write_finesse(path: Path, made: Exported, origin: Provenance) -> None:
+    """Write a Python module with the element and its numbers."""
+    text = resources.files(__package__ or "").joinpath("finesse.py").read_text("utf-8")
+    lines = []
+    for key, value in _plant(made).items():
+        shown = repr(value)
+        if key in "abcd":
+            row, column = np.nonzero(value)
+            numbers = row.tolist(), column.tolist(), value[row, column].tolist()
+            shown = f"_matrix({value.shape}, {', '.join(map(str, numbers))})"
+        lines.append(f"    {key!r}: {shown},")
+    end = SUSPEND.format(plant="\n".join(lines), mirror=made.mirror)
+    write_bytes(path, f"{text}\n\n# Written by {origin.command}\n{end}".encode())
+
+
+def suspend(made: Exported, name: str, mirror: Any, facing: int) -> Any:
+    """Make the element of finesse."""
+    module = import_module("suspension_cli.analyses.export.finesse")
+    return module.Suspension(name, mirror, facing, _plant(made))
+
+
+class Format(NamedTuple):
+    """A file format: the end of the file name, and the function that writes the file."""
+
+    suffix: str
+    write: Callable[[Path, Any, Provenance], None]
+
+
+FORMATS = {
+    "mat": Format(".mat", _write_mat),
+    "npz": Format(".npz", _write_npz),
+    "hdf5": Format(".h5", _write_hdf5),
+    "zpk": Format("-zpk.h5", _write_hdf5),
+    "control": Format("-control.json", _write_control),
+    "finesse": Format("-finesse.py", _write_finesse),
+    "foton": Format("-foton.txt", write_foton),
+    "gwinc": Format("-gwinc", gwinc_tables.write),
+}

@@ -33,7 +33,6 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.scene.composition import Fibre
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -55,16 +54,10 @@ MINOR = 3e-3
 """Share of the loss of a mode below which an element's loss angle there does not matter."""
 STABLE = 0.3
 """Largest share of the stiffness of a mode that is taken back at rest."""
-OFF = 0.05
-"""Weight of a frequency that is off by a width of the mode, over that of a width that is wrong."""
-SHIFTED = 30.0
-"""The same of a relative shift of its frequency."""
-EVERYWHERE = 2.0
-"""Weight of a stiffness of a mode that is wrong, over that of a width that is wrong."""
 BETWEEN = 0.1
-"""Weight of a loss angle between modes."""
+"""Weight of a loss angle between modes, over that at a mode which loses all its energy by it."""
 POINTS = 16
-"""Frequencies of the band at which the stiffness of an element must be right."""
+"""Frequencies of the band at which the loss angle of an element must be right."""
 RELAXATION, WIRE = "relaxation", "wire"
 """First parts of the names of coordinates that are added."""
 
@@ -73,42 +66,21 @@ RELAXATION, WIRE = "relaxation", "wire"
 class Lossy:
     """A lossy part of the stiffness, rows^T rows (1 + i angle(omega)) with its elastic part.
 
-    Attributes
-    ----------
-    rows
-        Deformations, sqrt(N/m) per m.
-    angle
-        Loss angle (f,) at angular frequencies (f,), rad/s.
-    stored
-        Relative change of the elastic stiffness with frequency; None if there is none.
+    Rows are deformations, sqrt(N/m) per m; `angle` is a function of rad/s, as is `stored`, the
+    relative change of the elastic stiffness.
     """
 
     rows: Float[np.ndarray, "deformation coordinate"]
     angle: Callable[[Array], Array]
-    stored: Callable[[Array], Array] | None = None
+    stored: Callable[[Array], Array] = np.zeros_like
 
 
 def relax(model: LinearSystem, band: tuple[float, float], density: float) -> LinearSystem:
     """Replace all terms in frequency of a system by relaxation and modes of wires.
 
-    Parameters
-    ----------
-    model : LinearSystem
-        Of one design, on the beam or violin model.
-    band
-        Lowest and highest frequency in Hz.
-    density
-        Relaxation rates per decade.
-
-    Returns
-    -------
-    LinearSystem
-        Without terms; its coordinates are those of `model`, then those of wires and relaxation.
-
-    Raises
-    ------
-    InputError
-        If an element gives energy instead of taking it, which no relaxation does.
+    `model` is that of one design, on the beam or violin model, `band` in Hz, `density` in rates per
+    decade. The coordinates of wires and of relaxation follow those of the model. Raises
+    `InputError` if an element gives energy instead of taking it, which no relaxation does.
     """
     low, high = 2 * np.pi * band[0], 2 * np.pi * band[1]
     system, elements = _with_wire_modes(model, ABOVE * high)
@@ -128,29 +100,22 @@ def relax(model: LinearSystem, band: tuple[float, float], density: float) -> Lin
 class _ReducedWire:
     """One part (bending in a plane, stretching, twisting) of the motion of a wire.
 
-    Attributes
-    ----------
-    inertia
-        M of the motion of its ends.
-    drag
-        Damping by gas over inertia, 1/s.
-    modes
-        Frequency (rad/s) and l of each mode with clamped ends.
-    losses
-        Deformations of each lossy section by the motion of the ends and by the modes, and its loss
-        angle.
+    It has the inertia M of its ends; the damping by gas over inertia, 1/s; frequency (rad/s) and l
+    of each mode with clamped ends; and of each lossy section deformations by the motion of the
+    ends, the energy of the modes in it, and its loss angle.
     """
 
     inertia: Float[np.ndarray, "end end"]
     drag: float
-    modes: tuple[tuple[float, Float[np.ndarray, " end"]], ...]
-    losses: tuple[tuple[Array, Array, Callable[[Array], Array]], ...]
+    modes: list[tuple[float, Float[np.ndarray, " end"]]]
+    losses: list[tuple[Array, Array, Callable[[Array], Array]]]
 
 
 def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
     """Reduce a wire to the motion of its ends and its modes up to a frequency, rad/s."""
     size = len(strand.static[part])
-    inertia, modes, others, first = np.zeros((size, size)), [], [], 0.0
+    inertia, modes, first = np.zeros((size, size)), [], 0.0
+    beyond_modes: list[tuple[float, Float[np.ndarray, " end"]]] = []
     lossless = replace(strand, lossy=False)
 
     def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
@@ -177,77 +142,60 @@ def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
         values, vectors = np.linalg.eigh(rest)
         for value, vector in zip(values, vectors.T, strict=True):
             if value > 1e-3 * values[-1]:
-                others.append((beyond, vector * np.sqrt(value)))
+                beyond_modes.append((beyond, vector * np.sqrt(value)))
     drag, losses = 0.0, []
     if strand.massive and strand.surrounded is not None:
-        at, elastic = modes[0][0] if modes else first, replace(strand, fibre=_lossy(strand, None))
+        at, elastic = modes[0][0] if modes else first, _with_loss_of(strand, None)
         damped = np.imag(stiffness(elastic, [LOW * at])[0])
         drag = float(np.trace(damped) / (LOW * at * np.trace(inertia)))
     for number in range(len(strand.fibre.sections)):
-        one = replace(strand, fibre=_lossy(strand, number), surrounded=None)
-        for ends, by_modes, angle in _section_loss(one, part, modes, stiffness):
-            losses.append((ends, np.pad(by_modes, ((0, 0), (0, len(others)))), angle))
-    return _ReducedWire(inertia, drag, (*modes, *others), tuple(losses))
+        one = replace(_with_loss_of(strand, number), surrounded=None)
+        rows, angle = _section_loss(one, part)
+        if not len(rows):
+            continue
+        energy = np.zeros(len(modes) + len(beyond_modes))
+        for n, (omega, drives) in enumerate(modes):
+            # beside its resonance a mode moves by a = omega^2 / (omega_j^2 - omega^2) times l . x
+            sides = omega * (1 + BESIDE * np.array([-1, 1]))
+            a = sides**2 / (omega**2 - sides**2)
+            lost = np.imag(stiffness(one, [*sides]) @ drives) @ drives / angle(sides)
+            energy[n] = max((lost / (a * (drives @ drives)) ** 2).mean(), 0.0)
+        losses.append((rows, energy, angle))
+    return _ReducedWire(inertia, drag, modes + beyond_modes, losses)
 
 
-def _lossy(strand: TautWire, number: int | None) -> Fibre:
-    """The fibre of a wire with the losses of one section, or of none."""
-    fibre = strand.fibre
+def _with_loss_of(strand: TautWire, number: int | None) -> TautWire:
+    """The wire with the losses of one section of its fibre, or of none."""
     sections = tuple(
         section if n == number else replace(section, losses=())
-        for n, section in enumerate(fibre.sections)
+        for n, section in enumerate(strand.fibre.sections)
     )
-    return replace(fibre, sections=sections)
+    return replace(strand, fibre=replace(strand.fibre, sections=sections))
 
 
 def _section_loss(
-    strand: TautWire,
-    part: str,
-    modes: list[tuple[float, Float[np.ndarray, " end"]]],
-    stiffness: Callable[[TautWire, list[float]], Complex[np.ndarray, "frequency end end"]],
-) -> Iterator[tuple[Array, Array, Callable[[Array], Array]]]:
-    """Deformations of the one section of a wire that is lossy, and its loss angle.
-
-    With the motion x of the ends and q = a l . x of a mode, a = omega^2 / (omega_j^2 - omega^2),
-    the loss is x^T (L + a (l c^T + c l^T) + a^2 e l l^T) x: on either side of omega_j c and e.
-    """
+    strand: TautWire, part: str
+) -> tuple[Float[np.ndarray, "deformation end"], Callable[[Array], Array]]:
+    """Deformations of the one section of a wire that is lossy, and its loss angle."""
     still, to_own = replace(strand, massive=False), np.eye(len(strand.static[part]))
     length = sum(section.length for section in strand.fibre.sections)
-    if len(to_own) == 4:  # bending resists slopes relative to the chord alone
+    bends = len(to_own) == 4
+    if bends:  # it resists slopes relative to the chord alone
         to_own = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -2 / length, 1.0]])
 
-    def own_loss(omega: Array) -> Float[np.ndarray, "own own frequency"]:
+    def loss(omega: Array) -> Float[np.ndarray, "own own frequency"]:
         here = still.at(omega)[part]
-        return np.imag(here.change if len(to_own) != len(to_own.T) else here.stiffness)
+        return np.imag(here.change if bends else here.stiffness)
 
-    def trace(omega: Array) -> Array:
-        return np.trace(own_loss(omega)) * np.ones(len(omega))
-
-    reference = np.array([2 * np.pi])
-    scale = float(trace(reference)[0])
-    if not scale > 0:
-        return
-    rows = _deformations(own_loss(reference)[..., 0], rounded=True) @ to_own
+    reference = loss(np.array([2 * np.pi]))[..., 0]
+    scale = float(np.trace(reference))
 
     def angle(omega: Array) -> Array:
-        return trace(omega) / scale
+        return np.trace(loss(omega)) * np.ones(len(omega)) / scale
 
-    by_modes = np.zeros((len(rows), len(modes)))
-    rest = np.zeros(len(modes))
-    for n, (omega, drives) in enumerate(modes):
-        sides = omega * (1 + BESIDE * np.array([-1, 1]))
-        below, above = np.imag(stiffness(strand, [*sides])) / angle(sides)[:, None, None]
-        a = sides**2 / (omega**2 - sides**2)
-        ratio, size = (a[1] / a[0]) ** 2, drives @ drives
-        static = rows.T @ rows
-        mixed = (above - ratio * below - (1 - ratio) * static) / (a[1] - ratio * a[0])
-        cross = (mixed @ drives - drives * (drives @ mixed @ drives) / (2 * size)) / size
-        own = below - static - a[0] * (np.outer(drives, cross) + np.outer(cross, drives))
-        by_modes[:, n] = np.linalg.lstsq(rows.T, cross, rcond=1e-9)[0]
-        energy = drives @ own @ drives / (a[0] * size) ** 2
-        rest[n] = np.sqrt(max(energy - by_modes[:, n] @ by_modes[:, n], 0.0))
-    ends = np.concatenate([rows, np.zeros((len(modes), rows.shape[1]))])
-    yield ends, np.concatenate([by_modes, np.diag(rest)]), angle
+    if not scale > 0:
+        return np.zeros((0, to_own.shape[1])), angle
+    return _deformations(reference, rounded=True) @ to_own, angle
 
 
 def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem, list[Lossy]]:
@@ -264,7 +212,9 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
             if is_light(term):
                 continue
             if term.elastic:
-                elements.append(Lossy(_deformations(term.matrix), term.angle, term.storage))
+                elements.append(
+                    Lossy(_deformations(term.matrix), term.angle, term.storage or np.zeros_like)
+                )
             else:
                 damping += term.matrix
             continue
@@ -278,19 +228,20 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
                     own.append((size + len(driven), number, share))
                     driven.append(row)
                     about.append((omega, wire.drag, term.stage))
-            for ends, by_modes, angle in wire.losses:
-                rows = np.zeros((len(forms), len(ends), size + len(driven)))
-                rows[..., :size] = ends @ forms
+            for ends, energy, angle in wire.losses:
+                count = len(ends)
+                rows = np.zeros((len(forms), count + len(energy), size + len(driven)))
+                rows[:, :count, :size] = ends @ forms
                 for place, number, share in own:
-                    rows[..., place] = np.outer(share, by_modes[:, number])
+                    rows[:, count + number, place] = np.sqrt(energy[number]) * share
                 elements.append(Lossy(rows.reshape(-1, rows.shape[-1]), angle))
     drives = np.array(driven).reshape(-1, size)
     omega, drag = (np.array([one[n] for one in about]) for n in (0, 1))
     mass, damping = (_framed(part, groups) for part in (mass, damping))
     unit = np.diag(np.ones(len(drives)))
     names = [f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)]
-    system = _widened(
-        replace(model.lossless, terms=tuple(filter(is_light, model.terms)), ground=None),
+    lossless = replace(model.lossless, terms=tuple(filter(is_light, model.terms)), ground=None)
+    system = lossless.widened(
         names,
         np.block([[mass, drives.T], [drives, unit]]),
         np.diag(np.append(np.zeros(size), omega**2)),
@@ -324,26 +275,31 @@ def _with_relaxation(
     band: tuple[float, float],
 ) -> LinearSystem:
     """Add the relaxation that gives the elements their losses in a band, rad/s."""
+    from scipy.optimize import nnls
+
     # elastic energy and loss of each element in each mode
     energy = np.array([((one.rows @ shapes) ** 2).sum(0) for one in elements]) / omega**2
     angle = np.array([np.broadcast_to(one.angle(omega), omega.shape) for one in elements])
     loss = energy * angle
     total = np.maximum(loss.sum(0), 1e-12)
-    strength = np.zeros((len(elements), len(rates)))
-    shift, stiffer = np.zeros(len(elements)), np.zeros((len(elements), len(omega)))
+    every = np.append(omega, np.geomspace(*band, POINTS))
+    lag = every[:, None] * rates / (every[:, None] ** 2 + rates**2)
     step = omega[:, None] ** 2 / (omega[:, None] ** 2 + rates**2)
+    strength, stiffer = np.zeros((len(elements), len(rates))), np.zeros(energy.shape)
     for n, one in enumerate(elements):
-        some = (loss[n] > MINOR * total) & (angle[n] > 0)
-        if some.any():
-            shares = (loss[n] / total)[some]
-            found = _fit(one, omega[some], energy[n, some], shares, rates, band)
-            strength[n], shift[n] = found
-            stored = 0.0 if one.stored is None else one.stored(omega)
-            stiffer[n] = step @ strength[n] - shift[n] - stored
-    # what is left of the stiffening at the modes is taken back, in all elements together
+        if (loss[n] > MINOR * total).any():
+            weight = np.append(loss[n] / total, np.full(POINTS, BETWEEN))
+            weight /= np.maximum(one.angle(every), 1e-12)
+            strength[n] = nnls(lag * weight[:, None], one.angle(every) * weight)[0]
+            stiffer[n] = step @ strength[n] - one.stored(omega)
+    # take back what the modes have become stiffer by: each element where it stores most energy,
+    # the rest in all together, but not so much that the design becomes unstable
+    shift = (energy**2 * stiffer).sum(1) / np.maximum((energy**2).sum(1), 1e-300)
+    stiffer -= shift[:, None]
     unit, root = np.abs(stiffer).max(1), np.sqrt(total)
     parts, wanted = (energy * unit[:, None] / root).T, (energy * stiffer).sum(0) / root
     shift += unit * np.linalg.lstsq(parts, wanted, rcond=1e-2)[0]
+    shift = np.minimum(shift, STABLE / np.maximum(energy.max(1), 1e-300))
     groups, size = _groups(system), system.size
     added = sum(-d * one.rows.T @ one.rows for d, one in zip(shift, elements, strict=True))
     follow, own_rates = _followers(elements, strength, rates, groups)
@@ -351,40 +307,7 @@ def _with_relaxation(
     whole = np.block([[softer + follow.T @ follow, -follow.T], [-follow, np.eye(len(follow))]])
     damping = np.diag(np.append(np.zeros(size), 1 / own_rates))
     names = [f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)]
-    return _widened(system, names, np.zeros_like(whole), whole, damping)
-
-
-def _fit(
-    one: Lossy,
-    omega: Float[np.ndarray, " mode"],
-    energy: Float[np.ndarray, " mode"],
-    share: Float[np.ndarray, " mode"],
-    rates: Float[np.ndarray, " rate"],
-    band: tuple[float, float],
-) -> tuple[Float[np.ndarray, " rate"], float]:
-    """Fit the strengths g of relaxation, and d, to one element.
-
-    Its loss angle must be right at the modes in which it loses energy (`share`), in proportion, and
-    its stiffness where it stores it (`energy`); both, with less weight, in the whole band.
-    """
-    from scipy.optimize import lsq_linear
-
-    at, count = np.append(omega, np.geomspace(*band, POINTS)), len(omega)
-    angles = np.maximum(one.angle(at), 1e-12)
-    stored = np.zeros(len(at)) if one.stored is None else one.stored(at)
-    of_loss = np.append(share, np.full(POINTS, BETWEEN)) / angles
-    of_stiffness = np.full(len(at), EVERYWHERE * energy.max())
-    of_stiffness[:count] = np.maximum(OFF * of_loss[:count], SHIFTED * energy)
-    weight = np.append(of_loss, of_stiffness)
-    step = 1j * at[:, None] / (1j * at[:, None] + rates)
-    constant = np.append(np.zeros(len(at)), -np.ones(len(at)))
-    parts = np.column_stack([np.concatenate([step.imag, step.real]), constant])
-    # what is taken from the stiffness at rest must not make the design unstable
-    low = np.append(np.zeros(len(rates)), -np.inf)
-    high = np.append(np.full(len(rates), np.inf), STABLE / energy.max())
-    wanted = np.append(angles, stored) * weight
-    found = lsq_linear(parts * weight[:, None], wanted, (low, high), method="bvls").x
-    return np.maximum(found[:-1], 0.0), float(found[-1])
+    return system.widened(names, np.zeros_like(whole), whole, damping)
 
 
 def _followers(
@@ -445,26 +368,3 @@ def _framed(
     for group in groups:
         together[np.ix_(group, group)] = True
     return np.where(together, (matrix + matrix.T) / 2, 0.0)
-
-
-def _widened(
-    model: LinearSystem,
-    names: list[str],
-    mass: Float[np.ndarray, "wider wider"],
-    stiffness: Float[np.ndarray, "wider wider"],
-    damping: Float[np.ndarray, "wider wider"],
-) -> LinearSystem:
-    """Append coordinates, and add matrices."""
-    size, count = model.size, len(names)
-    basis = np.eye(size + count)
-    basis[:size, :size] = model.basis
-    wider = model.spread(np.eye(size, size + count), mass, stiffness, damping)
-    coupled = (mass != 0) | (stiffness != 0) | (damping != 0)
-    return replace(
-        wider,
-        coordinate=(*model.coordinate, *names),
-        basis=basis,
-        massless=np.append(model.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
-        rigid=None if model.rigid is None else np.pad(model.rigid, ((0, count), (0, 0))),
-        allowed=wider.allowed | coupled,
-    )

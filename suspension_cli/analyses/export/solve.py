@@ -21,6 +21,28 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
+GRID = 800
+"""Number of frequencies at which a system is compared with the direct solution. With an odd number
+the only mode of a design without loss would be one of them."""
+FAINT = 1e-6
+"""Fraction of an output's largest response below which errors are relative to it."""
+AGREEMENT = (0.01, 0.1)
+"""Errors against the most complete model whose bands are reported."""
+NARROW = 0.07
+"""Width, relative to its frequency, up to which a resonance or a zero does not interrupt a band: a
+slight shift of either is a large error there."""
+GAIN = 0.8
+"""Least improvement of the errors for which more rates are taken."""
+APART = 1e-3
+"""Relative distance from a mode, or its width, within which its pole is looked for."""
+TOLERANCE = 1e-9
+"""Relative error of a state space in its band."""
+TOLERANCE_ZPK = 1e-3
+"""Relative error of a zero-pole-gain form in its band: the eigenvalue problem of its zeros has
+rounding errors relative to the largest one."""
+DENSITIES = (2.0, 3.0, 4.5)
+"""Relaxation rates per decade that are tried until losses are accurate enough."""
+
 
 @dataclass(frozen=True)
 class ZeroPoleGain:
@@ -83,31 +105,6 @@ class Exported:
         """Frequencies compared, Hz."""
         return np.geomspace(*self.tried, GRID)
 
-    @staticmethod
-    def unmeasured(
-        system: statespace.StateSpace, tolerance: float, tried: tuple[float, float], *, zpk: bool
-    ) -> Exported:
-        """Export with its error still unknown."""
-        form = compute_zero_pole_gain(system) if zpk else None
-        value = (form or system).at(np.geomspace(*tried, GRID))
-        return Exported(system, form, None, tolerance, np.inf, tried, value)
-
-    def measured(self, error: Float[np.ndarray, "frequency output input"]) -> Exported:
-        """Add the band in which all errors are below the tolerance, and the largest error."""
-        largest = error.max((1, 2))
-        band = self.widest_band(largest <= self.tolerance)
-        return replace(self, band=band, worst=float(largest.max()))
-
-    def widest_band(self, agrees: Bool[np.ndarray, " frequency"]) -> tuple[float, float] | None:
-        """Find the widest band in which it agrees; None if no two neighbouring frequencies do."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], agrees, [False]]).astype(int)))
-        starts, stops = edges[::2], edges[1::2]
-        if (stops - starts).max(initial=0) < 2:
-            return None
-        widest = int((stops - starts).argmax())
-        frequency = self.frequency
-        return float(frequency[starts[widest]]), float(frequency[stops[widest] - 1])
-
 
 @dataclass(frozen=True)
 class Agreement:
@@ -129,29 +126,6 @@ class Agreement:
     high: Float[np.ndarray, "tolerance output input"]
 
 
-GRID = 800
-"""Number of frequencies at which a system is compared with the direct solution. With an odd number
-the only mode of a design without loss would be one of them."""
-FAINT = 1e-6
-"""Fraction of an output's largest response below which errors are relative to it."""
-AGREEMENT = (0.01, 0.1)
-"""Errors against the most complete model whose bands are reported."""
-NARROW = 0.07
-"""Width, relative to its frequency, up to which a resonance or a zero does not interrupt a band: a
-slight shift of either is a large error there."""
-GAIN = 0.8
-"""Least improvement of the errors for which more rates are taken."""
-APART = 1e-3
-"""Relative distance from a mode, or its width, within which its pole is looked for."""
-TOLERANCE = 1e-9
-"""Relative error of a state space in its band."""
-TOLERANCE_ZPK = 1e-3
-"""Relative error of a zero-pole-gain form in its band: the eigenvalue problem of its zeros has
-rounding errors relative to the largest one."""
-DENSITIES = (2.0, 3.0, 4.5)
-"""Relaxation rates per decade that are tried until losses are accurate enough."""
-
-
 def build(
     model: LinearSystem, inputs: list[Signal], outputs: list[Signal], *, zpk: bool = False
 ) -> Exported:
@@ -159,12 +133,11 @@ def build(
 
     The `model` has constant matrices. If `zpk`, the zero-pole-gain form is computed, and compared.
     """
-    system = statespace.build(model, inputs, outputs)
     lowest, highest = mode_range(model)
-    tolerance, tried = TOLERANCE_ZPK if zpk else TOLERANCE, (lowest / 100, 100 * highest)
-    made = Exported.unmeasured(system, tolerance, tried, zpk=zpk)
-    exact = response.solve(model, made.frequency, inputs, outputs).value
-    return made.measured(_compute_errors(made, exact, inputs))
+    tried, tolerance = (lowest / 100, 100 * highest), TOLERANCE_ZPK if zpk else TOLERANCE
+    exact = response.solve(model, np.geomspace(*tried, GRID), inputs, outputs).value
+    system = statespace.build(model, inputs, outputs)
+    return _measure(system, exact, inputs, tried, tolerance, zpk=zpk, narrow=True)
 
 
 def build_lossy(
@@ -186,11 +159,9 @@ def build_lossy(
     best: tuple[float, Exported] | None = None
     for density in DENSITIES:
         system = statespace.build(relax(model, band, density), inputs, outputs)
-        made = Exported.unmeasured(system, accuracy, band, zpk=zpk)
-        error = _compute_errors(made, exact, inputs)
-        made = made.measured(off_resonance(error, made.frequency))
-        q_error = _error_of_q(system, modes, band)
-        made, share = replace(made, q_error=q_error), max(made.worst, q_error / 2) / accuracy
+        made = _measure(system, exact, inputs, band, accuracy, zpk=zpk, narrow=False)
+        made = replace(made, q_error=_error_of_q(system, modes, band))
+        share = max(made.worst, (made.q_error or 0.0) / 2) / accuracy
         if best is not None and share > GAIN * best[0]:
             break
         best = share, made
@@ -198,6 +169,37 @@ def build_lossy(
             break
     assert best is not None
     return best[1]
+
+
+def _measure(
+    system: statespace.StateSpace,
+    exact: Complex[np.ndarray, "frequency output input"],
+    inputs: list[Signal],
+    tried: tuple[float, float],
+    tolerance: float,
+    *,
+    zpk: bool,
+    narrow: bool,
+) -> Exported:
+    """Compare a system with exact responses; without errors at resonances unless `narrow`."""
+    form, frequency = compute_zero_pole_gain(system) if zpk else None, np.geomspace(*tried, GRID)
+    value = (form or system).at(frequency)
+    error = _compute_errors(value, exact, inputs)
+    largest = (error if narrow else off_resonance(error, frequency)).max((1, 2))
+    band, worst = _find_band(frequency, largest <= tolerance), float(largest.max())
+    return Exported(system, form, band, tolerance, worst, tried, value)
+
+
+def _find_band(
+    frequency: Float[np.ndarray, " frequency"], agrees: Bool[np.ndarray, " frequency"]
+) -> tuple[float, float] | None:
+    """Find the widest band that agrees; None if no two neighbouring frequencies do."""
+    edges = np.flatnonzero(np.diff(agrees, prepend=False, append=False)).reshape(-1, 2)
+    count = edges[:, 1] - edges[:, 0]
+    if count.max(initial=0) < 2:
+        return None
+    first, beyond = edges[count.argmax()]
+    return float(frequency[first]), float(frequency[beyond - 1])
 
 
 def mode_range(model: LinearSystem) -> tuple[float, float]:
@@ -208,9 +210,11 @@ def mode_range(model: LinearSystem) -> tuple[float, float]:
 
 
 def _compute_errors(
-    made: Exported, exact: Complex[np.ndarray, "frequency output input"], inputs: list[Signal]
+    value: Complex[np.ndarray, "frequency output input"],
+    exact: Complex[np.ndarray, "frequency output input"],
+    inputs: list[Signal],
 ) -> Float[np.ndarray, "frequency output input"]:
-    """Compute the errors of an export against the direct solution of a model.
+    """Compute the errors of responses against exact ones.
 
     They are relative to each response, or to `FAINT` of the output's largest response to an input
     of the same unit (the direct solution loses digits of fainter ones too).
@@ -222,7 +226,7 @@ def _compute_errors(
         size[:, :, alike] = np.where(
             own > 0, np.maximum(own, FAINT * own.max(-1, keepdims=True)), 0
         )
-    off = np.abs(made.value - exact)
+    off = np.abs(value - exact)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.where(size > 0, off / size, np.where(off == 0, 0.0, np.inf))
     return np.where(np.isnan(error), np.inf, error)
@@ -234,7 +238,7 @@ def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, 
     Modes of motions that the system leaves out have no pole closer to them than to others.
     """
     poles = np.linalg.eigvals(system.a)
-    poles = poles[poles.imag > 0]
+    poles = poles[np.imag(poles) > 0]
     frequency, q = np.abs(poles) / (2 * np.pi), np.abs(poles) / np.maximum(-2 * poles.real, 1e-300)
     some = np.isfinite(modes.q) & (modes.frequency > band[0]) & (modes.frequency < band[1])
     if not some.any() or not len(poles):
@@ -269,10 +273,10 @@ def compare_with_complete(
     band = np.full((len(AGREEMENT), len(outputs), len(inputs), 2), np.nan)
     if not unknown:
         exact = response.solve(complete.system(design), made.frequency, inputs, outputs).value
-        error = _compute_errors(made, exact, inputs)
-        error = off_resonance(error, made.frequency)
+        error = off_resonance(_compute_errors(made.value, exact, inputs), made.frequency)
         for n, o, i in np.ndindex(band.shape[:-1]):
-            band[n, o, i] = made.widest_band(error[:, o, i] <= AGREEMENT[n]) or np.nan
+            agrees = error[:, o, i] <= AGREEMENT[n]
+            band[n, o, i] = _find_band(made.frequency, agrees) or np.nan
     return replace(made, agreement=Agreement(complete.name, unknown, band[..., 0], band[..., 1]))
 
 

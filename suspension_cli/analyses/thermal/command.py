@@ -16,7 +16,7 @@ from suspension_cli.analyses.analysis import (
     only_one,
 )
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.grids import decade_points, parse_frequencies
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class ThermalAnalysis(Analysis):
             if signal.body == SUPPORT:
                 problem = "the support is at rest and has no thermal noise"
                 remedy = "name a stage, for example test.x"
-                raise InputError([Fault("--output", problem, remedy, format_value(signal.text))])
+                raise InputError.of("--output", problem, remedy, format_value(signal.text))
         noises = thermal.solve(model, frequency, motions, run.design.constants.temperature)
         for noise in noises:
             if not noise.contribution.any():
@@ -103,7 +103,7 @@ class ThermalAnalysis(Analysis):
                     "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4),"
                     " or blades a loss_angle, [gas] or [stage.damping]"
                 )
-                raise InputError([Fault("--output", problem, remedy, format_value(noise.output))])
+                raise InputError.of("--output", problem, remedy, format_value(noise.output))
         root = setting["mirrors"] ** 0.5
         noises = [replace(one, contribution=root * one.contribution) for one in noises]
         lossless = find_lossless(run.design, choice.level)

@@ -9,13 +9,6 @@ let W be the mean power dissipated. Then
 one-sided, in m^2/Hz. Im(Z) is a sum over lossy parts j, each with its own temperature, and x^H
 Im(Z_j) x a sum of squares, in which nothing cancels. The imaginary part of the susceptibility r .
 Z^-1 r, in contrast, loses the digits of a high Q.
-
-Control loops u = -H S x at the actuators P change the motion, (Z + P H S) x = F, but not the
-thermal forces of the parts, and have none of their own. Then x is the motion under a force on r
-with sensors and actuators exchanged, (Z + S^T H P^T) x = r; by the matrix inversion lemma, with the
-open-loop motions g_r = Z^-1 r and g_S = Z^-1 S^T,
-
-    x = g_r - g_S H q,    (1 + P^T g_S H) q = P^T g_r.
 """
 
 from __future__ import annotations
@@ -28,7 +21,7 @@ import numpy as np
 
 from suspension_cli.analyses import model_choice
 from suspension_cli.conventions import BOLTZMANN, DOFS
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import EACH, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.frequency_terms import quadratic_form
@@ -59,10 +52,6 @@ class Thermal:
 
     Attributes
     ----------
-    frequency
-        Hz.
-    unit
-        Of the motion: m or rad.
     tilt
         Angle (rad) by which the observed direction rises above x.
     source
@@ -138,53 +127,31 @@ def solve(
     ]
 
 
-@dataclass(frozen=True)
-class Feedback:
-    """Control loops u = -H y: linear forms of sensors and actuators, and H at the frequencies."""
-
-    sensed: Float[np.ndarray, "loop coordinate"]
-    pushed: Float[np.ndarray, "loop coordinate"]
-    filters: Inexact[np.ndarray, "frequency loop"]
-
-
 def compute_densities(
     model: LinearSystem,
     frequency: Float[np.ndarray, " frequency"],
     rows: Float[np.ndarray, "output coordinate"],
     temperature: float,
-    feedback: Feedback | None = None,
     weights: Inexact[np.ndarray, "frequency sum output"] | None = None,
 ) -> list[dict[str, Float[np.ndarray, " frequency"]]]:
     """Compute power spectral densities (unit^2/Hz) of linear forms by source, as `solve` does.
 
     With `weights`, those of sums of the forms.
     """
-    omega, count = 2 * np.pi * frequency, len(rows)
-    none = np.zeros((0, rows.shape[1]))
-    loops = feedback or Feedback(none, none, np.zeros((len(omega), 0)))
-    forms = np.concatenate([rows, loops.sensed])
+    omega, pencil = 2 * np.pi * frequency, Pencil.of(model)
     found: list[dict[str, Array]] = [{} for _ in (rows if weights is None else weights[0])]
-    pencil = Pencil.of(model)
-    blocks = [block for block in pencil.blocks if forms[:, block.keep].any()]
+    blocks = [block for block in pencil.blocks if rows[:, block.keep].any()]
     largest = max((len(block.owner) for block in blocks), default=1)
     step = max(CHUNK // largest**2, 64)
     for start in range(0, len(omega), step):
         now = slice(start, start + step)
-        h, there = loops.filters[now], pencil.at(omega[now])
-        pushed = np.zeros((len(h), len(loops.pushed), len(forms)), dtype=complex)
-        solved: list[tuple[EvaluatedBlock, Array]] = []
+        there = pencil.at(omega[now])
         for block in blocks:
-            here, forces = block.at(there), forms[:, block.keep].T
+            here, forces = block.at(there), rows[:, block.keep].T
             driven = np.flatnonzero(forces.any(0))
-            motion = np.zeros((len(block.keep), len(forms), len(h)), dtype=complex)
+            moved = np.zeros((len(forces), len(rows), len(omega[now])), dtype=complex)
             still = np.zeros((6, len(driven)))
-            motion[:, driven] = here.respond(np.eye(len(forces)), still, forces[:, driven])
-            pushed += np.einsum("lc,cif->fli", loops.pushed[:, block.keep], motion)
-            solved.append((here, motion))
-        back = np.eye(len(loops.pushed)) + pushed[:, :, count:] * h[:, None, :]
-        q = h[:, :, None] * np.linalg.solve(back, pushed[:, :, :count])
-        for here, motion in solved:
-            moved = motion[:, :count] - np.einsum("clf,flo->cof", motion[:, count:], q)
+            moved[:, driven] = here.respond(np.eye(len(forces)), still, forces[:, driven])
             if weights is not None:
                 moved = np.einsum("fso,cof->csf", weights[now], moved)
             for number in np.flatnonzero(moved.any((0, 2))):
@@ -204,12 +171,12 @@ def _check_powers(
         at = format_value(float(frequency[~np.isfinite(total)][0]))
         problem = "is a resonance without loss, where the noise is infinite"
         remedy = "move it, or give loss_angle or damping"
-        raise InputError([Fault("--frequency", problem, remedy, at)])
+        raise InputError.of("--frequency", problem, remedy, at)
     for name, power in powers.items():
         if (power < -ROUNDING * total).any():
             problem = "gives power back instead of dissipating it, so it has no thermal noise"
             remedy = "make its stiffness and damping matrices positive, or its loss angle 0"
-            raise InputError([Fault(name, problem, remedy)])
+            raise InputError.of(name, problem, remedy)
 
 
 def compute_dissipation(
@@ -248,7 +215,7 @@ def parse_outputs(model: LinearSystem, texts: Sequence[str], arm: float) -> list
     for signal, dof in zip(found, along, strict=True):
         if arm and dof != "x" and (dof in "yz" or "x" not in along):
             problem = f"is for motion along x, not {signal.text}"
-            raise InputError([Fault("--arm", problem, "leave it out, or give outputs along x")])
+            raise InputError.of("--arm", problem, "leave it out, or give outputs along x")
     return found
 
 
@@ -301,6 +268,5 @@ def choose(
     problem = f"the {wanted} model does not know where along a wire its loss acts"
     model_choice.demand_one_of(wanted, models, problem)
     if why := models[0].unsuitable(source.design):
-        remedy = "give its material and radius or section, for its loss"
-        raise InputError([Fault("stage", why, remedy)])
+        raise InputError.of("stage", why, "give its material and radius or section, for its loss")
     return model_choice.choose(source, wanted, lambda _: Noise(outputs, frequency, arm))

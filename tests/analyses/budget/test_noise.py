@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.budget import noise, solve
-from suspension_cli.analyses.budget.noise import Noises
-from suspension_cli.analyses.budget.spectrum import Spectrum
+from suspension_cli.analyses.budget import solve
+from suspension_cli.analyses.budget.ground import Spectrum
+from suspension_cli.analyses.budget.solve import Noises
 from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
@@ -93,7 +93,7 @@ def test_thermal_noise_of_chains(how, reference):
         closed = control.build_plant(design, registry.STRING.system(design))
     motions = plants.motions(closed.model, "test.x", "test.pitch", "test.z")
     rows = np.array([signals.linear_form(motion, closed.model) for motion in motions])
-    found = noise.compute_thermal(closed, GRID, motions, 290.0)
+    found = Noises(closed, motions, {}, 290.0).density(GRID)[:, -1]
     np.testing.assert_allclose(found, cross_spectra(closed, rows, 290.0), rtol=1e-6)
     if how == "none":
         for part, bare in zip(

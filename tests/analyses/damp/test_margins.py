@@ -4,7 +4,7 @@ narrow as losses make them, and the gain at which a pole of the closed loop star
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -14,7 +14,6 @@ import suspension_cli as sus
 from suspension_cli.analyses.damp import closed_loop_poles, control, margins
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
-from suspension_cli.linear.statespace import with_constant_loss
 from suspension_cli.models import registry
 from tests.support import plants, scenes
 from tests.support.paths import CONFIGS
@@ -194,12 +193,7 @@ def of(design, level):
 
 
 def all_margins(plant):
-    constant = replace(plant, model=with_constant_loss(plant.model))
-    closed = closed_loop_poles.find(plant)
-    corners = damp.find_corner_frequencies(constant, closed)
-    return margins.compute_margins(
-        partial(control.compute_loop_gains, plant), corners, damp._static_gains(plant, corners[0])
-    )
+    return damp.find_margins(plant, closed_loop_poles.find(plant))[0]
 
 
 @cache

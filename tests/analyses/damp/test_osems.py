@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import quad
 
 import suspension_cli as sus
-from suspension_cli.analyses.budget import noise, solve
-from suspension_cli.analyses.budget.noise import Noises
-from suspension_cli.analyses.budget.spectrum import Spectrum
+from suspension_cli.analyses.budget import solve
+from suspension_cli.analyses.budget.ground import Spectrum
+from suspension_cli.analyses.budget.solve import Noises
 from suspension_cli.analyses.damp import control
-from suspension_cli.analyses.damp.osems import compute_matrices
+from suspension_cli.analyses.damp.control import compute_matrices
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.sensors import Osem
 from suspension_cli.errors import InputError
@@ -191,7 +191,8 @@ def test_thermal_noise_of_drives():
     to_coil = np.stack([np.full(4, 0.25), up / (4 * HIGH)], axis=1)
     whole = to_coil @ h @ np.linalg.inv(np.eye(2) + push @ h)
     expected = np.einsum("fai,fij,faj->af", whole, open_loop, whole.conj()).real
-    found = noise.compute_thermal(closed, GRID, plants.motions(closed.model, "test.x"), 290.0)
+    noises = Noises(closed, plants.motions(closed.model, "test.x"), {}, 290.0)
+    found = noises.density(GRID)[:, -1]
     np.testing.assert_allclose(found[1:], expected, rtol=1e-6)
 
 
