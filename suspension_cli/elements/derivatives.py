@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +44,8 @@ from suspension_cli.elements.vectors import (
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
+
+    from suspension_cli.elements.configuration import Numbers
 
 _THREE, _SIX = np.arange(3)[:, None], np.arange(6)[:, None]
 """Offsets of the coordinates of bodies, one body to a column."""
@@ -81,7 +83,7 @@ def _total(*parts: np.ndarray | None) -> np.ndarray | None:
 
 
 def _of(
-    function: Callable[..., np.ndarray], first: np.ndarray | None, *others: np.ndarray
+    function: Callable[..., np.ndarray], first: np.ndarray | None, *others: Any
 ) -> np.ndarray | None:
     """A function that is linear in its first argument."""
     return None if first is None else function(first, *others)
@@ -204,7 +206,7 @@ class Derivatives:
         self.hessian[tip[one], tip[other]] += dot(moves[:, other], stiff[:, one])
 
 
-def _gradient(attached: Attached, terms: Terms) -> Iterator[tuple[tuple[int, ...], int, Vector]]:
+def _gradient(attached: Attached, terms: Terms) -> Iterator[tuple[Numbers, int, Vector]]:
     """List the gradients by translations (0) and rotations (3) of the bodies at both ends."""
     sides = (
         (attached.ends.upper, -1.0, attached.upper_arm, terms.upper_torque),
@@ -226,7 +228,7 @@ def _rates(attached: Attached, terms: Terms) -> tuple[Matrix | None, Matrix | No
 
 def _blocks(
     attached: Attached, terms: Terms, a: Matrix | None, b: Matrix | None
-) -> Iterator[tuple[tuple[int, ...], int, tuple[int, ...], int, Matrix]]:
+) -> list[tuple[Numbers, int, Numbers, int, Matrix]]:
     """List the blocks between translations (0) and rotations (3) of both bodies, rows first."""
     (upper, lower, _), s, x_u, x_l = attached.ends, terms.s, terms.x_u, terms.x_l
     arm, below, force = attached.upper_arm, attached.lower_arm, terms.turning_force
@@ -253,4 +255,4 @@ def _blocks(
             (lower, 3, upper, 3, mixed),
             (lower, 3, lower, 3, own),
         ]
-    return ((*place, block) for *place, block in blocks if block is not None)
+    return [(row, i, column, j, own) for row, i, column, j, own in blocks if own is not None]

@@ -121,7 +121,7 @@ def masses(arrays: SceneArrays) -> tuple[list[Masses], list[Masses]]:
     lines: list[Masses] = []
 
     def add_lines(ends: Ends, upper: Vector, lower: Vector, moments: Vector) -> None:
-        first, mixed, second = moments
+        (first, mixed, second) = moments
         lines.append(Masses(ends, (upper, lower), -mixed))
         free = (-1,) * len(ends.upper)
         points.append(Masses(Ends(ends.upper, free, ends.blade), (upper,), first + mixed))
@@ -134,7 +134,7 @@ def masses(arrays: SceneArrays) -> tuple[list[Masses], list[Masses]]:
         ends = Ends.of(wires.upper, wires.lower, wires.blade)
         add_lines(ends, wires.upper_point, wires.lower_point, wires.mass)
     if bars.label:
-        add_lines(Ends.of(*bars.body.T), *bars.point, bars.inertia)
+        add_lines(Ends.of(*bars.body.T), bars.point[0], bars.point[1], bars.inertia)
     return points, lines
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
-from suspension_cli.elements.gas import body_damping
+from suspension_cli.elements.loss import body_damping
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import Term, WireTerm

@@ -350,7 +350,7 @@ def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray,
         strand = term.strand
         there = replace(strand, lossy=False).at(omega)
         for part, moved in ends.items():
-            added = there[part].stiffness - strand.resting(part)
+            added = there[part].stiffness - strand.static[part][..., None]
             change += np.einsum("iwm,ijm,jwm->m", moved, added, moved)
     result = np.zeros(len(good))
     result[good] = np.where(
