@@ -55,38 +55,18 @@ ELEMENT_PLACES = ((0, 0), (0, 1), (1, 1), (2, 2), (2, 3), (3, 3))
 
 
 class Waves(NamedTuple):
-    """Functions of the wave numbers of a wire at given frequencies.
+    """Functions of the wave numbers of a wire; sections may be an axis before the frequencies."""
 
-    Sections of a wire may be an axis in front of the frequencies.
-
-    Attributes
-    ----------
-    half
-        h, m.
-    alpha2, beta2
-        Squares of the evanescent and the propagating wave number, 1/m^2; complex with loss.
-    tanh
-        tanh(alpha h) / alpha, m.
-    sin
-        sin(beta h) / beta, m.
-    cos
-        cos(beta h).
-    lag, behind
-        h - tanh(alpha h) / alpha and sin(beta h) / beta - h cos(beta h), m.
-    even, odd
-        D (1/m) and N (m).
-    """
-
-    half: Inexact[np.ndarray, "*#shape"] | float
-    alpha2: Inexact[np.ndarray, "*shape"]
-    beta2: Inexact[np.ndarray, "*shape"]
-    tanh: Inexact[np.ndarray, "*shape"]
-    sin: Inexact[np.ndarray, "*shape"]
-    cos: Inexact[np.ndarray, "*shape"]
-    lag: Inexact[np.ndarray, "*shape"]
-    behind: Inexact[np.ndarray, "*shape"]
-    even: Inexact[np.ndarray, "*shape"]
-    odd: Inexact[np.ndarray, "*shape"]
+    half: Inexact[np.ndarray, "*#shape"] | float  # h, m
+    alpha2: Inexact[np.ndarray, "*shape"]  # squares of the evanescent and the propagating wave
+    beta2: Inexact[np.ndarray, "*shape"]  # number, 1/m^2; complex with loss
+    tanh: Inexact[np.ndarray, "*shape"]  # tanh(alpha h) / alpha, m
+    sin: Inexact[np.ndarray, "*shape"]  # sin(beta h) / beta, m
+    cos: Inexact[np.ndarray, "*shape"]  # cos(beta h)
+    lag: Inexact[np.ndarray, "*shape"]  # h - tanh(alpha h) / alpha, m
+    behind: Inexact[np.ndarray, "*shape"]  # sin(beta h) / beta - h cos(beta h), m
+    even: Inexact[np.ndarray, "*shape"]  # D, 1/m
+    odd: Inexact[np.ndarray, "*shape"]  # N, m
 
 
 def waves(
@@ -98,19 +78,9 @@ def waves(
 ) -> Waves:
     """Compute the waves of a wire.
 
-    Parameters
-    ----------
-    rigidity
-        EI in N m^2, above 0; complex, EI (1 + i phi), with loss.
-    tension
-        N, at least 0.
-    mass
-        Mass per length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire
-        without inertia.
-    half : float or array
-        Half the length, m.
-    omega
-        rad/s; complex to differentiate by a complex step.
+    `rigidity` is EI in N m^2, above 0; complex, EI (1 + i phi), with loss. `mass` is that per
+    length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire without inertia.
+    `omega` is in rad/s; complex to differentiate by a complex step.
     """
     tau, m = tension / rigidity, mass * omega**2 / rigidity
     alpha2 = (tau + np.sqrt(tau**2 + 4 * m)) / 2
@@ -146,15 +116,8 @@ def stiffness(
     T_s = (w'_2 - w'_1) / 2, phi = (w_2 - w_1) / L, d = (w'_1 + w'_2) / 2 - phi. The stiffness T L
     of the chord against turning is left out.
 
-    Parameters
-    ----------
-    rigidity
-        EI as given to `waves`, N m^2.
-
-    Returns
-    -------
-    list of 6 arrays
-        At `ELEMENT_PLACES`: N/m, N and N m for WW, WT and TT; N m for the odd ones.
+    `rigidity` is EI as given to `waves`. The elements are at `ELEMENT_PLACES`: N/m, N and N m for
+    WW, WT and TT; N m for the odd ones.
     """
     product, sum2 = wave.alpha2 * wave.beta2, wave.alpha2 + wave.beta2
     bent = sum2 * wave.sin * wave.tanh

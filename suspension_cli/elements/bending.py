@@ -67,20 +67,17 @@ def with_bending(
 
     `tension` (N) and `length` (m) are those at which the stiffness is taken; nominal by default.
     """
-    fibres = scene.fibres
-    assert fibres is not None
     scene = with_planes(scene) if scene.flex is None else scene
-    wires, batch = scene.wires, scene.batch
+    fibres, flex, wires, batch = scene.fibres, scene.flex, scene.wires, scene.batch
+    assert fibres is not None and flex is not None
     length = wires.length if length is None else length
     tension = wires.tension if tension is None else tension
     numbers = (
         builds_last(np.broadcast_to(value, (*batch, len(wires.label))), 1, batch)
         for value in (length, tension, wires.torsion)
     )
-    bend, twist = resistance_of_wires(fibres.wire, *numbers)
-    assert scene.flex is not None
-    flex = replace(scene.flex, bend=batch_first(bend, batch), twist=batch_first(twist, batch))
-    return replace(scene, flex=flex)
+    bend, twist = (batch_first(own, batch) for own in resistance_of_wires(fibres.wire, *numbers))
+    return replace(scene, flex=replace(flex, bend=bend, twist=twist))
 
 
 def _normals(now: Configuration) -> tuple[Vector, Vector]:

@@ -25,20 +25,11 @@ Contribution = Callable[[Configuration, Derivatives], None]
 class Element:
     """One kind of element.
 
-    Attributes
-    ----------
-    energy
-        Potential energy of each build relative to the nominal pose, J.
-    add_derivatives
-        Adds the derivatives of that energy.
-    add_mass, add_damping, add_loss
-        Add the mass matrix, viscous damping and imaginary part of the stiffness, all as the second
-        derivatives of a quadratic energy; None if absent.
-    make
-        Makes its arrays from the design and the scene of all else; None for an element on arrays
-        that every scene has. It acts only in scenes in which they have a `label`.
-    name
-        Of these arrays in `Scene.added`.
+    `energy` is that of each build relative to the nominal pose, J. Mass, damping and loss (the
+    imaginary part of the stiffness) are added as second derivatives of a quadratic energy. `make`
+    makes arrays of its own from the design and the scene of all else, which are known by `name` in
+    `Scene.added`; it is None for an element on arrays that every scene has. It acts only in scenes
+    in which they have a `label`.
     """
 
     energy: Callable[[Configuration], Inexact[np.ndarray, " build"]]

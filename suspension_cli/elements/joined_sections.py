@@ -59,21 +59,14 @@ ENDS = {
 
 
 class Joined(NamedTuple):
-    """Sections joined to a whole.
-
-    Attributes
-    ----------
-    stiffness
-        Of all together: of beams on (W, T_s, phi, d) or (T_s, d), of rods their springs.
-    motions
-        By round, the motion of upper and lower parts per motion of the joined pairs.
-    negative
-        Number of negative eigenvalues of the stiffnesses of the nodes.
-    """
+    """Sections joined to a whole."""
 
     stiffness: Inexact[np.ndarray, "*elements"]
+    """Of beams on (W, T_s, phi, d) or (T_s, d), of rods their springs."""
     motions: list[tuple[Inexact[np.ndarray, "end end pair *#shape"], ...]]
+    """By round, the motion of upper and lower parts per motion of the joined pairs."""
     negative: Int[np.ndarray, "*shape"] | int
+    """Number of negative eigenvalues of the stiffnesses of the nodes."""
 
 
 def join(
@@ -208,10 +201,8 @@ def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
         c = c_A c_B / S,
         r_1 = r_A1 + c_A (r_A2 + r_B1) / S,    r_2 = r_B2 + c_B (r_A2 + r_B1) / S.
 
-    Parameters
-    ----------
-    springs
-        c, r_1 and r_2 of each section, from the top. The `motions` are those of both ends.
+    The `springs` are c, r_1 and r_2 of each section, from the top; the `motions` those of both
+    ends.
     """
     motions, negative = [], 0
     while springs.shape[1] > 1:

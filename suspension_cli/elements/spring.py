@@ -19,6 +19,7 @@ with the point a in the frame of the upper body; expanding the exponentials give
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -53,47 +54,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Strains:
-    """Strains of springs, or of flexures of legs, in a pose.
+    """Strains of springs, or of flexures of legs, in a pose."""
 
-    Attributes
-    ----------
-    which
-        Their numbers.
-    legs
-        Their lengths, m; None for springs.
-    upper, lower
-        Rotations of the bodies.
-    delta
-        In the frame of the upper body, m.
-    strain
-        delta (or the lean), m, and phi, rad.
-    rates
-        Derivatives of the lean by delta; None for springs.
-    spin
-        Derivatives of phi by a rotation of the lower body.
-    """
-
-    which: list[int]
-    legs: Scalar | None
+    which: list[int]  # their numbers
+    legs: Scalar | None  # their lengths, m; None for springs
     attached: Attached
-    upper: Matrix
+    upper: Matrix  # rotations of the bodies
     lower: Matrix
-    delta: Vector
-    strain: tuple[Vector, Vector]
-    rates: Matrix | None
-    spin: Matrix
+    delta: Vector  # in the frame of the upper body, m
+    strain: tuple[Vector, Vector]  # delta (or the lean), m, and phi, rad
+    rates: Matrix | None  # derivatives of the lean by delta; None for springs
+    spin: Matrix  # derivatives of phi by a rotation of the lower body
 
 
-def _strains(now: Configuration) -> list[_Strains]:
+def _strains(now: Configuration) -> Iterator[_Strains]:
     """Strains of all springs, and of all legs."""
     length = now.arrays.springs.leg
     is_leg = (length != 0).any(-1)
-    parts = (np.flatnonzero(~is_leg).tolist(), np.flatnonzero(is_leg).tolist())
-    return [
-        _strains_of(now, which, legs)
-        for which, legs in ((parts[0], None), (parts[1], length[parts[1]]))
-        if which
-    ]
+    for legs in (False, True):
+        if len(which := np.flatnonzero(is_leg == legs).tolist()):
+            yield _strains_of(now, which, length[which] if legs else None)
 
 
 def _strains_of(now: Configuration, which: list[int], legs: Scalar | None) -> _Strains:
