@@ -6,27 +6,29 @@ mass too (`massive`).
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import string
+from suspension_cli.elements import loss, string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
-from suspension_cli.elements.loss import body_damping
+from suspension_cli.elements.registry import elements_of
 from suspension_cli.equilibrium import clamps
+from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.linear.frequency_terms import Term, WireTerm
+from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
-from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless, spring_terms
 from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene import fibres as fibres_of
-from suspension_cli.scene.composition import Fibres
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.composition import BladeLoss, Fibres
 from suspension_cli.scene.pose import Layout, Pose, layout
 from suspension_cli.scene.scene import Scene
 
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def linear_model(
-    scene: Scene, drag: Drag = (), *, massive: bool, split: bool = True
+    scene: Scene, design: Design, *, massive: bool, split: bool = True
 ) -> tuple[LinearSystem, Equilibrium]:
     """Linear model of small motions of a scene whose wires bend, and have mass if `massive`.
 
@@ -53,16 +55,72 @@ def linear_model(
     model = string_model.linear_model(
         lossless(scene), balanced, wire_inertia=not massive, adapted=adapted
     )
-    of_springs, of_ground = spring_terms(scene, numbering, balanced.pose, adapted)
-    terms = [
+    pose = balanced.pose
+    of_springs, of_ground = string_model.spring_terms(scene, numbering, pose, adapted)
+    terms = (
         *of_springs[: len(of_ground)],
         *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
-        *loss_terms(scene, numbering, balanced.pose, adapted),
+        *_blade_terms(scene, numbering, pose, adapted),
         *of_springs[len(of_ground) :],
-        *gas_terms(scene, numbering, balanced.pose, adapted, drag),
-    ]
+        *_gas_terms(scene, design, numbering, pose, adapted),
+    )
     ground = model.ground if model.ground is None else replace(model.ground, terms=of_ground)
-    return replace(model, terms=tuple(terms), ground=ground), balanced
+    return replace(model, terms=terms, ground=ground), balanced
+
+
+def lossless(scene: Scene) -> Scene:
+    """The scene without the losses of wires, blades, springs and added elements."""
+    parts = {name: part for name, part in scene.parts.items() if hasattr(part, "loss")}
+    return scene.with_parts(
+        {name: replace(part, loss=np.zeros_like(part.loss)) for name, part in parts.items()}
+    )
+
+
+def _blade_terms(
+    scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry
+) -> Iterator[LossTerm]:
+    """Losses of blades, those of a stage that are alike together, and of added elements."""
+    fibres, blades = scene.fibres, scene.blades
+    assert fibres is not None
+    groups: dict[BladeLoss, list[int]] = {}
+    for own in fibres.blade:
+        stage = own.label.rsplit(".", 1)[0]
+        groups.setdefault(replace(own, label=stage), []).append(blades.label.index(own.label))
+    for own, numbers in groups.items():
+        matrix = np.zeros((*blades.stiffness.shape[:-2], numbering.size, numbering.size))
+        for n in numbers:
+            rows = numbering.blade[n][blades.axes[n]]
+            matrix[..., rows, rows] = blades.stiffness[..., n, blades.axes[n]]
+        angle = partial(loss.blade_angle, own)
+        yield LossTerm(f"{own.label}.blades", own.temperature, adapted.apply(matrix), angle)
+    for item in elements_of(scene):
+        if item.make is not None and item.add_loss is not None:
+            lossy = adapted.apply(sum_forms(scene, numbering, pose, [item.add_loss]))
+            yield LossTerm(item.name, fibres.temperature, lossy, np.ones_like)
+
+
+def _gas_terms(
+    scene: Scene, design: Design, numbering: Layout, pose: Pose, adapted: Symmetry
+) -> Iterator[LossTerm]:
+    """Losses by the gas around the bodies."""
+    for n, own in enumerate(_gas_damping(scene.fibres, design)):
+        if own is None:
+            continue
+        gas, turn = scene.fibres and scene.fibres.gas, pose.rotation[..., n + 1, :, :]
+        assert gas is not None and gas.temperature is not None
+        matrix = np.zeros((*turn.shape[:-2], numbering.size, numbering.size))
+        for half in (0, 3):
+            rows = slice(6 * (n + 1) + half, 6 * (n + 1) + half + 3)
+            drag = own[half : half + 3, half : half + 3]
+            matrix[..., rows, rows] = turn @ drag @ np.swapaxes(turn, -1, -2)
+        cause = f"{scene.bodies.name[n]}.gas"
+        yield LossTerm(cause, gas.temperature, adapted.apply(matrix), lambda w: w, elastic=False)
+
+
+def _gas_damping(made: Fibres | None, design: Design) -> list[Array | None]:
+    """Damping (6, 6) of each body by the gas around it, in its own frame at its COM."""
+    gas = made and made.gas
+    return [] if gas is None else [loss.body_damping(stage.body, gas) for stage in design.stage]
 
 
 def _wire_terms(
@@ -92,9 +150,8 @@ def _wire_terms(
         for part, rows in forms.items():
             moved = np.zeros((*rows.shape[:-3], len(alike), rows.shape[-2], len(columns) + 1))
             for n, wire in enumerate(alike):
-                moved[..., n, :, np.searchsorted(columns, place[wire])] = np.moveaxis(
-                    rows[..., wire, :, :], -1, 0
-                )
+                columns_here = np.searchsorted(columns, place[wire])
+                moved[..., n, :, columns_here] = np.moveaxis(rows[..., wire, :, :], -1, 0)
             motion[part] = moved[..., :-1]
         stage = scene.bodies.name[wires.lower[alike[0]] - 1]
         term = WireTerm(stage, strand, number, columns, motion, numbering.size)
@@ -171,11 +228,6 @@ def wire_forms(
     return place, result
 
 
-def _gas_damping(made: Fibres, design: Design) -> Drag:
-    gas = made.gas
-    return () if gas is None else tuple(body_damping(stage.body, gas) for stage in design.stage)
-
-
 class Beam(string_model.SceneModel):
     """The beam model, valid below the first violin mode."""
 
@@ -218,8 +270,7 @@ class Beam(string_model.SceneModel):
     ) -> tuple[LinearSystem, Equilibrium]:
         """Builds whose wires bend, each with its length and tension in its own equilibrium."""
         assert scene.fibres is not None
-        drag = _gas_damping(scene.fibres, design)
-        return linear_model(scene, drag, massive=self.has_wire_mass, split=split)
+        return linear_model(scene, design, massive=self.has_wire_mass, split=split)
 
 
 BEAM = Beam()

@@ -60,38 +60,22 @@ GEOMETRY = ("t1", "t2", "s_upper", "s_lower", "d", "d_upper")
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a chain; floats may be arrays of the batch shape.
+    """One stage of a chain; floats may be arrays of the batch shape, lengths are in m."""
 
-    Attributes
-    ----------
-    mass, inertia
-        kg; IX, IY, IZ in kg m^2.
-    count
-        Wires: 1, 2 (at +-t) or 4.
-    l, s_upper, s_lower, t1, t2, d, d_upper
-        m; the paper's symbols, see `design.schema.WireSet`.
-    k, torsion
-        Of one wire, N/m and N m/rad (0 if not given).
-    blades
-        0, or the number of blades that carry the wires.
-    blade_stiffness
-        Of one blade, N/m. This, k and torsion may be complex, k (1 + i phi).
-    """
-
-    mass: Numbers
-    inertia: tuple[Numbers, Numbers, Numbers]
-    count: int
-    l: Numbers
+    mass: Numbers  # kg
+    inertia: tuple[Numbers, Numbers, Numbers]  # IX, IY, IZ, kg m^2
+    count: int  # of wires: 1, 2 (at +-t) or 4
+    l: Numbers  # the paper's symbols, see `design.schema.WireSet`
     t1: Numbers = 0.0
     t2: Numbers = 0.0
     s_upper: Numbers = 0.0
     s_lower: Numbers = 0.0
     d: Numbers = 0.0
     d_upper: Numbers = 0.0
-    k: Numbers = 1e4
-    torsion: Numbers = 0.0
-    blades: int = 0
-    blade_stiffness: Numbers = 1e3
+    k: Numbers = 1e4  # of one wire, N/m; this, and the two below, may be complex, k (1 + i phi)
+    torsion: Numbers = 0.0  # of one wire, N m/rad; 0 if not given
+    blade_stiffness: Numbers = 1e3  # of one blade, N/m
+    blades: int = 0  # number of blades that carry the wires
 
     @property
     def height(self) -> Numbers:
@@ -208,10 +192,17 @@ def lossy(design: Design) -> bool:
     )
 
 
-def _linear_model(design: Design, links: Chain, with_loss: Chain) -> LinearSystem:
-    masses = [value for p in links.stages for value in (p.mass, p.mass, p.mass, *p.inertia)]
-    lossy_stiffness = stiffness(with_loss) if lossy(design) else None
-    return assembled(design, masses, stiffness(links), lossy_stiffness)
+def _linear_model(designs: Sequence[Design], *, batch: bool) -> LinearSystem:
+    """Linear model of the chain of one design, or of those of a batch of the same topology."""
+    links, with_loss = (
+        [chain(design, lossy=is_lossy) for design in designs] for is_lossy in (False, True)
+    )
+    plain = stacked(links) if batch else links[0]
+    masses = [value for p in plain.stages for value in (p.mass, p.mass, p.mass, *p.inertia)]
+    lost = None
+    if lossy(designs[0]):
+        lost = stiffness(stacked(with_loss) if batch else with_loss[0])
+    return assembled(designs[0], masses, stiffness(plain), lost)
 
 
 def assembled(
@@ -298,7 +289,7 @@ class Force(Model):
 
     def suspension(self, design: Design) -> LinearSystem:
         """The linear model on a rigid support."""
-        return _linear_model(design, chain(design), chain(design, lossy=True))
+        return _linear_model([design], batch=False)
 
     def approximated_stages(self, design: Design) -> tuple[str, ...]:
         """Stages with angled wires on blades, which are not exactly in series."""
@@ -320,8 +311,7 @@ class Force(Model):
 
     def batch(self, designs: Sequence[Design]) -> LinearSystem:
         """Chains of the same topology as one linear model, designs as the first axis."""
-        every = [[chain(design, lossy=lossy) for design in designs] for lossy in (False, True)]
-        return _linear_model(designs[0], *(stacked(chains) for chains in every))
+        return _linear_model(designs, batch=True)
 
 
 FORCE = Force()
