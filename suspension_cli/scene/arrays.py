@@ -26,17 +26,10 @@ def inner(
 ) -> dict[str, Any]:
     """Metadata of a dataclass field with batch axes, an axis of members, and axes of each member.
 
-    Parameters
-    ----------
-    shape
-        Of one member.
-    frame
-        Of points: the field with the numbers of the bodies whose frames they are in.
-    vector
-        Whether the components change sign in a mirror as those along x, y, z do (on axes of size
-        6: along x, y, z, roll, pitch, yaw). Points do anyway.
-    computed
-        Whether the numbers of two members that are mirror images may differ by rounding.
+    `shape` is that of one member. `frame` names, for points, the field with the numbers of the
+    bodies whose frames they are in. The components of a `vector` change sign in a mirror as those
+    along x, y, z do (on axes of size 6: x, y, z, roll, pitch, yaw); points do anyway. Numbers that
+    are `computed` may differ by rounding between two members that are mirror images.
 
     Examples
     --------

@@ -52,16 +52,8 @@ def impose(
 ) -> Scene:
     """Apply imperfections of one part to a scene.
 
-    Parameters
-    ----------
-    part
-        One of `PARTS`.
-    number
-        From `members`.
-    amounts : mapping of (...) or (..., 3) arrays
-        By name of `design.imperfections`.
-    hold : {"loaded-length", "natural-length"}
-        See `wire`.
+    `part` is one of `PARTS`, with a number from `members`; `amounts` are arrays (...) or (..., 3)
+    by name of `design.imperfections`; `hold` is explained at `wire`.
     """
     if part == "wire":
         return wire(scene, number, **amounts, hold=hold)

@@ -17,24 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Places:
-    """Tree of the bodies; number 0 is the support, n the n-th stage.
+    """Tree of the bodies; number 0 is the support, n the n-th stage."""
 
-    Attributes
-    ----------
-    number
-        Of each body by name, 0 also for the ground.
-    parent
-        The body above each, 0 for the support itself.
-    offset
-        COM from the COM above (or the suspension point), m.
-    position
-        COM from the suspension point, m.
-    """
-
-    number: dict[str, int]
-    parent: list[int]
-    offset: Float[np.ndarray, "1+body 3"]
-    position: Float[np.ndarray, "1+body 3"]
+    number: dict[str, int]  # of each body by name, 0 also for the ground
+    parent: list[int]  # the body above each, 0 for the support itself
+    offset: Float[np.ndarray, "1+body 3"]  # COM from the COM above (or the suspension point), m
+    position: Float[np.ndarray, "1+body 3"]  # COM from the suspension point, m
 
     @classmethod
     def of(cls, design: Design) -> Places:
