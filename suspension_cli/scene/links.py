@@ -37,7 +37,6 @@ from suspension_cli.design.derive import Keystone, gravity_strength, part_loss
 from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import (
     ROUND_ROD,
-    InvertedPendulum,
     leg_inertia,
     leg_statics,
     tops,
@@ -51,7 +50,7 @@ from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Spectrum
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Inexact
 
     from suspension_cli.design.units import Matrix6
 
@@ -95,36 +94,33 @@ def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
 
 def of_links(design: Design, places: Places) -> list[Row]:
     """List the links and the dampers; the body of lower number is the upper one."""
-    rows = []
+    rows: list[Row] = []
     for link in design.link:
         first, second = (places.number[name] for name in link.between)
-        k = link_stiffness(design, link, places.position[first], places.position[second])
         spectrum = None if link.table is None else spectrum_of(design, link)
         row = {
             "label": f"{link.name}.link",
-            "stiffness": k,
+            "stiffness": link_stiffness(
+                design, link, places.position[first], places.position[second]
+            ),
             "damping": matrix(link.damping),
             "preload": np.array(link.preload) if first > second else -np.array(link.preload),
             "loss": part_loss(design, link) if spectrum is None else 0.0,
             "spectrum": spectrum,
         }
-        rows.append(row | _ends(link, places))
+        rows.append(row)
     for damper in design.damper:
-        row = {"label": f"{damper.name}.damper", "damping": damper_matrix(damper)}
-        rows.append(row | _ends(damper, places))
+        rows.append({"label": f"{damper.name}.damper", "damping": damper_matrix(damper)})
+    for row, table in zip(rows, (*design.link, *design.damper), strict=True):
+        first, second = (places.number[name] for name in table.between)
+        shift = np.zeros(3) if first > second else places.between(first, second)
+        row |= {
+            "upper": min(first, second),
+            "lower": max(first, second),
+            "lower_point": np.array(table.at) - shift,
+            "grounded": table.between[1] == GROUND,
+        }
     return rows
-
-
-def _ends(table: Link | Damper, places: Places) -> Row:
-    """Bodies of a link or damper, and its point in the frame of the lower one."""
-    first, second = (places.number[name] for name in table.between)
-    point = np.array(table.at)
-    return {
-        "upper": min(first, second),
-        "lower": max(first, second),
-        "lower_point": point if first > second else point - places.between(first, second),
-        "grounded": table.between[1] == GROUND,
-    }
 
 
 def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
@@ -219,11 +215,11 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
     struts: list[Row] = []
     bars: list[Row] = []
     for n, stage in enumerate(design.stage, 1):
-        table, above = stage.inverted_pendulum, places.parent[n]
-        for number, top in enumerate(tops(table) if table else [], 1):
-            assert table is not None
-            label, span = f"{stage.name}.leg{number}", np.array([0.0, 0.0, table.length])
-            foot = places.offset[n] + top - span
+        if (table := stage.inverted_pendulum) is None:
+            continue
+        above, span = places.parent[n], np.array([0.0, 0.0, table.length])
+        for number, top in enumerate(tops(table), 1):
+            foot, label = places.offset[n] + top - span, {"label": f"{stage.name}.leg{number}"}
             strut = {
                 "upper": above,
                 "lower": n,
@@ -233,10 +229,10 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
                 "length": table.length,
                 "stiffness": table.axial_stiffness,
             }
-            struts.append({"label": label} | strut)
+            struts.append(label | strut)
             if table.leg_mass or table.counterweight is not None:
                 bar = {"body": (above, n), "point": (foot, top), "inertia": leg_inertia(table)}
-                bars.append({"label": label} | bar)
+                bars.append(label | bar)
     return struts, bars
 
 
@@ -244,35 +240,29 @@ def flexures(stage: Stage, load: Array, hung: float, gravity: float) -> list[Row
     """List the springs of the flexures of a stage's legs, under a load (6,) about its COM.
 
     The load (N, N m) contains the weight of the legs on the stage, `hung` is the weight in it (N)
-    without preloads.
+    without preloads. Against its strain a leg has the stiffness of its flexure k (N m/rad, at its
+    foot) and of its top k_t,
+
+        k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
     """
     table = stage.inverted_pendulum
     if table is None:
         return []
-    numbers = leg_statics(table, -load[2], hung, gravity)
-    own = {
-        "stiffness": flexure_matrix(table, numbers.flexure),
-        "loss": numbers.loss,
-        "leg": table.length,
-    }
+    numbers, length, tilt = (
+        leg_statics(table, -load[2], hung, gravity),
+        table.length,
+        table.top_stiffness,
+    )
+    across = (numbers.flexure + tilt) / length**2
+    yaw = numbers.flexure / ROUND_ROD if table.yaw_stiffness is None else table.yaw_stiffness
+    stiffness = np.diag([across, across, 0.0, tilt, tilt, yaw])
+    stiffness[0, 4] = stiffness[4, 0] = -tilt / length
+    stiffness[1, 3] = stiffness[3, 1] = tilt / length
+    own = {"stiffness": stiffness, "loss": numbers.loss, "leg": length}
     return [
         {"label": f"{stage.name}.leg{number}", "lower_point": top} | own
         for number, top in enumerate(tops(table), 1)
     ]
-
-
-def flexure_matrix(legs: InvertedPendulum, flexure: float) -> Float[np.ndarray, "6 6"]:
-    """Stiffness of the flexures of one leg, `flexure` (N m/rad) at its foot, against its strain.
-
-    k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
-    """
-    length, tilt = legs.length, legs.top_stiffness
-    across = (flexure + tilt) / length**2
-    yaw = flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness
-    result = np.diag([across, across, 0.0, tilt, tilt, yaw])
-    result[0, 4] = result[4, 0] = -tilt / length
-    result[1, 3] = result[3, 1] = tilt / length
-    return result
 
 
 def filter_blades(
@@ -296,13 +286,14 @@ def filter_blades(
         "preload": [*-load[:2], lift, *-load[3:]],
         "loss": numbers.loss,
     }
-    if numbers.coupling < table.keystone.mass:
-        return row, numbers.coupling, []
-    fault = Fault(
-        f"stage.{keystone.blades_of}.filter.keystone.mass",
-        f"is not above the mass coupling of the blades, {numbers.coupling:.3g} kg, of which it is"
-        " part",
-        "give the keystone the mass of the blades that moves with it, or a smaller saturation",
-        f"{table.keystone.mass:g}",
-    )
-    return row, numbers.coupling, [fault]
+    faults = []
+    if numbers.coupling >= table.keystone.mass:
+        key, value = f"stage.{keystone.blades_of}.filter.keystone.mass", f"{table.keystone.mass:g}"
+        problem = (
+            f"is not above the mass coupling of the blades, {numbers.coupling:.3g} kg, of which"
+        )
+        remedy = (
+            "give the keystone the mass of the blades that moves with it, or a smaller saturation"
+        )
+        faults.append(Fault(key, f"{problem} it is part", remedy, value))
+    return row, numbers.coupling, faults
