@@ -1,6 +1,6 @@
-"""Trigonometric functions of real and complex arrays, and differences in which they cancel.
+"""Hyperbolic and trigonometric functions over their arguments, and differences that would cancel.
 
-For complex arguments numpy's take several times as long.
+All are for real and complex arrays.
 """
 
 from __future__ import annotations
@@ -11,62 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Inexact
 
 TERMS = 9
 """Terms of a power series whose next one is below a rounding error."""
 
 
-def sin_cos(
-    z: Inexact[np.ndarray, "*shape"],
-) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
-    """sin(z) and cos(z); from tan(z/2) for real z, with an error of about 2^-52."""
-    if np.iscomplexobj(z):
-        sin, cos = sin_cos(np.real(z))
-        sinh, cosh = np.sinh(np.imag(z)), np.cosh(np.imag(z))
-        return _join(sin * cosh, cos * sinh), _join(cos * cosh, -sin * sinh)
-    half = np.tan(0.5 * z)
-    square = half * half
-    scale = 1 / (1 + square)
-    return 2 * half * scale, (1 - square) * scale
-
-
-def tan(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
-    """tan(z), for real or complex z."""
-    if not np.iscomplexobj(z):
-        return np.tan(z)
-    a, b = np.tan(np.real(z)), np.tanh(np.imag(z))
-    a2, b2 = a * a, b * b
-    scale = 1 / (1 + a2 * b2)
-    return _join(a * (1 - b2) * scale, b * (1 + a2) * scale)
-
-
-def tanh(z: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
-    """tanh(z), for real or complex z."""
-    if not np.iscomplexobj(z):
-        return np.tanh(z)
-    turned = tan(_join(-np.imag(z), np.real(z)))  # tan(iz) = i tanh(z)
-    return _join(np.imag(turned), -np.real(turned))
-
-
-def _join(
-    real: Float[np.ndarray, "*shape"], imag: Float[np.ndarray, "*shape"]
-) -> Inexact[np.ndarray, "*shape"]:
-    result = np.empty(np.shape(real), dtype=complex)
-    result.real, result.imag = real, imag
-    return result
-
-
 def sinc_cos(
     z: Inexact[np.ndarray, "*shape"],
 ) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
-    """sin(z)/z and cos(z), for real or complex z.
-
-    `numpy.sinc` takes z/pi, whose rounding counts at large z.
-    """
-    sin, cos = sin_cos(z)
+    """sin(z)/z and cos(z); `numpy.sinc` takes z/pi, whose rounding counts at large z."""
     zero = z == 0
-    return np.where(zero, 1.0, sin / np.where(zero, 1.0, z)) if np.any(zero) else sin / z, cos
+    return np.where(zero, 1.0, np.sin(z) / np.where(zero, 1.0, z)), np.cos(z)
 
 
 def tanhc(
@@ -74,11 +30,10 @@ def tanhc(
 ) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
     """tanh(u)/u and (1 - tanh(u)/u) / u^2, without cancellation, for Re u >= 0."""
     near = np.abs(u) < 1
-    some = np.any(near)
-    far = np.where(near, 1.0, u) if some else u
-    ratio = tanh(far) / far
+    far = np.where(near, 1.0, u)
+    ratio = np.tanh(far) / far
     gap = (1 - ratio) / far**2
-    if some:
+    if np.any(near):
         u = np.broadcast_to(u, ratio.shape)[near]
         gap[near] = _gap_series(u * u) / np.cosh(u)
         ratio[near] = 1 - u * u * gap[near]

@@ -44,8 +44,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspension_cli.elements.functions import tan
-
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
@@ -177,7 +175,9 @@ def rod_stiffness(
     kappa2 = mass * omega**2 / rigidity + 0 * omega
     angle = np.sqrt(kappa2) * half
     zero = angle == 0
-    tanc = np.where(zero, 1.0, tan(angle) / np.where(zero, 1.0, angle))  # tan(kappa h) / (kappa h)
+    tanc = np.where(
+        zero, 1.0, np.tan(angle) / np.where(zero, 1.0, angle)
+    )  # tan(kappa h) / (kappa h)
     return np.stack([-2 * rigidity * kappa2 * half * tanc, 2 * rigidity / half / tanc])
 
 
