@@ -33,7 +33,7 @@ from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import links, stack, tensions
 from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
-from suspension_cli.scene.places import Places
+from suspension_cli.scene.links import Places
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
 
 if TYPE_CHECKING:

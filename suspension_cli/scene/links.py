@@ -1,4 +1,4 @@
-"""Springs of a scene: of stages, links, dampers, legs and filters; struts and bars of legs.
+"""Places of bodies; springs of stages, links, dampers, legs and filters; struts and bars of legs.
 
 **Legs.** A leg is a strut from its foot to its top (stiff along its length, with the load as
 thrust: any lean is exact), a spring at its top for the flexures, and a bar for its inertia and
@@ -27,13 +27,21 @@ add up, as their currents are parallel to it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import materials
-from suspension_cli.design.derive import Keystone, gravity_strength, part_loss
+from suspension_cli.design.derive import (
+    Keystone,
+    com_offset,
+    com_positions,
+    gravity_strength,
+    part_loss,
+    with_bodies_above,
+)
 from suspension_cli.design.filters import filter_statics
 from suspension_cli.design.inverted_pendulum import (
     ROUND_ROD,
@@ -46,16 +54,40 @@ from suspension_cli.design.schema import Design, Stage
 from suspension_cli.errors import Fault
 from suspension_cli.scene import strands
 from suspension_cli.scene.arrays import Array, Row
-from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Spectrum
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Float, Inexact
 
     from suspension_cli.design.units import Matrix6
 
 MU_0 = 4e-7 * np.pi
 """Magnetic constant, H/m."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Tree of the bodies; number 0 is the support, n the n-th stage."""
+
+    number: dict[str, int]  # of each body by name, 0 also for the ground
+    parent: list[int]  # the body above each, 0 for the support itself
+    offset: Float[np.ndarray, "1+body 3"]  # COM from the COM above (or the suspension point), m
+    position: Float[np.ndarray, "1+body 3"]  # COM from the suspension point, m
+
+    @classmethod
+    def of(cls, design: Design) -> Places:
+        """The places of the bodies of a design."""
+        position = com_positions(design)
+        number = {name: n for n, name in enumerate(position)} | {GROUND: 0}
+        parent = [0, *(number[above] for _, above in with_bodies_above(design))]
+        offset = np.array([(0.0, 0.0, 0.0), *map(com_offset, design.stage)])
+        return cls(number, parent, offset, np.array([*position.values()]))
+
+    def between(self, upper: int, lower: int) -> Float[np.ndarray, " 3"]:
+        """COM of one body from that of another, m."""
+        if lower and self.parent[lower] == upper:
+            return self.offset[lower]  # exact where a difference of positions is rounded
+        return self.position[lower] - self.position[upper]
 
 
 def of_stages(design: Design, places: Places) -> list[Row]:

@@ -24,7 +24,7 @@ from suspension_cli.equilibrium.solve import solve as balance
 from suspension_cli.models.string import STRING
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
-from suspension_cli.scene.places import Places
+from suspension_cli.scene.links import Places
 from suspension_cli.scene.scene import Scene
 
 SAG = 0.05
