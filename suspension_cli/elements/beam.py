@@ -40,16 +40,17 @@ into halves preserves the digits.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-
-from suspension_cli.elements.functions import sinc_cos, sinc_gap, tanhc
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact, Int
 
 EPS = 2.0**-53
+TERMS = 9
+"""Terms of a power series for |u| < 1 whose next one is below a rounding error."""
 ELEMENT_PLACES = ((0, 0), (0, 1), (1, 1), (2, 2), (2, 3), (3, 3))
 """Places of the elements from `stiffness` in the symmetric matrix on (W, T_s, phi, d)."""
 
@@ -146,3 +147,47 @@ def resonances_below(wave: Waves) -> Int[np.ndarray, "*shape"]:
     even = even - (in_even & (wave.even * (-1) ** even < 0))
     odd = odd - (in_odd & (wave.odd * (-1) ** odd < 0))
     return even + odd
+
+
+def sinc_cos(
+    z: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """sin(z)/z and cos(z); `numpy.sinc` takes z/pi, whose rounding counts at large z."""
+    zero = z == 0
+    return np.where(zero, 1.0, np.sin(z) / np.where(zero, 1.0, z)), np.cos(z)
+
+
+def tanhc(
+    u: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """tanh(u)/u and (1 - tanh(u)/u) / u^2, without cancellation, for Re u >= 0."""
+    near = np.abs(u) < 1
+    far = np.where(near, 1.0, u)
+    ratio = np.tanh(far) / far
+    gap = (1 - ratio) / far**2
+    if np.any(near):
+        u = np.broadcast_to(u, ratio.shape)[near]
+        gap[near] = _gap_series(u * u) / np.cosh(u)
+        ratio[near] = 1 - u * u * gap[near]
+    return ratio, gap
+
+
+def sinc_gap(
+    u: Inexact[np.ndarray, "*shape"],
+    sinc: Inexact[np.ndarray, "*shape"],
+    cos: Inexact[np.ndarray, "*shape"],
+) -> Inexact[np.ndarray, "*shape"]:
+    """sin(u)/u - cos(u), from both and, where they cancel, from u."""
+    near, result = np.abs(u) < 1, sinc - cos
+    if np.any(near):
+        square = u[near] ** 2
+        result[near] = square * _gap_series(-square)
+    return result
+
+
+def _gap_series(square: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
+    """(cosh u - sinh(u)/u) / u^2, the sum of 2k u^(2k-2) / (2k + 1)!, for |u| < 1."""
+    total = np.zeros_like(square)
+    for k in range(TERMS, 0, -1):
+        total = total * square + 2 * k / math.factorial(2 * k + 1)
+    return total

@@ -32,10 +32,11 @@ def members(scene: Scene, part: str) -> dict[str, int]:
         return {name: n for n, name in enumerate((SUPPORT, *scene.bodies.name))}
     labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}
     names: tuple[str, ...] = labels[part].label if part in labels else ()
-    found = dict(zip(names, range(len(names)), strict=True))
-    if ending := {"blade": f"{SUFFIX}.blades", "link": ".link"}.get(part):
-        springs = enumerate(scene.springs.label, len(names))
-        found |= {label.removesuffix(ending): n for n, label in springs if label.endswith(ending)}
+    found: dict[str, int] = {label: n for n, label in enumerate(names)}
+    ending = {"blade": f"{SUFFIX}.blades", "link": ".link"}.get(part)
+    for n, label in enumerate(scene.springs.label, len(names)):
+        if ending is not None and label.endswith(ending):
+            found[label.removesuffix(ending)] = n
     return found
 
 

@@ -3,8 +3,8 @@
 **Legs.** A leg is a strut from its foot to its top (stiff along its length, with the load as
 thrust: any lean is exact), a spring at its top for the flexures, and a bar for its inertia and
 weight. The spring's strain is in the frame of the body below: the lean of the leg relative to that
-body (the angle g / L of `elements.lean`) bends the foot; the tilt of the stage less that lean bends
-the joint at the top.
+body (the angle g / L of `elements.spring`) bends the foot; the tilt of the stage less that lean
+bends the joint at the top.
 
 **Eddy currents.** The magnet is a dipole m along an axis. The field of the currents is small beside
 its own: the velocity is far below 2 / (mu_0 sigma t), and the conductor thinner than its skin

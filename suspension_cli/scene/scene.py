@@ -105,9 +105,9 @@ class Springs:
 
     Stiffness and damping are in N/m, N m/rad and mixed, N s/m and so on; `preload` are force (N)
     and torque (N m) on the lower body in the nominal pose. `leg` is the length (m) of the leg whose
-    flexures the spring is, see `elements.lean`; 0 for other springs. The upper end of a `grounded`
-    spring is on the ground (the upper body is then 0). Where a stiffness depends on frequency, it
-    is diagonal and has a `spectrum`; else there is a loss angle, rad.
+    flexures the spring is, or 0. The upper end of a `grounded` spring is on the ground (the upper
+    body is then 0). Where a stiffness depends on frequency, it is diagonal and has a `spectrum`;
+    else there is a loss angle, rad.
     """
 
     label: tuple[str, ...]
