@@ -60,7 +60,6 @@ from suspension_cli.elements.vectors import (
     product,
     symmetric,
     times,
-    trace,
     transposed,
     unit,
 )
@@ -117,7 +116,7 @@ def _strains_of(now: Configuration, which: list[int], legs: Scalar | None) -> _S
     delta = times(to_upper, reach) - above
     q, rates = product(to_upper, lower), None
     phi = np.array([q[2, 1] - q[1, 2], q[0, 2] - q[2, 0], q[1, 0] - q[0, 1]]) / 2
-    spin = product((unit(trace(q)) - q) / 2, to_upper)
+    spin = product((unit(np.trace(q)) - q) / 2, to_upper)
     strain = delta
     if legs is not None:
         strain, rates = _lean(delta, legs)
@@ -244,10 +243,10 @@ def _curvature(one: _Strains, force: Vector, pull: Vector, twist: Vector) -> Ter
         skew[0, 0] = skew[1, 1] = skew[2, 0] = skew[2, 1] = 0.0
         skew[0, 2], skew[1, 2] = 2 * twist[1], -2 * twist[0]
     g = product(product(one.upper, skew), transposed(one.lower))
-    own = plus_unit(symmetric(g) / 2, -trace(g) / 2)
+    own = plus_unit(symmetric(g) / 2, -np.trace(g) / 2)
     # a force fixed in the upper body turns with it
     x_u = -cross_matrix(force)
-    return Terms(s=s, x_u=x_u, y_uu=own, y_lu=plus_unit(-g / 2, trace(g) / 2), y_ll=own)
+    return Terms(s=s, x_u=x_u, y_uu=own, y_lu=plus_unit(-g / 2, np.trace(g) / 2), y_ll=own)
 
 
 def add_damping(now: Configuration, derivatives: Derivatives) -> None:

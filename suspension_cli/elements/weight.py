@@ -50,7 +50,6 @@ from suspension_cli.elements.vectors import (
     product,
     symmetric,
     times,
-    trace,
     transposed,
     unit,
 )
@@ -161,7 +160,7 @@ def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
 def _second_moments(now: Configuration) -> Matrix:
     """Second moments of mass of the bodies in their own axes, kg m^2."""
     inertia = now.arrays.bodies.inertia
-    return unit(trace(inertia) / 2) - inertia
+    return unit(np.trace(inertia) / 2) - inertia
 
 
 def _turned(now: Configuration, tensor: Matrix) -> Matrix:
@@ -194,9 +193,11 @@ def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     m, total = product(moments, form), np.trace(slope)
     rows[3:, 1:] += np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
     if derivatives.curved:
-        curvature = 3 * symmetric(m) - total * moments - trace(moments) * form
+        curvature = 3 * symmetric(m) - total * moments - np.trace(moments) * form
         derivatives.add_body_block(0, form * mass)
-        derivatives.add_body_block(3, plus_unit(curvature, trace(moments) * total - 2 * trace(m)))
+        derivatives.add_body_block(
+            3, plus_unit(curvature, np.trace(moments) * total - 2 * np.trace(m))
+        )
 
 
 def add_mass(now: Configuration, derivatives: Derivatives) -> None:

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import loss, string
+from suspension_cli.elements import loss, spring, string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.equilibrium import clamps
-from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
-from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
+from suspension_cli.linear.symmetry import find_symmetry, no_symmetry
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
+from suspension_cli.models.string import Assembly
 from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.arrays import Array
@@ -55,14 +55,14 @@ def linear_model(
     model = string_model.linear_model(
         lossless(scene), balanced, wire_inertia=not massive, adapted=adapted
     )
-    pose = balanced.pose
-    of_springs, of_ground = string_model.spring_terms(scene, numbering, pose, adapted)
+    assembly = Assembly(scene, numbering, balanced.pose, adapted)
+    of_springs, of_ground = string_model.spring_terms(assembly)
     terms = (
         *of_springs[: len(of_ground)],
-        *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
-        *_blade_terms(scene, numbering, pose, adapted),
+        *_wire_terms(assembly, balanced, massive=massive),
+        *_blade_terms(assembly),
         *of_springs[len(of_ground) :],
-        *_gas_terms(scene, design, numbering, pose, adapted),
+        *_gas_terms(assembly, design),
     )
     ground = model.ground if model.ground is None else replace(model.ground, terms=of_ground)
     return replace(model, terms=terms, ground=ground), balanced
@@ -76,45 +76,40 @@ def lossless(scene: Scene) -> Scene:
     )
 
 
-def _blade_terms(
-    scene: Scene, numbering: Layout, pose: Pose, adapted: Symmetry
-) -> Iterator[LossTerm]:
+def _blade_terms(assembly: Assembly) -> Iterator[LossTerm]:
     """Losses of blades, those of a stage that are alike together, and of added elements."""
-    fibres, blades = scene.fibres, scene.blades
+    scene, fibres = assembly.scene, assembly.scene.fibres
     assert fibres is not None
-    groups: dict[BladeLoss, list[int]] = {}
+    alike: dict[BladeLoss, list[str]] = {}
     for own in fibres.blade:
         stage = own.label.rsplit(".", 1)[0]
-        groups.setdefault(replace(own, label=stage), []).append(blades.label.index(own.label))
-    for own, numbers in groups.items():
-        matrix = np.zeros((*blades.stiffness.shape[:-2], numbering.size, numbering.size))
-        for n in numbers:
-            rows = numbering.blade[n][blades.axes[n]]
-            matrix[..., rows, rows] = blades.stiffness[..., n, blades.axes[n]]
+        alike.setdefault(replace(own, label=stage), []).append(own.label)
+    for own, labels in alike.items():
+        lossy = np.isin(scene.blades.label, labels).astype(float)
+        some = replace(scene, blades=replace(scene.blades, loss=lossy))
+        matrix = replace(assembly, scene=some).sum([spring.add_blade_loss])
         angle = partial(loss.blade_angle, own)
-        yield LossTerm(f"{own.label}.blades", own.temperature, adapted.apply(matrix), angle)
+        yield LossTerm(f"{own.label}.blades", own.temperature, matrix, angle)
     for item in elements_of(scene):
         if item.make is not None and item.add_loss is not None:
-            lossy = adapted.apply(sum_forms(scene, numbering, pose, [item.add_loss]))
-            yield LossTerm(item.name, fibres.temperature, lossy, np.ones_like)
+            matrix = assembly.sum([item.add_loss])
+            yield LossTerm(item.name, fibres.temperature, matrix, np.ones_like)
 
 
-def _gas_terms(
-    scene: Scene, design: Design, numbering: Layout, pose: Pose, adapted: Symmetry
-) -> Iterator[LossTerm]:
+def _gas_terms(assembly: Assembly, design: Design) -> Iterator[LossTerm]:
     """Losses by the gas around the bodies."""
-    for n, own in enumerate(_gas_damping(scene.fibres, design)):
+    scene, size = assembly.scene, assembly.numbering.size
+    for n, own in enumerate(_gas_damping(scene.fibres, design), 1):
         if own is None:
             continue
-        gas, turn = scene.fibres and scene.fibres.gas, pose.rotation[..., n + 1, :, :]
+        gas, turn = scene.fibres and scene.fibres.gas, assembly.pose.rotation[..., n, :, :]
         assert gas is not None and gas.temperature is not None
-        matrix = np.zeros((*turn.shape[:-2], numbering.size, numbering.size))
+        matrix = np.zeros((*turn.shape[:-2], size, size))
         for half in (0, 3):
-            rows = slice(6 * (n + 1) + half, 6 * (n + 1) + half + 3)
-            drag = own[half : half + 3, half : half + 3]
+            rows, drag = slice(6 * n + half, 6 * n + half + 3), own[half:, half:][:3, :3]
             matrix[..., rows, rows] = turn @ drag @ np.swapaxes(turn, -1, -2)
-        cause = f"{scene.bodies.name[n]}.gas"
-        yield LossTerm(cause, gas.temperature, adapted.apply(matrix), lambda w: w, elastic=False)
+        matrix, cause = assembly.adapted.apply(matrix), f"{scene.bodies.name[n - 1]}.gas"
+        yield LossTerm(cause, gas.temperature, matrix, lambda omega: omega, elastic=False)
 
 
 def _gas_damping(made: Fibres | None, design: Design) -> list[Array | None]:
@@ -123,9 +118,8 @@ def _gas_damping(made: Fibres | None, design: Design) -> list[Array | None]:
     return [] if gas is None else [loss.body_damping(stage.body, gas) for stage in design.stage]
 
 
-def _wire_terms(
-    scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry, *, massive: bool
-) -> list[Term]:
+def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> list[Term]:
+    scene, numbering, adapted = assembly.scene, assembly.numbering, assembly.adapted
     fibres, wires = scene.fibres, scene.wires
     assert fibres is not None
     if not wires.label:
@@ -239,10 +233,6 @@ class Beam(string_model.SceneModel):
     def unsuitable(self, design: Design) -> str:
         """Why wires lack a property that the model needs; "" if none does."""
         return fibres_of.explain_unsuitable(design, massive=self.has_wire_mass)
-
-    def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
-        """The linear model of a completed scene, on a rigid support without dampers."""
-        return self.in_equilibrium(scene, design, split=True)[0]
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Sections, clamps and losses of wires, losses of blades, and gas damping."""

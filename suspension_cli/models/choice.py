@@ -288,11 +288,8 @@ def spectrum_change(
     size = np.abs(new)
     padded = np.concatenate([size[:1], size, size[-1:]])
     size = np.maximum(size, 0.1 * np.sqrt(padded[:-2]) * np.sqrt(padded[2:]))
-    change, equal = (
-        np.abs(old - new) / np.where(size > 0, size, 1.0),
-        np.where(old == new, 0, np.inf),
-    )
-    return np.where(size > 0, change, equal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(old == new, 0.0, np.abs(old - new) / size)
 
 
 def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np.ndarray, " mode"]]:
@@ -354,7 +351,7 @@ def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:
     old, new = (np.abs(wanted.values(model, at)[0, :, 0]) for model in (simple, refined))
     if item.under is not None:
         old, new = (size[:1] / size[1] if size[1] else 0 * size[:1] for size in (old, new))
-    return abs(float(old[0] / new[0]) - 1) if new[0] else 0.0 if old[0] == 0 else math.inf
+    return relative_change(old, new)
 
 
 def _described(change: float, label: str, refined: LinearSystem) -> tuple[float, str]:
