@@ -140,13 +140,8 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
         strand = TautWire(fibre, own[2], massive, lossy=True, surrounded=fibres.gas)
         columns = np.unique(place[alike])
         columns = columns[columns < numbering.size]
-        motion = {}
-        for part, rows in forms.items():
-            moved = np.zeros((*rows.shape[:-3], len(alike), rows.shape[-2], len(columns) + 1))
-            for n, wire in enumerate(alike):
-                columns_here = np.searchsorted(columns, place[wire])
-                moved[..., n, :, columns_here] = np.moveaxis(rows[..., wire, :, :], -1, 0)
-            motion[part] = moved[..., :-1]
+        to_columns = (place[alike][..., None] == columns).astype(float)
+        motion = {part: rows[..., alike, :, :] @ to_columns for part, rows in forms.items()}
         stage = scene.bodies.name[wires.lower[alike[0]] - 1]
         term = WireTerm(stage, strand, number, columns, motion, numbering.size)
         terms.append(term if adapted.trivial else term.spread(adapted.basis))
@@ -155,22 +150,20 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
 
 def _alike(scene: Scene, geometry: Float[np.ndarray, "4 *build wire"]) -> list[list[int]]:
     """Group wires of equal sections on one stage; of one design, of equal geometry too."""
-    fibres, wires = scene.fibres, scene.wires
-    assert fibres is not None
-    groups: list[list[int]] = []
-    for n, fibre in enumerate(fibres.wire):
-        kind = fibre.sections, fibre.temperature, wires.lower[n]
-        for group in groups:
-            first = fibres.wire[group[0]]
-            if kind != (first.sections, first.temperature, wires.lower[group[0]]):
-                continue
+    assert scene.fibres is not None
+    groups: list[tuple[tuple[object, ...], list[int]]] = []
+    for n, fibre in enumerate(scene.fibres.wire):
+        kind = fibre.sections, fibre.temperature, scene.wires.lower[n]
+        for known, group in groups:
             here, there = geometry[..., n], geometry[..., group[0]]
-            if scene.batch or (np.abs(here - there) <= EQUAL_WITHIN * np.abs(there)).all():
+            if known == kind and (
+                scene.batch or np.allclose(here, there, rtol=EQUAL_WITHIN, atol=0.0)
+            ):
                 group.append(n)
                 break
         else:
-            groups.append([n])
-    return groups
+            groups.append((kind, [n]))
+    return [group for _, group in groups]
 
 
 def wire_forms(

@@ -37,6 +37,7 @@ from suspension_cli.design.derive import (
     part_loss,
     set_geometry,
     wire_loss,
+    wire_signs,
     wire_stiffness,
 )
 from suspension_cli.design.schema import Design
@@ -50,8 +51,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.models.base import Numbers
 
-SIGNS = {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}
-"""Signs of x and y of the wires of a set, by their number."""
 PARITY = np.array([0, 1, 2, 1, 0, 3])
 """Equal for coordinates of a body that are alike odd or even in x and y; others do not couple."""
 GEOMETRY = ("t1", "t2", "s_upper", "s_lower", "d", "d_upper")
@@ -86,7 +85,7 @@ class Stage:
     def vectors(self, x: Numbers, y: Numbers, z: Numbers) -> Inexact[np.ndarray, "*batch wire 3"]:
         """Vectors of all wires from the components of that at +x, +y."""
         columns = np.stack(np.broadcast_arrays(x, y, z), axis=-1)[..., None, :]
-        signs = np.array([(*sign, 1) for sign in SIGNS[self.count]])
+        signs = np.array([(*sign, 1) for sign in wire_signs(self.count)])
         return columns * signs
 
 
@@ -151,7 +150,7 @@ def _blade(p: Stage, wire: int) -> int:
     """Number of the blade that carries a wire; each of two carries the wires on its side of y."""
     if p.blades == p.count:
         return wire
-    return int(p.blades == 2 and SIGNS[p.count][wire][1] < 0)
+    return int(p.blades == 2 and wire_signs(p.count)[wire][1] < 0)
 
 
 def chain(design: Design, *, lossy: bool = False) -> Chain:
