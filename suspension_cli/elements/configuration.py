@@ -175,21 +175,16 @@ class Line(Attached):
 
 @dataclass(frozen=True)
 class Configuration:
-    """Builds in one pose each.
+    """Builds in one pose each, as in `Pose`.
 
-    Attributes
-    ----------
-    shift, turn, deflection
-        As in `Pose`: (3, 1 + body, build), (3, 3, 1 + body, build), (3, blade, build).
-    tension
-        Of wires, in place of that in the pose: for their geometric stiffness, and for their
-        resistance to bending where that follows; None for that in the pose.
+    A `tension` of wires is in place of that in the pose: for their geometric stiffness, and for
+    their resistance to bending where that follows.
     """
 
     arrays: SceneArrays
-    shift: Vector
-    turn: Matrix
-    deflection: Vector
+    shift: Vector  # (3, 1 + body, build)
+    turn: Matrix  # (3, 3, 1 + body, build)
+    deflection: Vector  # (3, blade, build)
     tension: Scalar | None = None
 
     @classmethod

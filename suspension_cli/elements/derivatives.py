@@ -92,18 +92,10 @@ def _of(
 class Derivatives:
     """Derivatives of the energy of builds in one pose each, to which each element adds its own.
 
-    Attributes
-    ----------
-    curved
-        Whether second derivatives are wanted.
-    stretching
-        Whether these include the stretching of wires.
-    gradient
-        (N + 1, build), N and N m; the last row is for rigid directions of blades.
-    hessian
-        Tangent stiffness (N + 1, N + 1, build), N/m, N and N m; only the lower triangle is filled.
-    linked
-        Elements of the tangent stiffness (N + 1, N + 1) that may differ from 0.
+    The `gradient` is (N + 1, build), N and N m; the last row is for rigid directions of blades. The
+    `hessian`, the tangent stiffness (N + 1, N + 1, build), has its lower triangle filled alone, N/m
+    and so on, if second derivatives are wanted (`curved`); they may include the `stretching` of
+    wires. `linked` are its elements that may differ from 0.
     """
 
     def __init__(self, now: Configuration, *, curved: bool = True, stretching: bool = True) -> None:

@@ -37,24 +37,17 @@ EQUAL_WITHIN = 1e-12
 
 @dataclass(frozen=True)
 class TautWire:
-    """A wire under tension.
+    """A wire under tension (N).
 
-    Attributes
-    ----------
-    tension
-        N. An array (..., f), with such arrays as lengths of the fibre's sections, stands for wires
-        of the same sections in many builds, each at one frequency.
-    massive : bool
-        Whether the wire has inertia (`violin` model).
-    surrounded : Gas or None
-        The gas that damps the wire.
+    An array (..., f) of tensions, with such arrays as lengths of the fibre's sections, stands for
+    wires of the same sections in many builds, each at one frequency.
     """
 
     fibre: Fibre
     tension: Inexact[np.ndarray, "*#wire frequency"] | float
-    massive: bool
+    massive: bool  # whether it has inertia (`violin` model)
     lossy: bool
-    surrounded: Gas | None = None
+    surrounded: Gas | None = None  # by the gas that damps it
 
     @property
     def round(self) -> bool:

@@ -54,7 +54,6 @@ from suspension_cli.elements.vectors import (
     Scalar,
     Vector,
     cross_matrix,
-    dot,
     outer,
     plus_unit,
     product,
@@ -181,32 +180,19 @@ def _blocks(
     return form[:3, :3], form[:3, 3:], form[3:, 3:]
 
 
-def _pull(now: Configuration, one: _Strains, preload: float) -> tuple[Vector, Vector]:
-    """Gradient of the energy with respect to the strain, with a fraction of the preload."""
-    springs = now.arrays.springs
+def _pull(now: Configuration, one: _Strains) -> tuple[Vector, Vector]:
+    """Gradient of the energy with respect to the strain."""
+    springs, (delta, phi) = now.arrays.springs, one.strain
     straight, mixed, turns = _blocks(springs.stiffness[:, :, one.which])
-    force, torque = (
-        preload * springs.preload[:3, one.which],
-        preload * springs.preload[3:, one.which],
-    )
-    delta, phi = one.strain
-    pull = times(straight, delta) + times(mixed, phi) - force
-    return pull, times(transposed(mixed), delta) + times(turns, phi) - torque
-
-
-def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
-    """Elastic energy of all springs relative to the nominal pose, J."""
-    result: Scalar = np.zeros(now.arrays.count)
-    for one in _strains(now):
-        pull, twist = _pull(now, one, 2.0)
-        result = result + (dot(pull, one.strain[0]) + dot(twist, one.strain[1])).sum(0) / 2
-    return result
+    preload = springs.preload[:, one.which]
+    pull = times(straight, delta) + times(mixed, phi) - preload[:3]
+    return pull, times(transposed(mixed), delta) + times(turns, phi) - preload[3:]
 
 
 def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of all springs."""
     for one in _strains(now):
-        pull, twist = _pull(now, one, 1.0)
+        pull, twist = _pull(now, one)
         along = pull if one.rates is None else times(transposed(one.rates), pull)
         force, torque = times(one.upper, along), times(transposed(one.spin), twist)
         terms = Terms(force, -torque, torque)
@@ -272,13 +258,7 @@ def add_forms(
             derivatives.add(one.attached, _form(one, form[:, :, one.which]))
 
 
-ELEMENT = Element(energy, add_derivatives, add_damping=add_damping, add_loss=add_loss)
-
-
-def blade_energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
-    """Elastic energy of all blades relative to the nominal pose, J."""
-    q, blades = now.deflection, now.arrays.blades
-    return (blades.stiffness * q**2 / 2 - blades.load * q).sum((0, 1))
+ELEMENT = Element(add_derivatives, add_damping=add_damping, add_loss=add_loss)
 
 
 def add_blade_derivatives(now: Configuration, derivatives: Derivatives) -> None:
@@ -300,4 +280,4 @@ def add_blade_loss(now: Configuration, derivatives: Derivatives) -> None:
         derivatives.add_diagonal(rows, (blades.stiffness * blades.loss[:, None])[axes])
 
 
-BLADES = Element(blade_energy, add_blade_derivatives, add_loss=add_blade_loss)
+BLADES = Element(add_blade_derivatives, add_loss=add_blade_loss)

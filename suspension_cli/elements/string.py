@@ -24,7 +24,6 @@ from suspension_cli.elements.configuration import (
 from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
 from suspension_cli.elements.vectors import (
-    Scalar,
     cross,
     dot,
     outer,
@@ -45,15 +44,6 @@ def state(scene: Scene, pose: Pose, *, struts: bool = False) -> Line:
     lines, batch = now.struts if struts else now.wires, batch_of(scene, pose)
     names = [item.name for item in fields(lines) if item.name != "ends"]
     return replace(lines, **{name: batch_first(getattr(lines, name), batch) for name in names})
-
-
-def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
-    """Elastic energy of all wires and struts relative to the nominal pose, J."""
-    result: Scalar = np.zeros(now.arrays.count)
-    for lines, wires in _kinds(now):
-        e = lines.elongation
-        result = result + (wires.tension * e + wires.stiffness * e**2 / 2).sum(0)
-    return result
 
 
 def _kinds(now: Configuration) -> list[tuple[Line, Wires]]:
@@ -117,4 +107,4 @@ def elongations(now: Configuration) -> Inexact[np.ndarray, "coordinate wire buil
     return result[:-1]
 
 
-ELEMENT = Element(energy, add_derivatives)
+ELEMENT = Element(add_derivatives)

@@ -45,7 +45,6 @@ from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,
     Vector,
-    dot,
     plus_unit,
     product,
     symmetric,
@@ -95,22 +94,11 @@ class Masses:
 
     def places(self, now: Configuration) -> Vector:
         """Places of points from the suspension point, or spans of lines, m."""
-        start, change = self.moved(now)
-        return start + change
-
-    def moved(self, now: Configuration) -> tuple[Vector, Vector]:
-        """Nominal places or spans, and their changes."""
-        start, change = self._end(now, 0)
+        attached = self.attached(now)
+        upper = now.place[:, list(self.ends.upper)] + attached.upper_arm
         if len(self.points) == 1:
-            return start, change
-        lower, moved = self._end(now, 1)
-        return start - lower, change - moved
-
-    def _end(self, now: Configuration, end: int) -> tuple[Vector, Vector]:
-        body, blade = list(self.ends[end]), self.ends.blade if end == 0 else None
-        _, moved = now.arms(self.ends[end], self.points[end], blade)
-        start = now.arrays.bodies.position[:, body] + self.points[end]
-        return start, now.shift[:, body] + moved
+            return upper
+        return upper - now.place[:, list(self.ends.lower)] - attached.lower_arm
 
 
 def masses(arrays: SceneArrays) -> tuple[list[Masses], list[Masses]]:
@@ -135,26 +123,6 @@ def masses(arrays: SceneArrays) -> tuple[list[Masses], list[Masses]]:
     if bars.label:
         add_lines(Ends.of(*bars.body.T), bars.point[0], bars.point[1], bars.inertia)
     return points, lines
-
-
-def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
-    """Energy of all weights relative to the nominal pose, J."""
-    scene, position = now.arrays.scene, now.arrays.bodies.position
-    slope, points_and_lines = _slope(scene), masses(now.arrays)
-    moved = [(now.arrays.bodies.mass, position[:, 1:], now.shift[:, 1:])]
-    moved += [(group.mass, *group.moved(now)) for group in points_and_lines[0]]
-    result: Scalar = np.zeros(now.arrays.count)
-    for mass, start, change in moved:
-        # exact for an energy of second order
-        result = result + (mass * dot(lift(scene, start + change / 2), change)).sum(0)
-    if slope is not None:
-        form = slope[:, :, None, None]
-        for group in points_and_lines[1]:
-            start, change = group.moved(now)
-            result = result + (group.mass * dot(times(form, start + change / 2), change)).sum(0)
-        turned = _turned(now, _second_moments(now)) - _second_moments(now)
-        result = result + (form * turned).sum((0, 1, 2)) / 2
-    return result
 
 
 def _second_moments(now: Configuration) -> Matrix:
@@ -208,4 +176,4 @@ def add_mass(now: Configuration, derivatives: Derivatives) -> None:
         derivatives.add(group.attached(now), Terms(s=unit(group.mass)))
 
 
-ELEMENT = Element(energy, add_derivatives, add_mass=add_mass)
+ELEMENT = Element(add_derivatives, add_mass=add_mass)

@@ -181,42 +181,27 @@ class Field:
 class Scene:
     """A whole suspension.
 
-    Attributes
-    ----------
-    gravity
-        Strength of gravity at the suspension point, m/s^2; `field` is that which is not a uniform
-        pull along -z.
-    struts
-        Legs of inverted pendulums, as wires of negative tension from the foot (upper) to the top
-        (lower).
-    bars
-        Inertia and weight of legs, and of blades that couple a filter and its keystone.
-    drawn
-        For an imperfect scene, that without imperfections, in balance in its nominal pose.
-    fibres
-        Composition of wires and blades for `beam` and `violin`; None for strings.
-    added
-        Arrays of further elements between two bodies, by the name of the element: dataclasses like
-        `Springs`, with at least `label`, and the numbers `upper` < `lower` of the bodies (0 for the
-        support, and for what is fixed in space).
-    solves_pose : bool
-        Whether wires have natural lengths, so that the pose is not the drawn one.
+    `struts` are legs of inverted pendulums, as wires of negative tension from the foot (upper) to
+    the top (lower); `bars` the inertia and weight of legs, and of blades that couple a filter and
+    its keystone. What is `added` are arrays of further elements between two bodies, by the name of
+    the element: dataclasses like `Springs`, with at least `label`, and the numbers `upper` <
+    `lower` of the bodies (0 for the support, and for what is fixed in space).
     """
 
     name: str
-    gravity: float
+    gravity: float  # strength at the suspension point, m/s^2
     bodies: Bodies
     wires: Wires
     blades: Blades
     springs: Springs
     struts: Wires
     bars: Bars
-    drawn: Scene | None = None
-    fibres: Fibres | None = None
+    drawn: Scene | None = None  # of an imperfect scene, that without imperfections, in balance
+    fibres: Fibres | None = None  # for wires that bend
     flex: Flex | None = None
     added: Mapping[str, Any] = field(default_factory=dict)
-    field: Field | None = None
-    solves_pose: bool = False
+    field: Field | None = None  # gravity that is not a uniform pull along -z
+    solves_pose: bool = False  # whether wires have natural lengths, so that the pose is not drawn
 
     @property
     def parts(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import pytest
 from suspension_cli.design import reader
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.elements.resting import principal_planes
-from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness, sum_forms
+from suspension_cli.equilibrium.energy import gradient_and_stiffness, sum_forms
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.rotations import rigid_motion, rotation_matrix
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
@@ -19,6 +19,7 @@ from suspension_cli.scene.scene import Field, Flex
 from tests.models.test_whole_tower import DESIGN as TOWER
 from tests.support import scenes
 from tests.support.derivatives import TINY, complex_gradient, hessian
+from tests.support.energies import energy
 
 
 def imperfect(rng):
