@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import loss, spring, string
+from suspension_cli.elements import loss, string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.equilibrium import clamps
@@ -78,17 +78,19 @@ def lossless(scene: Scene) -> Scene:
 
 def _blade_terms(assembly: Assembly) -> Iterator[LossTerm]:
     """Losses of blades, those of a stage that are alike together, and of added elements."""
-    scene, fibres = assembly.scene, assembly.scene.fibres
+    scene, fibres, size = assembly.scene, assembly.scene.fibres, assembly.numbering.size
     assert fibres is not None
-    alike: dict[BladeLoss, list[str]] = {}
+    alike: dict[BladeLoss, list[int]] = {}
     for own in fibres.blade:
-        stage = own.label.rsplit(".", 1)[0]
-        alike.setdefault(replace(own, label=stage), []).append(own.label)
-    for own, labels in alike.items():
-        lossy = np.isin(scene.blades.label, labels).astype(float)
-        some = replace(scene, blades=replace(scene.blades, loss=lossy))
-        matrix = replace(assembly, scene=some).sum([spring.add_blade_loss])
-        angle = partial(loss.blade_angle, own)
+        stage, number = own.label.rsplit(".", 1)[0], scene.blades.label.index(own.label)
+        alike.setdefault(replace(own, label=stage), []).append(number)
+    stiffness, axes = scene.blades.stiffness, scene.blades.axes
+    for own, numbers in alike.items():
+        matrix = np.zeros((*stiffness.shape[:-2], size, size))
+        for n in numbers:
+            rows = assembly.numbering.blade[n][axes[n]]
+            matrix[..., rows, rows] = stiffness[..., n, axes[n]]
+        matrix, angle = assembly.adapted.apply(matrix), partial(loss.blade_angle, own)
         yield LossTerm(f"{own.label}.blades", own.temperature, matrix, angle)
     for item in elements_of(scene):
         if item.make is not None and item.add_loss is not None:
