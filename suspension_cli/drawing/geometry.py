@@ -14,7 +14,7 @@ import numpy as np
 from suspension_cli.design.schema import Body, Design
 from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index
-from suspension_cli.scene.places import Places
+from suspension_cli.scene.links import Places
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene, Springs, Wires
 

@@ -40,53 +40,34 @@ into halves preserves the digits.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-
-from suspension_cli.elements.functions import sinc_cos, sinc_gap, tanhc
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact, Int
 
 EPS = 2.0**-53
+TERMS = 9
+"""Terms of a power series for |u| < 1 whose next one is below a rounding error."""
 ELEMENT_PLACES = ((0, 0), (0, 1), (1, 1), (2, 2), (2, 3), (3, 3))
 """Places of the elements from `stiffness` in the symmetric matrix on (W, T_s, phi, d)."""
 
 
 class Waves(NamedTuple):
-    """Functions of the wave numbers of a wire at given frequencies.
+    """Functions of the wave numbers of a wire; sections may be an axis before the frequencies."""
 
-    Sections of a wire may be an axis in front of the frequencies.
-
-    Attributes
-    ----------
-    half
-        h, m.
-    alpha2, beta2
-        Squares of the evanescent and the propagating wave number, 1/m^2; complex with loss.
-    tanh
-        tanh(alpha h) / alpha, m.
-    sin
-        sin(beta h) / beta, m.
-    cos
-        cos(beta h).
-    lag, behind
-        h - tanh(alpha h) / alpha and sin(beta h) / beta - h cos(beta h), m.
-    even, odd
-        D (1/m) and N (m).
-    """
-
-    half: Inexact[np.ndarray, "*#shape"] | float
-    alpha2: Inexact[np.ndarray, "*shape"]
-    beta2: Inexact[np.ndarray, "*shape"]
-    tanh: Inexact[np.ndarray, "*shape"]
-    sin: Inexact[np.ndarray, "*shape"]
-    cos: Inexact[np.ndarray, "*shape"]
-    lag: Inexact[np.ndarray, "*shape"]
-    behind: Inexact[np.ndarray, "*shape"]
-    even: Inexact[np.ndarray, "*shape"]
-    odd: Inexact[np.ndarray, "*shape"]
+    half: Inexact[np.ndarray, "*#shape"] | float  # h, m
+    alpha2: Inexact[np.ndarray, "*shape"]  # squares of the evanescent and the propagating wave
+    beta2: Inexact[np.ndarray, "*shape"]  # number, 1/m^2; complex with loss
+    tanh: Inexact[np.ndarray, "*shape"]  # tanh(alpha h) / alpha, m
+    sin: Inexact[np.ndarray, "*shape"]  # sin(beta h) / beta, m
+    cos: Inexact[np.ndarray, "*shape"]  # cos(beta h)
+    lag: Inexact[np.ndarray, "*shape"]  # h - tanh(alpha h) / alpha, m
+    behind: Inexact[np.ndarray, "*shape"]  # sin(beta h) / beta - h cos(beta h), m
+    even: Inexact[np.ndarray, "*shape"]  # D, 1/m
+    odd: Inexact[np.ndarray, "*shape"]  # N, m
 
 
 def waves(
@@ -98,19 +79,9 @@ def waves(
 ) -> Waves:
     """Compute the waves of a wire.
 
-    Parameters
-    ----------
-    rigidity
-        EI in N m^2, above 0; complex, EI (1 + i phi), with loss.
-    tension
-        N, at least 0.
-    mass
-        Mass per length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire
-        without inertia.
-    half : float or array
-        Half the length, m.
-    omega
-        rad/s; complex to differentiate by a complex step.
+    `rigidity` is EI in N m^2, above 0; complex, EI (1 + i phi), with loss. `mass` is that per
+    length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire without inertia.
+    `omega` is in rad/s; complex to differentiate by a complex step.
     """
     tau, m = tension / rigidity, mass * omega**2 / rigidity
     alpha2 = (tau + np.sqrt(tau**2 + 4 * m)) / 2
@@ -146,15 +117,8 @@ def stiffness(
     T_s = (w'_2 - w'_1) / 2, phi = (w_2 - w_1) / L, d = (w'_1 + w'_2) / 2 - phi. The stiffness T L
     of the chord against turning is left out.
 
-    Parameters
-    ----------
-    rigidity
-        EI as given to `waves`, N m^2.
-
-    Returns
-    -------
-    list of 6 arrays
-        At `ELEMENT_PLACES`: N/m, N and N m for WW, WT and TT; N m for the odd ones.
+    `rigidity` is EI as given to `waves`. The elements are at `ELEMENT_PLACES`: N/m, N and N m for
+    WW, WT and TT; N m for the odd ones.
     """
     product, sum2 = wave.alpha2 * wave.beta2, wave.alpha2 + wave.beta2
     bent = sum2 * wave.sin * wave.tanh
@@ -183,3 +147,47 @@ def resonances_below(wave: Waves) -> Int[np.ndarray, "*shape"]:
     even = even - (in_even & (wave.even * (-1) ** even < 0))
     odd = odd - (in_odd & (wave.odd * (-1) ** odd < 0))
     return even + odd
+
+
+def sinc_cos(
+    z: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """sin(z)/z and cos(z); `numpy.sinc` takes z/pi, whose rounding counts at large z."""
+    zero = z == 0
+    return np.where(zero, 1.0, np.sin(z) / np.where(zero, 1.0, z)), np.cos(z)
+
+
+def tanhc(
+    u: Inexact[np.ndarray, "*shape"],
+) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
+    """tanh(u)/u and (1 - tanh(u)/u) / u^2, without cancellation, for Re u >= 0."""
+    near = np.abs(u) < 1
+    far = np.where(near, 1.0, u)
+    ratio = np.tanh(far) / far
+    gap = (1 - ratio) / far**2
+    if np.any(near):
+        u = np.broadcast_to(u, ratio.shape)[near]
+        gap[near] = _gap_series(u * u) / np.cosh(u)
+        ratio[near] = 1 - u * u * gap[near]
+    return ratio, gap
+
+
+def sinc_gap(
+    u: Inexact[np.ndarray, "*shape"],
+    sinc: Inexact[np.ndarray, "*shape"],
+    cos: Inexact[np.ndarray, "*shape"],
+) -> Inexact[np.ndarray, "*shape"]:
+    """sin(u)/u - cos(u), from both and, where they cancel, from u."""
+    near, result = np.abs(u) < 1, sinc - cos
+    if np.any(near):
+        square = u[near] ** 2
+        result[near] = square * _gap_series(-square)
+    return result
+
+
+def _gap_series(square: Inexact[np.ndarray, "*shape"]) -> Inexact[np.ndarray, "*shape"]:
+    """(cosh u - sinh(u)/u) / u^2, the sum of 2k u^(2k-2) / (2k + 1)!, for |u| < 1."""
+    total = np.zeros_like(square)
+    for k in range(TERMS, 0, -1):
+        total = total * square + 2 * k / math.factorial(2 * k + 1)
+    return total

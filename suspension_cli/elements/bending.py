@@ -67,20 +67,17 @@ def with_bending(
 
     `tension` (N) and `length` (m) are those at which the stiffness is taken; nominal by default.
     """
-    fibres = scene.fibres
-    assert fibres is not None
     scene = with_planes(scene) if scene.flex is None else scene
-    wires, batch = scene.wires, scene.batch
+    fibres, flex, wires, batch = scene.fibres, scene.flex, scene.wires, scene.batch
+    assert fibres is not None and flex is not None
     length = wires.length if length is None else length
     tension = wires.tension if tension is None else tension
     numbers = (
         builds_last(np.broadcast_to(value, (*batch, len(wires.label))), 1, batch)
         for value in (length, tension, wires.torsion)
     )
-    bend, twist = resistance_of_wires(fibres.wire, *numbers)
-    assert scene.flex is not None
-    flex = replace(scene.flex, bend=batch_first(bend, batch), twist=batch_first(twist, batch))
-    return replace(scene, flex=flex)
+    bend, twist = (batch_first(own, batch) for own in resistance_of_wires(fibres.wire, *numbers))
+    return replace(scene, flex=replace(flex, bend=bend, twist=twist))
 
 
 def _normals(now: Configuration) -> tuple[Vector, Vector]:
@@ -103,20 +100,6 @@ def _twist(upper: Vector, lower: Vector) -> tuple[Scalar, Vector]:
     return (dot(l_1, u_2) - dot(l_2, u_1)) / 2, (cross(l_1, u_2) - cross(l_2, u_1)) / 2
 
 
-def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
-    """Energy of bending and twisting of all wires, J."""
-    flex = now.flex
-    if flex is None or not now.arrays.wires.label:
-        return np.zeros(now.arrays.count)
-    upper, lower = _normals(now)
-    result = (flex.twist * _twist(upper, lower)[0] ** 2 / 2).sum(0)
-    if flex.bend is not None:
-        a, b = (-dot(now.wires.direction[:, None], n) for n in (upper, lower))
-        s_uu, s_ul, s_ll = flex.bend.swapaxes(0, 1)
-        result = result + (s_uu * a**2 / 2 + s_ul * a * b + s_ll * b**2 / 2).sum((0, 1))
-    return result
-
-
 def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of bending and twisting."""
     flex = now.flex
@@ -125,22 +108,15 @@ def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     upper, lower = _normals(now)
     terms = _twisting(flex.twist, upper, lower, curved=derivatives.curved)
     if flex.bend is not None:
-        e, length = now.wires.direction, now.wires.length
-        curved = derivatives.curved
-        terms = terms + _bending(flex.bend, e, length, upper, lower, curved=curved)
+        terms = terms + _bending(now, flex.bend, upper, lower, curved=derivatives.curved)
     derivatives.add(now.wires, terms)
 
 
 def _bending(
-    bend: Inexact[np.ndarray, "plane 3 wire build"],
-    e: Vector,
-    length: Scalar,
-    upper: Vector,
-    lower: Vector,
-    *,
-    curved: bool,
+    now: Configuration, bend: np.ndarray, upper: Vector, lower: Vector, *, curved: bool
 ) -> Terms:
     """Derivatives of the energy of bending in both planes."""
+    e, length = now.wires.direction, now.wires.length
     s_uu, s_ul, s_ll = bend.swapaxes(0, 1)
     along = e[:, None]
     a, b = -dot(along, upper), -dot(along, lower)
@@ -200,4 +176,4 @@ def add_loss(now: Configuration, derivatives: Derivatives) -> None:
         derivatives.add(now.wires, Terms(y_uu=own, y_lu=-own, y_ll=own))
 
 
-ELEMENT = Element(energy, add_derivatives, add_loss=add_loss)
+ELEMENT = Element(add_derivatives, add_loss=add_loss)

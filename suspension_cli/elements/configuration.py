@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
     Rows = slice | np.ndarray
+    Numbers = tuple[int, ...]
 
 
 def builds_last(
@@ -59,21 +60,15 @@ def batch_first(
     return flat.reshape(*batch, *flat.shape[1:])
 
 
-@dataclass(frozen=True)
-class Ends:
+class Ends(NamedTuple):
     """Bodies that elements of a kind join, and the blades at whose tips their upper ends are.
 
-    Attributes
-    ----------
-    upper, lower
-        A lower body of -1 is fixed in space.
-    blade
-        -1 for none.
+    -1 is for a lower end that is fixed in space, and for no blade.
     """
 
-    upper: tuple[int, ...]
-    lower: tuple[int, ...]
-    blade: tuple[int, ...]
+    upper: Numbers
+    lower: Numbers
+    blade: Numbers
 
     @classmethod
     def of(
@@ -83,92 +78,36 @@ class Ends:
         blade: Int[np.ndarray, " element"] | None = None,
     ) -> Ends:
         """Ends on the given bodies, by default fixed in space, and blades."""
-        none = (-1,) * len(upper)
-        return cls(
-            tuple(upper.tolist()),
-            none if lower is None else tuple(lower.tolist()),
-            none if blade is None else tuple(blade.tolist()),
-        )
-
-    @cached_property
-    def is_joined(self) -> bool:
-        """Whether the lower ends are on bodies."""
-        return max(self.lower, default=-1) >= 0
-
-    @cached_property
-    def on_blades(self) -> bool:
-        """Whether upper ends are on blades."""
-        return max(self.blade, default=-1) >= 0
-
-    def sums(self) -> Sums:
-        """Sums over elements of the same bodies."""
-        return _sums(self)
+        none = np.full(len(upper), -1)
+        each = (upper, none if lower is None else lower, none if blade is None else blade)
+        return cls(*(tuple(numbers.tolist()) for numbers in each))
 
 
-class Group(NamedTuple):
-    """Elements of the same bodies or blades, one group to a row of `sum`, a matrix of ones.
+@lru_cache(maxsize=1024)
+def sums(
+    *numbers: Numbers,
+) -> tuple[Int[np.ndarray, "number group"], Float[np.ndarray, "group element"]]:
+    """Group elements by the numbers of their bodies or blades; those with a -1 are in no group.
 
-    `upper`, `lower` and `blade` are those of each group.
+    Also returns the matrix of ones that sums over the elements of each group.
     """
-
-    upper: Int[np.ndarray, " group"]
-    lower: Int[np.ndarray, " group"]
-    blade: Int[np.ndarray, " group"]
-    sum: Float[np.ndarray, "group element"]
-
-
-class Sums(NamedTuple):
-    """Groups of elements by their upper body, by their lower body, by both, and by blade.
-
-    All elements at one blade hang on to one body.
-    """
-
-    upper: Group
-    lower: Group
-    both: Group
-    blade: Group
-
-
-@lru_cache(maxsize=512)
-def _sums(ends: Ends) -> Sums:
-    numbers = np.array([ends.upper, ends.lower, ends.blade]).T
-
-    def group(*columns: int, least: int = -1) -> Group:
-        keys = numbers[:, columns]
-        known, first = np.unique(keys, axis=0, return_index=True)
-        kept = known.min(-1) >= least
-        same = (keys == known[kept][:, None]).all(-1).astype(float)
-        own = numbers[first[kept]]
-        return Group(own[:, 0], own[:, 1], own[:, 2], same)
-
-    return Sums(group(0), group(1), group(0, 1), group(2, least=0))
+    known, group = np.unique(np.array(numbers), axis=1, return_inverse=True)
+    kept = np.flatnonzero((known >= 0).all(0))
+    return known[:, kept], (group.ravel() == kept[:, None]).astype(float)
 
 
 @dataclass(frozen=True)
 class SceneArrays:
     """Builds of one scene, with the axes of its parts as in this module.
 
-    Attributes
-    ----------
-    scene
-        Labels, bodies that are joined, and gravity.
-    numbering
-        Of its coordinates.
-    count
-        Number of builds.
-    parts
-        As `Scene.parts`; those that every scene has are attributes too.
-    flex
-        Of wires that resist bending or twisting, else None.
-    follows
-        Whether the resistance of wires with `fibres` is that at their tension in a pose, not that
-        of `flex`.
+    `flex` is that of wires that resist bending or twisting, else None. If `follows`, the resistance
+    of wires with `fibres` is that at their tension in a pose, not that of `flex`.
     """
 
-    scene: Scene
+    scene: Scene  # labels, bodies that are joined, and gravity
     numbering: Layout
-    count: int
-    parts: Mapping[str, Any]
+    count: int  # of builds
+    parts: Mapping[str, Any]  # as `Scene.parts`; those that every scene has are attributes too
     flex: Flex | None
     follows: bool = False
 
@@ -210,27 +149,14 @@ class SceneArrays:
     @cached_property
     def dtype(self) -> np.dtype:
         """Type of number of all arrays."""
-        return np.result_type(
-            float,
-            *(
-                getattr(part, name).dtype
-                for part in self.parts.values()
-                for name in inner_axes(type(part))
-            ),
-        )
+        parts = self.parts.values()
+        arrays = (getattr(part, name) for part in parts for name in inner_axes(type(part)))
+        return np.result_type(float, *(array.dtype for array in arrays))
 
 
 @dataclass(frozen=True)
 class Attached:
-    """Elements between points of two bodies.
-
-    Attributes
-    ----------
-    ends
-        Their bodies.
-    upper_arm, lower_arm
-        From the COMs to the points, global axes, m.
-    """
+    """Elements between points of two bodies, with arms from the COMs along global axes, m."""
 
     ends: Ends
     upper_arm: Vector
@@ -239,45 +165,26 @@ class Attached:
 
 @dataclass(frozen=True)
 class Line(Attached):
-    """Straight lines between points of two bodies, in a pose.
+    """Straight lines between points of two bodies, in a pose."""
 
-    Attributes
-    ----------
-    direction
-        Unit vector from the upper to the lower end.
-    length
-        m.
-    elongation
-        From the nominal length, m.
-    tension
-        N.
-    """
-
-    direction: Vector
-    length: Scalar
-    elongation: Scalar
-    tension: Scalar
+    direction: Vector  # unit vector from the upper to the lower end
+    length: Scalar  # m
+    elongation: Scalar  # from the nominal length, m
+    tension: Scalar  # N
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """Builds in one pose each.
+    """Builds in one pose each, as in `Pose`.
 
-    Attributes
-    ----------
-    arrays
-        The builds.
-    shift, turn, deflection
-        As in `Pose`: (3, 1 + body, build), (3, 3, 1 + body, build), (3, blade, build).
-    tension
-        Of wires, in place of that in the pose: for their geometric stiffness, and for their
-        resistance to bending where that follows; None for that in the pose.
+    A `tension` of wires is in place of that in the pose: for their geometric stiffness, and for
+    their resistance to bending where that follows.
     """
 
     arrays: SceneArrays
-    shift: Vector
-    turn: Matrix
-    deflection: Vector
+    shift: Vector  # (3, 1 + body, build)
+    turn: Matrix  # (3, 3, 1 + body, build)
+    deflection: Vector  # (3, blade, build)
     tension: Scalar | None = None
 
     @classmethod
@@ -290,10 +197,8 @@ class Configuration:
             builds_last(getattr(pose, item.name), shapes[item.name], batch, rows)
             for item in fields(pose)
         )
-        return cls(
-            arrays,
-            *(np.broadcast_to(part, (*part.shape[:-1], arrays.count)) for part in parts),
-        )
+        whole = (np.broadcast_to(part, (*part.shape[:-1], arrays.count)) for part in parts)
+        return cls(arrays, *whole)
 
     def select(self, which: Int[np.ndarray, " build"]) -> Configuration:
         """Some of the builds."""
@@ -306,18 +211,18 @@ class Configuration:
         """COMs of the support and all bodies from the suspension point, m."""
         return self.arrays.bodies.position + self.shift
 
-    def turn_of(self, body: tuple[int, ...]) -> Matrix:
+    def turn_of(self, body: Numbers) -> Matrix:
         """Rotations of bodies minus the unit matrix."""
         return self.turn.take(body, axis=2)
 
     def arms(
-        self, body: tuple[int, ...], point: Vector, blade: tuple[int, ...] | None = None
+        self, body: Numbers, point: Vector, blade: Numbers | None = None
     ) -> tuple[Vector, Vector]:
         """Vectors from the COMs of bodies to points (or tips of blades), and their changes."""
         turn, moved = self.turn_of(body), 0.0
-        if blade is not None and max(blade, default=-1) >= 0:
+        if max(blade or (), default=-1) >= 0:
             none = np.zeros_like(self.deflection[:, :1])
-            moved = np.concatenate([self.deflection, none], axis=1)[:, list(blade)]
+            moved = np.concatenate([self.deflection, none], axis=1)[:, list(blade or ())]
             point = point + moved
         change = times(turn, point)
         return point + change, change + moved
@@ -340,8 +245,6 @@ class Configuration:
             return flex
         length = self.wires.length
         tension = self.wires.tension if self.tension is None else self.tension
-        # a slack wire bends as one without tension
-        tension = np.where(tension > 0, tension, 0.0)
         torsion = np.broadcast_to(wires.torsion, length.shape)
         bend, twist = resistance_of_wires(fibres.wire, length, tension, torsion)
         return replace(flex, bend=bend, twist=twist)

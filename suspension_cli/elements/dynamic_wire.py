@@ -2,7 +2,7 @@
 
 The motion of the two ends of a wire falls into four parts that do not couple (`PARTS`): bending in
 the two principal planes (W_s, T_s, W_a, T_a each, see `elements.beam`), stretching (U_s, U_a, see
-`elements.rod`) and twisting (the same two, in rad).
+`elements.joined_sections`) and twisting (the same two, in rad).
 
 A wire under tension T resists twisting with GJ + T I_p/A (Buckley, Phil. Mag. 28, 778 (1914)), I_p
 the polar second moment of its area A: at a twist theta' per length, a filament at the distance r
@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.design.schema import Gas
-from suspension_cli.elements import beam, gas, joined_sections, loss, resting, rod
-from suspension_cli.elements.joined_sections import Joined
+from suspension_cli.elements import beam, joined_sections, loss, resting
+from suspension_cli.elements.joined_sections import ENDS, EPS, Joined
 from suspension_cli.scene.composition import Fibre, Section
 
 if TYPE_CHECKING:
@@ -37,26 +37,17 @@ EQUAL_WITHIN = 1e-12
 
 @dataclass(frozen=True)
 class TautWire:
-    """A wire under tension.
+    """A wire under tension (N).
 
-    Attributes
-    ----------
-    fibre : Fibre
-    tension
-        N. An array (..., f), with such arrays as lengths of the fibre's sections, stands for wires
-        of the same sections in many builds, each at one frequency.
-    massive : bool
-        Whether the wire has inertia (`violin` model).
-    lossy : bool
-    surrounded : Gas or None
-        The gas that damps the wire.
+    An array (..., f) of tensions, with such arrays as lengths of the fibre's sections, stands for
+    wires of the same sections in many builds, each at one frequency.
     """
 
     fibre: Fibre
     tension: Inexact[np.ndarray, "*#wire frequency"] | float
-    massive: bool
+    massive: bool  # whether it has inertia (`violin` model)
     lossy: bool
-    surrounded: Gas | None = None
+    surrounded: Gas | None = None  # by the gas that damps it
 
     @property
     def round(self) -> bool:
@@ -76,17 +67,8 @@ class TautWire:
     @cached_property
     def static(self) -> dict[str, Inexact[np.ndarray, "_ _"]]:
         """Static stiffness (c, c) of every part, without loss."""
-        return {part: self.resting(part)[..., 0] for part in PARTS}
-
-    def resting(self, part: str) -> Inexact[np.ndarray, "end end frequency"]:
-        """Static stiffness (c, c, f) of one part, without loss, for f tensions and lengths."""
-        return self._at_rest[part].stiffness
-
-    @cached_property
-    def _at_rest(self) -> WireAtFrequencies:
-        return TautWire(self.fibre, self.tension, massive=False, lossy=False).at(
-            np.zeros(np.size(self.tension))
-        )
+        still = TautWire(self.fibre, self.tension, massive=False, lossy=False).at(np.zeros(1))
+        return {part: still[part].stiffness[..., 0] for part in PARTS}
 
     def resonances_below(
         self, omega: Float[np.ndarray, " frequency"], parts: tuple[str, ...] = PARTS
@@ -113,44 +95,26 @@ class TautWire:
         return high
 
 
-@dataclass(frozen=True)
-class WireAtFrequencies:
-    """A wire at given frequencies (rad/s); its parts by name."""
+class WireAtFrequencies(dict[str, "PartAtFrequencies"]):
+    """The parts of a wire at given frequencies (rad/s); both planes of a round wire are one."""
 
-    strand: TautWire
-    omega: Inexact[np.ndarray, " frequency"]
+    def __init__(self, strand: TautWire, omega: Inexact[np.ndarray, " frequency"]) -> None:
+        super().__init__()
+        self.strand, self.omega = strand, omega
 
-    def __getitem__(self, part: str) -> PartAtFrequencies:
-        """One of `PARTS`; both planes of a round wire are one."""
-        name = "bend-1" if part == "bend-2" and self.strand.round else part
-        if name not in self._parts:
-            self._parts[name] = PartAtFrequencies(self.strand, self.omega, PARTS.index(name))
-        return self._parts[name]
-
-    @cached_property
-    def _parts(self) -> dict[str, PartAtFrequencies]:
-        return {}
-
-
-class SectionNumbers(NamedTuple):
-    """EI, EA or GJ, inertia per length, and half the length of the sections of a wire."""
-
-    rigidity: Inexact[np.ndarray, "section *#frequency"]
-    inertia: Inexact[np.ndarray, "section *#frequency"]
-    half: Inexact[np.ndarray, "section *#frequency"]
+    def __missing__(self, part: str) -> PartAtFrequencies:
+        """Make a part when it is first needed."""
+        if part == "bend-2" and self.strand.round:
+            return self["bend-1"]
+        self[part] = PartAtFrequencies(self.strand, self.omega, PARTS.index(part))
+        return self[part]
 
 
 @dataclass(frozen=True)
 class PartAtFrequencies:
-    """One part of the motion of a wire at given frequencies.
+    """One part of the motion of a wire at given frequencies, in rad/s.
 
-    Attributes
-    ----------
-    strand : TautWire
-    omega
-        rad/s.
-    number
-        Of the part in `PARTS`; for bending also that of the plane, as in `Section.rigidity`.
+    `number` is that of the part in `PARTS`; for bending also of the plane, as `Section.rigidity`.
     """
 
     strand: TautWire
@@ -163,11 +127,6 @@ class PartAtFrequencies:
         return self.number < 2
 
     @property
-    def name(self) -> str:
-        """Name of the part."""
-        return PARTS[self.number]
-
-    @property
     def sections(self) -> tuple[Section, ...]:
         """Sections of the wire."""
         return self.strand.fibre.sections
@@ -175,13 +134,6 @@ class PartAtFrequencies:
     @cached_property
     def stiffness(self) -> Inexact[np.ndarray, "end end *frequency"]:
         """Dynamic stiffness (c, c, f), N/m, N and N m."""
-        length = sum(section.length for section in self.sections)
-        pull = sum(self._tension(section) * section.length for section in self.sections)
-        # phi = 2 W_a / L, d = T_a - phi
-        if self.bends and self.strand.massive and len(self.sections) == 1:
-            *even, pp, pd, dd = (own[0] for own in self._uniform_beams)
-            odd = (pp + pull - 2 * pd + dd) * (2 / length) ** 2, (pd - dd) * (2 / length), dd
-            return _symmetric(4, beam.ELEMENT_PLACES, [*even, *odd])
         own = self._joined.stiffness
         if not self.bends:
             between, upper, lower = own
@@ -190,10 +142,11 @@ class PartAtFrequencies:
         result = np.zeros((4, 4, *own.shape[2:]), dtype=own.dtype)
         some = slice(None) if len(own) == 4 else slice(1, None, 2)
         result[some, some] = own
-        result[2, 2] += pull
+        result[2, 2] += sum(self._tension(section) * section.length for section in self.sections)
+        # phi = 2 W_a / L, d = T_a - phi
         for half in (result, result.swapaxes(0, 1)):
             half[2] -= half[3]
-            half[2] *= 2 / length
+            half[2] *= 2 / self._length
         return result
 
     @cached_property
@@ -204,11 +157,11 @@ class PartAtFrequencies:
         twisting as springs between the ends and from either end to the ground; of stretching F
         itself, as such springs.
         """
-        own, sections = self._joined.stiffness, self.sections
-        if self.name == "stretch":
+        own, sections, tension = self._joined.stiffness, self.sections, self.strand.tension
+        if PARTS[self.number] == "stretch":
             return own
-        whole, tension = own.copy(), self.strand.tension
-        if self.name == "twist":
+        whole = own.copy()
+        if not self.bends:
             whole[0] -= 1 / sum(own.length / _twisting(own, tension) for own in sections)
             return whole
         lengths = self._stack(section.length for section in sections)
@@ -231,52 +184,36 @@ class PartAtFrequencies:
         if self.bends:
             below = beam.resonances_below(self._waves)
         else:
-            below = rod.resonances_below(*self._numbers, self.omega)
+            below = joined_sections.rod_resonances_below(*self._numbers, self.omega)
         return below.sum(0) + self._joined.negative
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
-        """Dissipation x^H Im(F) x of motions x of the ends, by cause.
+        """Dissipation x^H Im(F) x of motions x of the ends (m and rad), by cause, N m.
 
-        Parameters
-        ----------
-        motion
-            Of r motions, m and rad.
-
-        Returns
-        -------
-        dict of (r, f) arrays
-            N m: ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at
-            the middle of the wire; and ``gas``.
+        Causes are ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split
+        at the middle of the wire, each at the temperature of its end; causes of their own that
+        losses of bending have; and ``gas``.
         """
         if not self.bends:
-            lost, drag = self._material_and_gas(motion)
-            result = {"stretching" if self.name == "stretch" else "torsion": lost.sum(0)}
-            return result if drag is None else result | {"gas": drag.sum(0)}
-        return self._with_sections(_cut_in_middle(self.sections))._bending_dissipation(motion)
-
-    def _bending_dissipation(
-        self, motion: Inexact[np.ndarray, "end motion frequency"]
-    ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
-        """By cause, each section at the temperature of its end of the wire."""
-        temperature, top = self.strand.fibre.temperature, 0.0
+            losses, drag = self._material_and_gas(motion)
+            found = {"stretching" if PARTS[self.number] == "stretch" else "torsion": losses.sum(0)}
+            return found if drag is None else found | {"gas": drag.sum(0)}
+        halves = _cut_in_middle(self.sections)
+        losses, drag = self._with_sections(section for section, _ in halves)._material_and_gas(
+            motion
+        )
         names = ("bending-upper", "bending-lower")
         result = {name: np.zeros(motion.shape[1:]) for name in names}
-        losses, drag = self._material_and_gas(motion)
         if drag is not None:
             result["gas"] = drag.sum(0)
-        middle = sum(section.length for section in self.sections) / 2
-        for section, lost in zip(self.sections, losses, strict=True):
-            end = int(top + section.length / 2 > middle)
-            top += section.length
-            angle = self._loss_angle(section, sum(temperature) / 2)
+        ends = self.strand.fibre.temperature
+        for (section, end), lost in zip(halves, losses, strict=True):
+            angle, rest = (self._loss_angle(section, t) for t in (sum(ends) / 2, ends[end]))
             per_angle = lost / np.where(angle == 0, 1.0, angle)
-            rest = self._loss_angle(section, temperature[end])
-            causes = loss.bending_causes(
-                section, self.number, np.real(self.omega), temperature[end]
-            )
-            for cause, own in causes.items():
+            omega = np.real(self.omega)
+            for cause, own in loss.bending_causes(section, self.number, omega, ends[end]).items():
                 result[cause] = result.get(cause, 0.0) + own * per_angle
                 rest = rest - own
             result[names[end]] = result[names[end]] + rest * per_angle
@@ -316,23 +253,19 @@ class PartAtFrequencies:
         The imaginary parts keep their digits however small the loss, as in a complex step: on the
         chord and the slopes relative to it nothing cancels.
         """
-        places = ((0, 0), (1, 1), (2, 2))
         if self.bends:
-            length = sum(section.length for section in self.sections)
-            chord = np.array(motion)
-            chord[2] *= 2 / length
-            chord[3] -= chord[2]
+            whole = np.array(motion)
+            whole[2] *= 2 / self._length
+            whole[3] -= whole[2]
             elements, places = self._uniform_beams, beam.ELEMENT_PLACES
             if not self.strand.massive:
-                chord, places = chord[1::2], ((0, 0), (1, 1))
-            # without the stiffness of the whole, unless that is known
-            whole = "_joined" in vars(self)
-            joints = (self._joined if whole else self._join_beams(motions_only=True)).motions
-            moved = joined_sections.section_motions(joints, chord).swapaxes(0, 1)
+                whole, places = whole[1::2], ((0, 0), (1, 1))
         else:
-            ends, joints = np.tensordot(joined_sections.ENDS[1], motion, 1), self._joined.motions
-            upper, lower = joined_sections.section_motions(joints, ends).swapaxes(0, 1)
-            elements, moved = self._springs, (lower - upper, upper, lower)
+            whole = np.tensordot(ENDS[1], motion, 1)
+            elements, places = self._springs, ((0, 0), (1, 1), (2, 2))
+        moved = joined_sections.section_motions(self._joined.motions, whole).swapaxes(0, 1)
+        if not self.bends:
+            moved = (moved[1] - moved[0], *moved)
         total = np.zeros(moved[0].shape)
         for (i, j), value in zip(places, elements, strict=True):
             product = np.real(np.conj(moved[i]) * moved[j])
@@ -342,17 +275,15 @@ class PartAtFrequencies:
     @cached_property
     def _joined(self) -> Joined:
         """All sections together."""
-        return self._join_beams() if self.bends else joined_sections.join_rods(self._springs)
-
-    def _join_beams(self, *, motions_only: bool = False) -> Joined:
-        sections, elements = self.sections, self._uniform_beams
-        places = beam.ELEMENT_PLACES if self.strand.massive else ((0, 0), (1, 1))
-        parts = _symmetric(places[-1][0] + 1, places, elements)
-        if len(sections) == 1:
-            return Joined(parts[:, :, 0], [], 0)
-        lengths = self._stack(section.length for section in sections)
-        tensions = self._stack(self._tension(section) for section in sections)
-        return joined_sections.join(parts, tensions, lengths, motions_only=motions_only)
+        if not self.bends:
+            return joined_sections.join_rods(self._springs)
+        size, places = (4, beam.ELEMENT_PLACES) if self.strand.massive else (2, ((0, 0), (1, 1)))
+        elements = self._uniform_beams
+        parts = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
+        for (i, j), value in zip(places, elements, strict=True):
+            parts[i, j] = parts[j, i] = value
+        lengths = self._stack(section.length for section in self.sections)
+        return joined_sections.join(parts, self._stack(map(self._tension, self.sections)), lengths)
 
     @cached_property
     def _uniform_beams(self) -> list[Inexact[np.ndarray, "*section"]]:
@@ -365,22 +296,23 @@ class PartAtFrequencies:
     @cached_property
     def _springs(self) -> Inexact[np.ndarray, "3 section *frequency"]:
         """Springs between the ends of each section, and from either end to the ground."""
-        even, odd = rod.stiffness(*self._numbers, self.omega)
+        even, odd = joined_sections.rod_stiffness(*self._numbers, self.omega)
         between = (odd - even) / 4
         # where losses damp a wave before it reaches the other end
-        between = np.where(between == 0, joined_sections.EPS * np.abs(odd), between)
+        between = np.where(between == 0, EPS * np.abs(odd), between)
         return np.array([between, even / 2, even / 2])
 
     @cached_property
     def _waves(self) -> beam.Waves:
         """Waves of the sections."""
         rigidity, mass, half = self._numbers
-        tension = self._stack(self._tension(section) for section in self.sections)
+        tension = self._stack(map(self._tension, self.sections))
         return beam.waves(rigidity, tension, mass, half, self.omega)
 
     @cached_property
-    def _numbers(self) -> SectionNumbers:
-        return SectionNumbers(
+    def _numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """EI, EA or GJ, inertia per length, and half the length of the sections."""
+        return (
             self._stack(map(self._rigidity, self.sections)),
             self._stack(map(self._inertia, self.sections)),
             self._stack(section.length / 2 for section in self.sections),
@@ -390,12 +322,12 @@ class PartAtFrequencies:
         self, values: Iterable[Inexact[np.ndarray, "*#frequency"] | complex]
     ) -> Inexact[np.ndarray, "section *#frequency"]:
         """Stack numbers of the sections, with axes of length 1 where they do not vary."""
-        arrays, axes = [np.asarray(value) for value in values], np.ndim(self.strand.tension)
-        shape = np.broadcast_shapes((1,) * max(axes, 1), *(array.shape for array in arrays))
-        result = np.empty((len(arrays), *shape), dtype=np.result_type(*arrays))
-        for row, array in zip(result, arrays, strict=True):  # quicker than numpy.stack
-            row[...] = array
-        return result
+        blank = np.zeros((1,) * max(np.ndim(self.strand.tension), 1))
+        return np.array(np.broadcast_arrays(blank, *values)[1:])
+
+    @property
+    def _length(self) -> Any:
+        return sum(section.length for section in self.sections)
 
     def _tension(self, section: Section) -> Inexact[np.ndarray, " frequency"] | float:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
@@ -405,12 +337,10 @@ class PartAtFrequencies:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
         factor = 1.0
         if self.strand.lossy:
-            temperature = sum(self.strand.fibre.temperature) / 2
-            factor = 1 + 1j * self._loss_angle(section, temperature)
-        if self.name == "twist":
+            factor = 1 + 1j * self._loss_angle(section, sum(self.strand.fibre.temperature) / 2)
+        if PARTS[self.number] == "twist":
             return _twisting(section, self.strand.tension, factor)
-        elastic = section.rigidity[self.number] if self.bends else section.stretching
-        return elastic * factor
+        return factor * (section.rigidity[self.number] if self.bends else section.stretching)
 
     def _loss_angle(
         self, section: Section, temperature: float
@@ -419,32 +349,31 @@ class PartAtFrequencies:
         if self.bends:
             tension = self.strand.tension
             return loss.bending_angle(section, self.number, omega, tension, temperature)
-        angle = loss.stretching_angle if self.name == "stretch" else loss.twisting_angle
-        return angle(section, omega)
+        stretched = PARTS[self.number] == "stretch"
+        return (loss.stretching_angle if stretched else loss.twisting_angle)(section, omega)
 
     def _inertia(self, section: Section) -> Inexact[np.ndarray, " frequency"] | complex:
         """Mass (kg/m) or polar moment of inertia (kg m) per length, with the drag of the gas."""
         if not self.strand.massive:
             return 0.0
         around = self.strand.surrounded
-        inertia = section.polar if self.name == "twist" else section.mass
+        inertia = section.polar if PARTS[self.number] == "twist" else section.mass
         if around is None or not self.strand.lossy:
             return inertia
-        drag = section.shape.drag(*gas.surface_drag(around))[self.number]
-        with np.errstate(divide="ignore"):
-            return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
+        drag = section.shape.drag(*loss.surface_drag(around))[self.number]
+        return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 
 
-def _cut_in_middle(sections: tuple[Section, ...]) -> list[Section]:
-    """Cut the section in the middle of a wire there, so that each section is near one end."""
+def _cut_in_middle(sections: tuple[Section, ...]) -> list[tuple[Section, int]]:
+    """Cut the section in the middle of a wire there; each part with the end it is near, 0 or 1."""
     left, result = sum(section.length for section in sections) / 2, []
     for section in sections:
         if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
-            result.append(replace(section, length=left))
+            result.append((replace(section, length=left), 0))
             section = replace(section, length=section.length - left)
             left = 0.0
+        result.append((section, int(left < section.length / 2)))
         left -= section.length
-        result.append(section)
     return result
 
 
@@ -452,7 +381,7 @@ def _twisting(
     section: Section,
     tension: Inexact[np.ndarray, "*#frequency"] | complex,
     lossy: Inexact[np.ndarray, "*#frequency"] | complex = 1.0,
-) -> Inexact[np.ndarray, "*frequency"] | complex:
+) -> Any:
     """(GJ (1 + i phi) + T I_p/A) times the factor that fits it to a given torsional stiffness."""
     return (section.twisting * lossy + tension * section.polar_area) * section.torsion_factor
 
@@ -466,50 +395,23 @@ def fit_to_equilibrium(
 ) -> Fibre:
     """Scale a fibre to its length in equilibrium and to the stiffnesses of the scene's wire.
 
-    Parameters
-    ----------
-    fibre
-    length
-        Length in equilibrium, m; an array, as below, for many builds at once.
-    k
-        Stretching stiffness, N/m.
-    tension
-        N.
-    torsion
-        Torsional stiffness given by the design, N m/rad; 0 where none is given.
+    These are the length (m), the stretching stiffness (N/m), the tension (N) and the torsional
+    stiffness that the design gives (N m/rad; 0 where it gives none); arrays for many builds.
     """
-    stretch = length / sum(section.length for section in fibre.sections)
-    compliance = sum(section.length * stretch / section.stretching for section in fibre.sections)
-    has_torsion = np.any(torsion)
-    fits = np.all(np.abs(stretch - 1) < EQUAL_WITHIN) and np.all(
-        np.abs(compliance * k - 1) < EQUAL_WITHIN
-    )
-    if np.ndim(stretch) == 0 and fits and not has_torsion:
-        return fibre
+    sections = fibre.sections
+    stretch = length / sum(section.length for section in sections)
+    compliance = sum(section.length * stretch / section.stretching for section in sections)
     factor = 1.0
-    if has_torsion:
-        torsional_compliance = sum(
-            section.length * stretch / (section.twisting + tension * section.polar_area)
-            for section in fibre.sections
-        )
-        factor = np.where(np.real(torsion) > 0, torsion * torsional_compliance, 1.0)
-    sections = tuple(
+    if np.any(torsion):
+        twist = sum(section.length * stretch / _twisting(section, tension) for section in sections)
+        factor = np.where(np.real(torsion) > 0, torsion * twist, 1.0)
+    fitted = (
         replace(
             section,
             length=section.length * stretch,
             stretching=section.stretching * compliance * k,
             torsion_factor=factor,
         )
-        for section in fibre.sections
+        for section in sections
     )
-    return replace(fibre, sections=sections)
-
-
-def _symmetric(
-    size: int, places: tuple[tuple[int, int], ...], elements: list[Inexact[np.ndarray, "*shape"]]
-) -> Inexact[np.ndarray, "size size *shape"]:
-    """Symmetric matrices from their elements on and above the diagonal."""
-    result = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
-    for (i, j), value in zip(places, elements, strict=True):
-        result[i, j] = result[j, i] = value
-    return result
+    return replace(fibre, sections=tuple(fitted))

@@ -1,4 +1,4 @@
-"""Sections of wire joined end to end, by elimination of the nodes between them.
+"""Sections of wire joined end to end, by elimination of the nodes between them; uniform rods.
 
 Beams are joined in the coordinates q = (W, T_s, phi, d) of `elements.beam`: deflection in the
 middle of the chord, half the difference of the slopes of the ends, slope of the chord, and mean
@@ -24,6 +24,16 @@ The number of resonances of the clamped wire below this frequency exceeds that o
 number of negative eigenvalues of the stiffness of (eta, zeta) (Wittrick and Williams, Q. J. Mech.
 Appl. Math. 24, 263 (1971)).
 
+A uniform rod that is stretched or twisted obeys
+
+    S u'' + mu omega^2 u = 0:   S = EA for stretching (u in m), GJ + T I_p/A for twisting (u in
+                                rad).
+
+With the even motion of the ends U_s = (u_1 + u_2)/2, the odd one U_a = (u_2 - u_1)/2,
+kappa^2 = mu omega^2 / S and h = L/2, the stiffness is diagonal (any text on vibrations):
+
+    even: -2 S kappa tan(kappa h),    odd: 2 S kappa / tan(kappa h).
+
 Rods are joined as springs between their ends and springs from each end to the ground (`join_rods`):
 in the sum of both, the stiffness of a nearly rigid wire would swamp its inertia.
 """
@@ -35,7 +45,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact, Int
+    from jaxtyping import Float, Inexact, Int
 
 EPS = 2.0**-53
 ENDS = {
@@ -43,52 +53,29 @@ ENDS = {
     1: np.array([[1.0, -1], [1, 1]]),
 }
 """By p, the matrix from even and odd motion to the two ends: (W_s, T_s, W_a, T_a) of
-`elements.beam` to (w_1, w'_1, w_2, w'_2), and (U_s, U_a) of `elements.rod` to (u_1, u_2)."""
-
-
-def to_ends(
-    even_odd: Inexact[np.ndarray, "end end frequency"],
-) -> Inexact[np.ndarray, "end end frequency"]:
-    """Transform a stiffness (2p, 2p, f) on even and odd motion to the two ends."""
-    back = np.linalg.inv(ENDS[len(even_odd) // 2])
-    return np.einsum("ki,klf,lj->ijf", back, even_odd, back)
+`elements.beam` to (w_1, w'_1, w_2, w'_2), and (U_s, U_a) of a rod to (u_1, u_2)."""
 
 
 class Joined(NamedTuple):
-    """Sections joined to a whole.
-
-    Attributes
-    ----------
-    stiffness
-        Of all together: of beams on (W, T_s, phi, d) or (T_s, d), of rods their springs.
-    motions
-        By round, the motion of upper and lower parts per motion of the joined pairs.
-    negative
-        Number of negative eigenvalues of the stiffnesses of the nodes.
-    """
+    """Sections joined to a whole."""
 
     stiffness: Inexact[np.ndarray, "*elements"]
+    """Of beams on (W, T_s, phi, d) or (T_s, d), of rods their springs."""
     motions: list[tuple[Inexact[np.ndarray, "end end pair *#shape"], ...]]
+    """By round, the motion of upper and lower parts per motion of the joined pairs."""
     negative: Int[np.ndarray, "*shape"] | int
+    """Number of negative eigenvalues of the stiffnesses of the nodes."""
 
 
 def join(
     parts: Inexact[np.ndarray, "end end section *shape"],
     tensions: Inexact[np.ndarray, "section *#shape"],
     lengths: Inexact[np.ndarray, "section *#shape"],
-    *,
-    motions_only: bool = False,
 ) -> Joined:
     """Join sections of a beam in pairs, then the pairs, until one is left.
 
-    Parameters
-    ----------
-    parts
-        Stiffness of each section on (W, T_s, phi, d), or on (T_s, d) without inertia, from the top.
-    tensions, lengths
-        Of each section, N and m.
-    motions_only
-        Whether to leave out the stiffness of all together, which takes most of the time.
+    `parts` are the stiffness of each section on (W, T_s, phi, d), or on (T_s, d) without inertia,
+    from the top; tensions and lengths are in N and m.
     """
     motions, negative = [], 0
     kept = slice(None) if len(parts) == 4 else slice(1, None, 2)
@@ -121,8 +108,6 @@ def join(
             for form in (upper, lower)
         )
         motions.append((upper, lower))
-        if motions_only and parts.shape[2] == 2:
-            return Joined(np.zeros(0), motions, negative)
         pairs = _congruence(upper, above) + _congruence(lower, below) + string * eta[:, None] * eta
         if len(parts) == 4:
             pairs[2] += step * eta
@@ -176,6 +161,37 @@ def _node_forms(
     return forms[0], forms[1]
 
 
+def rod_stiffness(
+    rigidity: Inexact[np.ndarray, "*#shape"],
+    mass: Inexact[np.ndarray, "*#shape"],
+    half: Inexact[np.ndarray, "*#shape"],
+    omega: Inexact[np.ndarray, "*#shape"],
+) -> Inexact[np.ndarray, "2 ..."]:
+    """Dynamic stiffness of uniform rods on U_s and U_a, N/m or N m/rad.
+
+    From S (N or N m^2; complex with loss), inertia per length (kg/m or kg m), half the length (m)
+    and omega (rad/s). Sections may be an axis in front of the frequencies.
+    """
+    kappa2 = mass * omega**2 / rigidity + 0 * omega
+    angle = np.sqrt(kappa2) * half
+    zero = angle == 0
+    tanc = np.where(
+        zero, 1.0, np.tan(angle) / np.where(zero, 1.0, angle)
+    )  # tan(kappa h) / (kappa h)
+    return np.stack([-2 * rigidity * kappa2 * half * tanc, 2 * rigidity / half / tanc])
+
+
+def rod_resonances_below(
+    rigidity: Float[np.ndarray, "*#shape"],
+    mass: Float[np.ndarray, "*#shape"],
+    half: Float[np.ndarray, "*#shape"],
+    omega: Float[np.ndarray, "*#shape"],
+) -> Int[np.ndarray, "*shape"]:
+    """Count the resonances of the clamped rod below each omega, at kappa L = pi, 2 pi, ... ."""
+    turns = np.sqrt(mass / rigidity) * np.asarray(omega) * 2 * half / np.pi
+    return np.ceil(turns - 1).clip(0).astype(int)
+
+
 def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
     """Join sections of a rod.
 
@@ -185,10 +201,8 @@ def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
         c = c_A c_B / S,
         r_1 = r_A1 + c_A (r_A2 + r_B1) / S,    r_2 = r_B2 + c_B (r_A2 + r_B1) / S.
 
-    Parameters
-    ----------
-    springs
-        c, r_1 and r_2 of each section, from the top. The `motions` are those of both ends.
+    The `springs` are c, r_1 and r_2 of each section, from the top; the `motions` those of both
+    ends.
     """
     motions, negative = [], 0
     while springs.shape[1] > 1:

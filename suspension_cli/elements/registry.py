@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bending, blade, spring, string, weight
+from suspension_cli.elements import bending, spring, string, weight
 from suspension_cli.elements.element import Element
 from suspension_cli.scene.scene import Scene
 
@@ -14,7 +14,7 @@ ELEMENTS: tuple[Element, ...] = (
     string.ELEMENT,
     bending.ELEMENT,
     spring.ELEMENT,
-    blade.ELEMENT,
+    spring.BLADES,
 )
 
 

@@ -14,12 +14,11 @@ planes of a wire are fixed in its bodies, across its clamps.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.functions import tanhc
+from suspension_cli.elements.beam import tanhc
 from suspension_cli.elements.joined_sections import Joined, join
 from suspension_cli.rotations import cross
 from suspension_cli.scene.composition import Fibre, Section
@@ -37,22 +36,10 @@ def resistance(
 ) -> tuple[Inexact[np.ndarray, "2 3 *shape"], Inexact[np.ndarray, "*shape"]]:
     """Compute the static stiffness of wires of the same sections, without loss.
 
-    Parameters
-    ----------
-    sections
-        From the upper to the lower end; their lengths share `length` in proportion.
-    length, tension
-        Of each wire, m and N (a wire that pushes has the stiffness of one without tension);
-        complex numbers for complex steps.
-    torsion
-        Torsional stiffness that the design gives, N m/rad; 0 where it gives none.
-
-    Returns
-    -------
-    bend
-        S_uu, S_ul, S_ll in both principal planes, N m.
-    twist
-        Stiffness against twisting, N m/rad.
+    Returns S_uu, S_ul, S_ll in both principal planes, and the stiffness against twisting, N m/rad.
+    The lengths of the sections share `length` (m) in proportion. A wire that pushes (negative
+    tension, N) has the stiffness of one without tension. `torsion` is the torsional stiffness that
+    the design gives, N m/rad; 0 where it gives none.
     """
     tension = np.where(np.real(tension) >= 0, tension, 0.0)
     planes = 1 if all(section.round for section in sections) else 2
@@ -77,16 +64,9 @@ def slope_stiffness(
     tension: Inexact[np.ndarray, "*#shape"] | complex,
     lengths: Inexact[np.ndarray, "section *#shape"],
 ) -> Joined:
-    """Stiffness (2, 2, ...) of joined sections on (T_s, d), see `elements.joined_sections`.
+    """Stiffness (2, 2, ...) of joined sections of given EI (N m^2; complex with loss) on (T_s, d).
 
-    Parameters
-    ----------
-    rigidity
-        EI of the sections, N m^2; complex with loss.
-    tension
-        N.
-    lengths
-        Of the sections, m.
+    See `elements.joined_sections`.
     """
     even, odd = uniform_stiffness(rigidity, tension, lengths / 2)
     none = np.zeros_like(even)
@@ -147,9 +127,7 @@ def wire_resistance(scene: Scene) -> Flex | None:
     if scene.flex is not None or not wires.torsion.any():
         return scene.flex
     along = wires.span / wires.length[..., None]
-    across = np.where(
-        np.abs(along[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    )
+    across = np.where(np.abs(along[..., :1]) < 0.9, np.eye(3)[0], np.eye(3)[1])
     planes = principal_planes(across, along)
     return Flex(planes, planes, None, wires.torsion)
 
@@ -163,18 +141,9 @@ def resistance_of_wires(
     """Stiffness of wires against slopes in both planes, and against twist, see `resistance`."""
     shape, dtype = length.shape, np.result_type(length, tension, torsion)
     bend, twist = np.empty((2, 3, *shape), dtype=dtype), np.empty(shape, dtype=dtype)
-    for sections, which in _alike(tuple(fibre.sections for fibre in fibres)):
+    each = [fibre.sections for fibre in fibres]
+    for sections in dict.fromkeys(each):
+        which = [n for n, other in enumerate(each) if other == sections]
         own = (number[which] for number in (length, tension, torsion))
         bend[:, :, which], twist[which] = resistance(sections, *own)
     return bend, twist
-
-
-@lru_cache(maxsize=64)
-def _alike(
-    sections: tuple[tuple[Section, ...], ...],
-) -> list[tuple[tuple[Section, ...], list[int]]]:
-    """Wires of equal sections."""
-    return [
-        (own, [n for n, other in enumerate(sections) if other == own])
-        for own in dict.fromkeys(sections)
-    ]

@@ -9,7 +9,7 @@ section 4b. Struts (legs of inverted pendulums) are strings that push.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +24,6 @@ from suspension_cli.elements.configuration import (
 from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
 from suspension_cli.elements.vectors import (
-    Scalar,
     cross,
     dot,
     outer,
@@ -39,54 +38,18 @@ if TYPE_CHECKING:
     from jaxtyping import Inexact
 
 
-@dataclass(frozen=True)
-class State:
-    """All wires of a scene in one pose; vectors along the global axes.
-
-    Attributes
-    ----------
-    upper_arm, lower_arm
-        From the COM of the upper and of the lower body to the ends, m.
-    direction
-        Unit vector from the upper to the lower end.
-    length
-        m.
-    elongation
-        From the nominal length, m.
-    tension
-        N.
-    """
-
-    upper_arm: Inexact[np.ndarray, "*batch wire 3"]
-    lower_arm: Inexact[np.ndarray, "*batch wire 3"]
-    direction: Inexact[np.ndarray, "*batch wire 3"]
-    length: Inexact[np.ndarray, "*batch wire"]
-    elongation: Inexact[np.ndarray, "*batch wire"]
-    tension: Inexact[np.ndarray, "*batch wire"]
-
-
-def state(scene: Scene, pose: Pose, *, struts: bool = False) -> State:
-    """Geometry and tensions of all wires (or struts) in a pose."""
+def state(scene: Scene, pose: Pose, *, struts: bool = False) -> Line:
+    """Geometry and tensions of all wires (or struts) in a pose; arrays with batch axes in front."""
     now = configuration(scene, layout(scene), pose)
     lines, batch = now.struts if struts else now.wires, batch_of(scene, pose)
-    names = ("upper_arm", "lower_arm", "direction", "length", "elongation", "tension")
-    return State(*(batch_first(getattr(lines, name), batch) for name in names))
-
-
-def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
-    """Elastic energy of all wires and struts relative to the nominal pose, J."""
-    result: Scalar = np.zeros(now.arrays.count)
-    for lines, wires in _kinds(now):
-        e = lines.elongation
-        result = result + (wires.tension * e + wires.stiffness * e**2 / 2).sum(0)
-    return result
+    names = [item.name for item in fields(lines) if item.name != "ends"]
+    return replace(lines, **{name: batch_first(getattr(lines, name), batch) for name in names})
 
 
 def _kinds(now: Configuration) -> list[tuple[Line, Wires]]:
     """Wires, and struts: those of them that the scene has."""
-    arrays = now.arrays
-    wires = [(now.wires, arrays.wires)] if arrays.wires.label else []
-    return [*wires, (now.struts, arrays.struts)] if arrays.struts.label else wires
+    kinds = (("wires", now.arrays.wires), ("struts", now.arrays.struts))
+    return [(getattr(now, name), wires) for name, wires in kinds if wires.label]
 
 
 def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
@@ -117,7 +80,7 @@ def predicted_tension(
     upper, lower = (motion[:, list(body)] for body in (lines.ends.upper, lines.ends.lower))
     change = lower[:3] - upper[:3]
     change = change + cross(lower[3:], lines.lower_arm) - cross(upper[3:], lines.upper_arm)
-    if lines.ends.on_blades:
+    if max(lines.ends.blade, default=-1) >= 0:
         moved = now.tip_motion(step)[:, list(lines.ends.blade)]
         change = change - moved - times(now.turn_of(lines.ends.upper), moved)
     longer = lines.elongation + dot(lines.direction, change)
@@ -135,7 +98,7 @@ def elongations(now: Configuration) -> Inexact[np.ndarray, "coordinate wire buil
     wire, three = np.arange(len(ends.upper)), np.arange(3)[:, None]
     for body, sign, turn in ((np.array(ends.upper), -1.0, up), (np.array(ends.lower), 1.0, low)):
         result[6 * body + three, wire], result[6 * body + three + 3, wire] = sign * e, turn
-    if ends.on_blades:
+    if max(ends.blade) >= 0:
         on_tip = -(e + times(transposed(now.turn_of(ends.upper)), e))
         tips = np.where(
             np.array(ends.blade) >= 0, numbering.blade[list(ends.blade)].T, len(result) - 1
@@ -144,4 +107,4 @@ def elongations(now: Configuration) -> Inexact[np.ndarray, "coordinate wire buil
     return result[:-1]
 
 
-ELEMENT = Element(energy, add_derivatives)
+ELEMENT = Element(add_derivatives)

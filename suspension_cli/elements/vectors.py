@@ -70,11 +70,6 @@ def symmetric(m: Matrix) -> Matrix:
     return (m + transposed(m)) / 2
 
 
-def trace(m: Matrix) -> Scalar:
-    """Sum of the diagonal."""
-    return m[0, 0] + m[1, 1] + m[2, 2]
-
-
 def unit(value: Scalar) -> Matrix:
     """Multiple of the unit matrix."""
     result = np.zeros((3, 3, *value.shape), dtype=value.dtype)

@@ -32,6 +32,7 @@ P = sum of u u^T, the derivatives by t at t = 0 are
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -44,12 +45,10 @@ from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,
     Vector,
-    dot,
     plus_unit,
     product,
     symmetric,
     times,
-    trace,
     transposed,
     unit,
 )
@@ -61,16 +60,13 @@ if TYPE_CHECKING:
 
 def lift(scene: Scene, place: Vector) -> Vector:
     """Gradient -(g + G r) of the energy per mass at places r from the suspension point, m/s^2."""
-    vector, slope = _lift(scene), _slope(scene)
+    vector, slope = np.array([0.0, 0.0, scene.gravity]), _slope(scene)
+    if scene.field is not None:
+        vector = -scene.field.vector
     vector = vector.reshape(3, *(1,) * (place.ndim - 1))
     if slope is None:
         return np.broadcast_to(vector, place.shape)
     return vector + np.tensordot(slope, place, 1)
-
-
-def _lift(scene: Scene) -> Inexact[np.ndarray, " 3"]:
-    """Gradient -g of the energy per mass at the suspension point."""
-    return np.array([0.0, 0.0, scene.gravity]) if scene.field is None else -scene.field.vector
 
 
 def _slope(scene: Scene) -> Inexact[np.ndarray, "3 3"] | None:
@@ -79,125 +75,60 @@ def _slope(scene: Scene) -> Inexact[np.ndarray, "3 3"] | None:
 
 
 @dataclass(frozen=True)
-class PointMasses:
-    """Masses at points of bodies or at tips of blades.
+class Masses:
+    """Masses at points of bodies or at tips of blades; or what lines of mass have beyond these.
 
-    Attributes
-    ----------
-    ends
-        Their bodies and blades.
-    point
-        In the frames of the bodies, m.
-    mass
-        kg.
+    The latter, between points of two bodies, act on the difference of the places of their ends, as
+    points do on a place, with the mass -m_ul.
     """
 
-    ends: Ends
-    point: Vector
-    mass: Scalar
+    ends: Ends  # without lower bodies for points
+    points: tuple[Vector, ...]  # of one or both ends, in the frames of the bodies, m
+    mass: Scalar  # kg
 
     def attached(self, now: Configuration) -> Attached:
-        """The points in a pose."""
-        arm, _ = now.arms(self.ends.upper, self.point, self.ends.blade)
-        return Attached(self.ends, arm, arm)
+        """Their ends in a pose."""
+        arm, _ = now.arms(self.ends.upper, self.points[0], self.ends.blade)
+        lower = arm if len(self.points) == 1 else now.arms(self.ends.lower, self.points[1])[0]
+        return Attached(self.ends, arm, lower)
 
     def places(self, now: Configuration) -> Vector:
-        """Places from the suspension point, m."""
-        return now.place[:, list(self.ends.upper)] + self.attached(now).upper_arm
+        """Places of points from the suspension point, or spans of lines, m."""
+        attached = self.attached(now)
+        upper = now.place[:, list(self.ends.upper)] + attached.upper_arm
+        if len(self.points) == 1:
+            return upper
+        return upper - now.place[:, list(self.ends.lower)] - attached.lower_arm
 
 
-@dataclass(frozen=True)
-class MassLines:
-    """What straight lines of mass have beyond the masses at their ends.
-
-    Attributes
-    ----------
-    ends
-        Bodies and blades.
-    points
-        Both ends in the frames of the bodies, m.
-    mixed
-        m_ul, kg.
-    """
-
-    ends: Ends
-    points: tuple[Vector, Vector]
-    mixed: Scalar
-
-    def attached(self, now: Configuration) -> Attached:
-        """The lines in a pose."""
-        upper, _ = now.arms(self.ends.upper, self.points[0], self.ends.blade)
-        return Attached(self.ends, upper, now.arms(self.ends.lower, self.points[1])[0])
-
-
-def masses(arrays: SceneArrays) -> tuple[list[PointMasses], list[MassLines]]:
-    """List all masses but those of the bodies."""
+def masses(arrays: SceneArrays) -> tuple[list[Masses], list[Masses]]:
+    """List all masses but those of the bodies: at points, and of lines."""
     blades, wires, bars = arrays.blades, arrays.wires, arrays.bars
-    points: list[PointMasses] = []
-    lines: list[MassLines] = []
+    points: list[Masses] = []
+    lines: list[Masses] = []
+
+    def add_lines(ends: Ends, upper: Vector, lower: Vector, moments: Vector) -> None:
+        (first, mixed, second) = moments
+        lines.append(Masses(ends, (upper, lower), -mixed))
+        free = (-1,) * len(ends.upper)
+        points.append(Masses(Ends(ends.upper, free, ends.blade), (upper,), first + mixed))
+        points.append(Masses(Ends(ends.lower, free, free), (lower,), mixed + second))
+
     if blades.tip_mass.any():
         ends = Ends.of(blades.body, blade=np.arange(len(blades.label)))
-        points.append(PointMasses(ends, blades.tip, blades.tip_mass))
+        points.append(Masses(ends, (blades.tip,), blades.tip_mass))
     if wires.mass.any():
         ends = Ends.of(wires.upper, wires.lower, wires.blade)
-        lines.append(MassLines(ends, (wires.upper_point, wires.lower_point), wires.mass[1]))
-        points.append(
-            PointMasses(
-                Ends.of(wires.upper, blade=wires.blade),
-                wires.upper_point,
-                wires.mass[0] + wires.mass[1],
-            )
-        )
-        own = wires.mass[1] + wires.mass[2]
-        points.append(PointMasses(Ends.of(wires.lower), wires.lower_point, own))
+        add_lines(ends, wires.upper_point, wires.lower_point, wires.mass)
     if bars.label:
-        first, second = bars.body.T
-        lines.append(MassLines(Ends.of(first, second), tuple(bars.point), bars.inertia[1]))
-        for body, point, own in zip((first, second), bars.point, bars.inertia[::2], strict=True):
-            points.append(PointMasses(Ends.of(body), point, own + bars.inertia[1]))
+        add_lines(Ends.of(*bars.body.T), bars.point[0], bars.point[1], bars.inertia)
     return points, lines
 
 
-def energy(now: Configuration) -> Inexact[np.ndarray, " build"]:
-    """Energy of all weights relative to the nominal pose, J."""
-    scene, position = now.arrays.scene, now.arrays.bodies.position
-    slope, mass = _slope(scene), now.arrays.bodies.mass
-
-    def work(mass: Scalar, start: Vector, change: Vector) -> Scalar:
-        # exact for an energy of second order
-        return (mass * dot(lift(scene, start + change / 2), change)).sum(0)
-
-    result: Scalar = work(mass, position[:, 1:], now.shift[:, 1:])
-    points, lines = masses(now.arrays)
-    for group in points:
-        start, change = _place(now, group.ends.upper, group.point, group.ends.blade)
-        result = result + work(group.mass, start, change)
-    if slope is not None:
-        form = slope[:, :, None, None]
-        for group in lines:
-            upper, up = _place(now, group.ends.upper, group.points[0], group.ends.blade)
-            lower, low = _place(now, group.ends.lower, group.points[1])
-            change = low - up
-            mean = lower - upper + change / 2
-            result = result - (group.mixed * dot(times(form, mean), change)).sum(0)
-        change = _second_moments(now) - _second_moments(now, turned=False)
-        result = result + (form * change).sum((0, 1, 2)) / 2
-    return result
-
-
-def _place(
-    now: Configuration, body: tuple[int, ...], point: Vector, blade: tuple[int, ...] | None = None
-) -> tuple[Vector, Vector]:
-    """Nominal places of points of bodies, and their displacements."""
-    _, moved = now.arms(body, point, blade)
-    return now.arrays.bodies.position[:, list(body)] + point, now.shift[:, list(body)] + moved
-
-
-def _second_moments(now: Configuration, *, turned: bool = True) -> Matrix:
-    """Second moments of mass of the bodies in global axes, kg m^2."""
+def _second_moments(now: Configuration) -> Matrix:
+    """Second moments of mass of the bodies in their own axes, kg m^2."""
     inertia = now.arrays.bodies.inertia
-    moments = unit(trace(inertia) / 2) - inertia
-    return _turned(now, moments) if turned else moments
+    return unit(np.trace(inertia) / 2) - inertia
 
 
 def _turned(now: Configuration, tensor: Matrix) -> Matrix:
@@ -210,44 +141,39 @@ def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of all weights."""
     scene, mass = now.arrays.scene, now.arrays.bodies.mass
     slope, bodies = _slope(scene), len(now.arrays.bodies.name) + 1
+    form = None if slope is None else slope[:, :, None, None]
     rows = derivatives.gradient[: 6 * bodies].reshape(bodies, 6, -1).swapaxes(0, 1)
     rows[:3, 1:] += mass * lift(scene, now.place[:, 1:])
     points, lines = masses(now.arrays)
-    form = None if slope is None else slope[:, :, None, None]
     for group in points:
-        attached = group.attached(now)
-        place = group.places(now)
-        s = None if form is None else form * group.mass
         # the span ends at the point
-        derivatives.add(attached, Terms(-group.mass * lift(scene, place), s=s))
+        force, s = (
+            -group.mass * lift(scene, group.places(now)),
+            None if form is None else form * group.mass,
+        )
+        derivatives.add(group.attached(now), Terms(force, s=s))
     if form is None or slope is None:
         return
     for group in lines:
-        attached = group.attached(now)
-        upper = now.place[:, list(group.ends.upper)] + attached.upper_arm
-        span = now.place[:, list(group.ends.lower)] + attached.lower_arm - upper
-        s = -group.mixed * form
-        derivatives.add(attached, Terms(times(s, span), s=s))
-    moments = _second_moments(now)
+        force = -group.mass * times(form, group.places(now))
+        derivatives.add(group.attached(now), Terms(force, s=form * group.mass))
+    moments = _turned(now, _second_moments(now))
     m, total = product(moments, form), np.trace(slope)
-    rows[3, 1:] += m[1, 2] - m[2, 1]
-    rows[4, 1:] += m[2, 0] - m[0, 2]
-    rows[5, 1:] += m[0, 1] - m[1, 0]
+    rows[3:, 1:] += np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
     if derivatives.curved:
-        curvature = 3 * symmetric(m) - total * moments - trace(moments) * form
+        curvature = 3 * symmetric(m) - total * moments - np.trace(moments) * form
         derivatives.add_body_block(0, form * mass)
-        derivatives.add_body_block(3, plus_unit(curvature, trace(moments) * total - 2 * trace(m)))
+        derivatives.add_body_block(
+            3, plus_unit(curvature, np.trace(moments) * total - 2 * np.trace(m))
+        )
 
 
 def add_mass(now: Configuration, derivatives: Derivatives) -> None:
     """Add the mass matrix of the bodies as they are turned, tips of blades, wires and bars."""
     derivatives.add_body_block(0, unit(now.arrays.bodies.mass))
     derivatives.add_body_block(3, _turned(now, now.arrays.bodies.inertia))
-    points, lines = masses(now.arrays)
-    for group in points:
+    for group in itertools.chain(*masses(now.arrays)):
         derivatives.add(group.attached(now), Terms(s=unit(group.mass)))
-    for group in lines:
-        derivatives.add(group.attached(now), Terms(s=unit(-group.mixed)))
 
 
-ELEMENT = Element(energy, add_derivatives, add_mass=add_mass)
+ELEMENT = Element(add_derivatives, add_mass=add_mass)

@@ -1,4 +1,4 @@
-"""Potential energy of a scene, its gradient and its tangent stiffness, in closed form."""
+"""Gradient and tangent stiffness of the potential energy of a scene, in closed form."""
 
 from __future__ import annotations
 
@@ -11,21 +11,11 @@ from suspension_cli.elements.configuration import Configuration, batch_of, confi
 from suspension_cli.elements.derivatives import Derivatives
 from suspension_cli.elements.element import Contribution, Element
 from suspension_cli.elements.registry import elements_of
-from suspension_cli.scene.pose import Layout, Pose, layout
+from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact
-
-
-def energy(
-    scene: Scene, pose: Pose, elements: Sequence[Element] | None = None
-) -> Inexact[np.ndarray, "*batch"]:
-    """Energy (J) of some elements, by default all, relative to the nominal pose."""
-    now = configuration(scene, layout(scene), pose)
-    chosen = elements_of(scene) if elements is None else elements
-    total = sum((element.energy(now) for element in chosen), np.zeros(now.arrays.count))
-    return total.reshape(batch_of(scene, pose))[()]
 
 
 def gradient_and_stiffness(

@@ -30,32 +30,19 @@ distributed mass."""
 
 
 class Model(ABC):
-    """A model of a suspension, from one design to its linear equations of motion.
+    """A model of a suspension, from one design to its linear equations of motion."""
 
-    Attributes
-    ----------
-    name
-        As ``--fidelity`` takes it.
-    valid_for
-        The geometries that it models, in words.
-    omits
-        Of `BLADE_TIPS`, `BENDING`, `MASS`.
-    cost
-        Time from a design to its modes, relative to the closed forms (a single pendulum).
-    automatic
-        Whether ``auto`` may take it.
-    supports_builds
-        Whether it models imperfect builds, which balance away from the nominal pose, by the methods
-        of `string.SceneModel`.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # as ``--fidelity`` takes it
     description: ClassVar[str]
-    valid_for: ClassVar[str]
-    omits: ClassVar[tuple[str, ...]]
+    valid_for: ClassVar[str]  # the geometries that it models, in words
+    omits: ClassVar[tuple[str, ...]]  # of `BLADE_TIPS`, `BENDING`, `MASS`
     cost: ClassVar[float]
+    """Time from a design to its modes, relative to the closed forms (a single pendulum)."""
     automatic: ClassVar[bool] = True
+    """Whether ``auto`` may take it."""
     supports_builds: ClassVar[bool] = False
+    """Whether it models imperfect builds, which balance away from the nominal pose, by the methods
+    of `string.SceneModel`."""
 
     @property
     def bends_wires(self) -> bool:

@@ -6,27 +6,29 @@ mass too (`massive`).
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import string
+from suspension_cli.elements import loss, string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
-from suspension_cli.elements.gas import body_damping
+from suspension_cli.elements.registry import elements_of
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.linear.frequency_terms import Term, WireTerm
-from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
+from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
+from suspension_cli.linear.symmetry import find_symmetry, no_symmetry
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
-from suspension_cli.models.loss_terms import Drag, gas_terms, loss_terms, lossless, spring_terms
+from suspension_cli.models.string import Assembly
 from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene import fibres as fibres_of
-from suspension_cli.scene.composition import Fibres
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.composition import BladeLoss, Fibres
 from suspension_cli.scene.pose import Layout, Pose, layout
 from suspension_cli.scene.scene import Scene
 
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def linear_model(
-    scene: Scene, drag: Drag = (), *, massive: bool, split: bool = True
+    scene: Scene, design: Design, *, massive: bool, split: bool = True
 ) -> tuple[LinearSystem, Equilibrium]:
     """Linear model of small motions of a scene whose wires bend, and have mass if `massive`.
 
@@ -53,21 +55,73 @@ def linear_model(
     model = string_model.linear_model(
         lossless(scene), balanced, wire_inertia=not massive, adapted=adapted
     )
-    of_springs, of_ground = spring_terms(scene, numbering, balanced.pose, adapted)
-    terms = [
+    assembly = Assembly(scene, numbering, balanced.pose, adapted)
+    of_springs, of_ground = string_model.spring_terms(assembly)
+    terms = (
         *of_springs[: len(of_ground)],
-        *_wire_terms(scene, numbering, balanced, adapted, massive=massive),
-        *loss_terms(scene, numbering, balanced.pose, adapted),
+        *_wire_terms(assembly, balanced, massive=massive),
+        *_blade_terms(assembly),
         *of_springs[len(of_ground) :],
-        *gas_terms(scene, numbering, balanced.pose, adapted, drag),
-    ]
+        *_gas_terms(assembly, design),
+    )
     ground = model.ground if model.ground is None else replace(model.ground, terms=of_ground)
-    return replace(model, terms=tuple(terms), ground=ground), balanced
+    return replace(model, terms=terms, ground=ground), balanced
 
 
-def _wire_terms(
-    scene: Scene, numbering: Layout, balanced: Equilibrium, adapted: Symmetry, *, massive: bool
-) -> list[Term]:
+def lossless(scene: Scene) -> Scene:
+    """The scene without the losses of wires, blades, springs and added elements."""
+    parts = {name: part for name, part in scene.parts.items() if hasattr(part, "loss")}
+    return scene.with_parts(
+        {name: replace(part, loss=np.zeros_like(part.loss)) for name, part in parts.items()}
+    )
+
+
+def _blade_terms(assembly: Assembly) -> Iterator[LossTerm]:
+    """Losses of blades, those of a stage that are alike together, and of added elements."""
+    scene, fibres, size = assembly.scene, assembly.scene.fibres, assembly.numbering.size
+    assert fibres is not None
+    alike: dict[BladeLoss, list[int]] = {}
+    for own in fibres.blade:
+        stage, number = own.label.rsplit(".", 1)[0], scene.blades.label.index(own.label)
+        alike.setdefault(replace(own, label=stage), []).append(number)
+    stiffness, axes = scene.blades.stiffness, scene.blades.axes
+    for own, numbers in alike.items():
+        matrix = np.zeros((*stiffness.shape[:-2], size, size))
+        for n in numbers:
+            rows = assembly.numbering.blade[n][axes[n]]
+            matrix[..., rows, rows] = stiffness[..., n, axes[n]]
+        matrix, angle = assembly.adapted.apply(matrix), partial(loss.blade_angle, own)
+        yield LossTerm(f"{own.label}.blades", own.temperature, matrix, angle)
+    for item in elements_of(scene):
+        if item.make is not None and item.add_loss is not None:
+            matrix = assembly.sum([item.add_loss])
+            yield LossTerm(item.name, fibres.temperature, matrix, np.ones_like)
+
+
+def _gas_terms(assembly: Assembly, design: Design) -> Iterator[LossTerm]:
+    """Losses by the gas around the bodies."""
+    scene, size = assembly.scene, assembly.numbering.size
+    for n, own in enumerate(_gas_damping(scene.fibres, design), 1):
+        if own is None:
+            continue
+        gas, turn = scene.fibres and scene.fibres.gas, assembly.pose.rotation[..., n, :, :]
+        assert gas is not None and gas.temperature is not None
+        matrix = np.zeros((*turn.shape[:-2], size, size))
+        for half in (0, 3):
+            rows, drag = slice(6 * n + half, 6 * n + half + 3), own[half:, half:][:3, :3]
+            matrix[..., rows, rows] = turn @ drag @ np.swapaxes(turn, -1, -2)
+        matrix, cause = assembly.adapted.apply(matrix), f"{scene.bodies.name[n - 1]}.gas"
+        yield LossTerm(cause, gas.temperature, matrix, lambda omega: omega, elastic=False)
+
+
+def _gas_damping(made: Fibres | None, design: Design) -> list[Array | None]:
+    """Damping (6, 6) of each body by the gas around it, in its own frame at its COM."""
+    gas = made and made.gas
+    return [] if gas is None else [loss.body_damping(stage.body, gas) for stage in design.stage]
+
+
+def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> list[Term]:
+    scene, numbering, adapted = assembly.scene, assembly.numbering, assembly.adapted
     fibres, wires = scene.fibres, scene.wires
     assert fibres is not None
     if not wires.label:
@@ -88,14 +142,8 @@ def _wire_terms(
         strand = TautWire(fibre, own[2], massive, lossy=True, surrounded=fibres.gas)
         columns = np.unique(place[alike])
         columns = columns[columns < numbering.size]
-        motion = {}
-        for part, rows in forms.items():
-            moved = np.zeros((*rows.shape[:-3], len(alike), rows.shape[-2], len(columns) + 1))
-            for n, wire in enumerate(alike):
-                moved[..., n, :, np.searchsorted(columns, place[wire])] = np.moveaxis(
-                    rows[..., wire, :, :], -1, 0
-                )
-            motion[part] = moved[..., :-1]
+        to_columns = (place[alike][..., None] == columns).astype(float)
+        motion = {part: rows[..., alike, :, :] @ to_columns for part, rows in forms.items()}
         stage = scene.bodies.name[wires.lower[alike[0]] - 1]
         term = WireTerm(stage, strand, number, columns, motion, numbering.size)
         terms.append(term if adapted.trivial else term.spread(adapted.basis))
@@ -104,22 +152,20 @@ def _wire_terms(
 
 def _alike(scene: Scene, geometry: Float[np.ndarray, "4 *build wire"]) -> list[list[int]]:
     """Group wires of equal sections on one stage; of one design, of equal geometry too."""
-    fibres, wires = scene.fibres, scene.wires
-    assert fibres is not None
-    groups: list[list[int]] = []
-    for n, fibre in enumerate(fibres.wire):
-        kind = fibre.sections, fibre.temperature, wires.lower[n]
-        for group in groups:
-            first = fibres.wire[group[0]]
-            if kind != (first.sections, first.temperature, wires.lower[group[0]]):
-                continue
+    assert scene.fibres is not None
+    groups: list[tuple[tuple[object, ...], list[int]]] = []
+    for n, fibre in enumerate(scene.fibres.wire):
+        kind = fibre.sections, fibre.temperature, scene.wires.lower[n]
+        for known, group in groups:
             here, there = geometry[..., n], geometry[..., group[0]]
-            if scene.batch or (np.abs(here - there) <= EQUAL_WITHIN * np.abs(there)).all():
+            if known == kind and (
+                scene.batch or np.allclose(here, there, rtol=EQUAL_WITHIN, atol=0.0)
+            ):
                 group.append(n)
                 break
         else:
-            groups.append([n])
-    return groups
+            groups.append((kind, [n]))
+    return [group for _, group in groups]
 
 
 def wire_forms(
@@ -171,11 +217,6 @@ def wire_forms(
     return place, result
 
 
-def _gas_damping(made: Fibres, design: Design) -> Drag:
-    gas = made.gas
-    return () if gas is None else tuple(body_damping(stage.body, gas) for stage in design.stage)
-
-
 class Beam(string_model.SceneModel):
     """The beam model, valid below the first violin mode."""
 
@@ -187,10 +228,6 @@ class Beam(string_model.SceneModel):
     def unsuitable(self, design: Design) -> str:
         """Why wires lack a property that the model needs; "" if none does."""
         return fibres_of.explain_unsuitable(design, massive=self.has_wire_mass)
-
-    def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
-        """The linear model of a completed scene, on a rigid support without dampers."""
-        return self.in_equilibrium(scene, design, split=True)[0]
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Sections, clamps and losses of wires, losses of blades, and gas damping."""
@@ -218,8 +255,7 @@ class Beam(string_model.SceneModel):
     ) -> tuple[LinearSystem, Equilibrium]:
         """Builds whose wires bend, each with its length and tension in its own equilibrium."""
         assert scene.fibres is not None
-        drag = _gas_damping(scene.fibres, design)
-        return linear_model(scene, drag, massive=self.has_wire_mass, split=split)
+        return linear_model(scene, design, massive=self.has_wire_mass, split=split)
 
 
 BEAM = Beam()

@@ -60,53 +60,38 @@ def choose(
 ) -> Choice:
     """Choose the cheapest of some models whose error is below a tolerance, or the `wanted` one.
 
-    If none is accurate enough, the most complete candidate is taken. What its error is, and what it
-    neglects, is in the result.
-
-    Parameters
-    ----------
-    wanted
-        ``"auto"`` or the name of a model.
-    candidates
-        From the cheapest to the most complete; those that are not valid are passed over.
-    compare
-        Computes the error of a model against a more complete one.
+    `wanted` is ``"auto"`` or the name of a model. The candidates are from the cheapest to the most
+    complete; those that are not valid are passed over. If none is accurate enough, the most
+    complete is taken. What its error is, and what it neglects, is in the result.
 
     Raises `InputError` if the wanted model is not valid for the design.
     """
-    if wanted == AUTO:
-        usable = [one for one in candidates if one.automatic and not one.unsuitable(design)]
-    else:
-        usable = [registry.choose(design, wanted).model]
+    asked = None if wanted == AUTO else registry.choose(design, wanted)
+    usable = [asked.model] if asked else _suitable(candidates, design)
     more = registry.MODELS[registry.MODELS.index(usable[-1]) + 1 :]
-    chain = [*usable, *(one for one in more if one.automatic and not one.unsuitable(design))]
+    chain = [*usable, *_suitable(more, design)]
     # from the most complete model down: one that is too inaccurate rules out all simpler ones
-    steps: list[_Step] = []
-    number, rejected = len(usable) - 1, None
+    number, steps, reason = len(usable) - 1, list[_Step](), asked.reason if asked else ""
     for n in reversed(range(len(chain) - 1)):
         step = _step(chain[n], chain[n + 1], design, compare)
         if n < number and not math.fsum(one.change for one in (step, *steps)) <= tolerance:
-            rejected = step
+            reason = f"{step.physics}: {step.what}"
+            if math.isfinite(step.change):
+                size = percent(step.change)
+                reason = f"{step.physics} changes {step.what} by up to {size}"
             break
         steps.insert(0, step)
         number = min(n, number)
-    error, steps = (
-        math.fsum(step.change for step in steps),
-        [step for step in steps if step.physics],
-    )
-    if wanted != AUTO:
-        reason = registry.choose(design, wanted).reason
-    elif rejected is not None:
-        reason = rejected.reason
-    elif not steps:
-        reason = "the most complete"
-    else:
-        enough = error <= tolerance
-        reason = "accurate enough" if enough else "the most complete that this analysis can use"
+    error = math.fsum(step.change for step in steps)
+    steps = [step for step in steps if step.physics]
+    if not reason:
+        enough = "accurate enough" if error <= tolerance else ""
+        reason = enough or "the most complete that this analysis can use"
+        reason = reason if steps else "the most complete"
     clauses = [reason]
-    if known := [step.text for step in steps if not math.isnan(step.change)]:
+    if known := [step.effect for step in steps if not math.isnan(step.change)]:
         missed = " not met by any model of this analysis" if error > tolerance else ""
-        limit = f" (tolerance {100 * tolerance:g} %{missed})" if wanted == AUTO else ""
+        limit = f" (tolerance {100 * tolerance:g} %{missed})" if not asked else ""
         clauses.append(f"neglected: {', and '.join(known)}{limit}")
     clauses += [f"unknown: {one.physics}, as {one.what}" for one in steps if math.isnan(one.change)]
     if chain[-1].omits:
@@ -117,6 +102,10 @@ def choose(
     return Choice(chain[number].name, "; ".join(clauses), error, worst.physics, worst.what)
 
 
+def _suitable(models: Sequence[Model], design: Design) -> list[Model]:
+    return [one for one in models if one.automatic and not one.unsuitable(design)]
+
+
 class _Step(NamedTuple):
     """From one model to the next more complete one: added physics and change of the results."""
 
@@ -125,18 +114,11 @@ class _Step(NamedTuple):
     what: str
 
     @property
-    def text(self) -> str:
+    def effect(self) -> str:
         """The physics with the size of its effect, and on what."""
         if not math.isfinite(self.change):
             return f"{self.physics} ({self.what})"
         return f"{self.physics}, {percent(self.change)} in {self.what}"
-
-    @property
-    def reason(self) -> str:
-        """Why the simpler model is not accurate enough."""
-        if not math.isfinite(self.change):
-            return f"{self.physics}: {self.what}"
-        return f"{self.physics} changes {self.what} by up to {percent(self.change)}"
 
 
 def _step(simple: Model, refined: Model, design: Design, compare: Comparison) -> _Step:
@@ -189,10 +171,10 @@ def compare_builds(solve: Callable[[Model], list[tuple[str, np.ndarray]]]) -> Co
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
         old, new = known(simple), known(refined)
-        exists = [np.isfinite(found[0][1]) for found in (old, new)]
-        if (exists[0] != exists[1]).any():
+        exists, still = (np.isfinite(found[0][1]) for found in (old, new))
+        if (exists != still).any():
             return math.inf, ONE_MODEL_ONLY
-        if not exists[0].any():
+        if not exists.any():
             return math.nan, NO_BUILD
         pairs = zip(old, new, strict=False)
         changes = [(relative_change(one, other), name) for (name, one), (_, other) in pairs]
@@ -260,10 +242,7 @@ class Transfer:
 class Several:
     """Several scalar results (`linear.named_results`); the one that changes most decides.
 
-    Attributes
-    ----------
-    modes
-        To which mode numbers refer.
+    Mode numbers refer to `modes`.
     """
 
     scalars: tuple[Scalar, ...]
@@ -309,11 +288,8 @@ def spectrum_change(
     size = np.abs(new)
     padded = np.concatenate([size[:1], size, size[-1:]])
     size = np.maximum(size, 0.1 * np.sqrt(padded[:-2]) * np.sqrt(padded[2:]))
-    return np.where(
-        size > 0,
-        np.abs(old - new) / np.where(size > 0, size, 1.0),
-        np.where(old == new, 0.0, np.inf),
-    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(old == new, 0.0, np.abs(old - new) / size)
 
 
 def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np.ndarray, " mode"]]:
@@ -347,17 +323,12 @@ def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray,
     shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
     change = np.zeros(len(omega))
     for term, ends in quality.end_motions(model, shapes.T):
-        strand = term.strand
-        there = replace(strand, lossy=False).at(omega)
+        there = replace(term.strand, lossy=False).at(omega)
         for part, moved in ends.items():
-            added = there[part].stiffness - strand.resting(part)
+            added = there[part].stiffness - term.strand.static[part][..., None]
             change += np.einsum("iwm,ijm,jwm->m", moved, added, moved)
-    result = np.zeros(len(good))
-    result[good] = np.where(
-        omega < BELOW_VIOLIN * 2 * np.pi * first_violin(model),
-        np.abs(change) / (2 * omega**2),
-        np.inf,
-    )
+    result, below = np.zeros(len(good)), BELOW_VIOLIN * 2 * np.pi * first_violin(model)
+    result[good] = np.where(omega < below, np.abs(change) / (2 * omega**2), np.inf)
     return result
 
 
@@ -380,7 +351,7 @@ def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:
     old, new = (np.abs(wanted.values(model, at)[0, :, 0]) for model in (simple, refined))
     if item.under is not None:
         old, new = (size[:1] / size[1] if size[1] else 0 * size[:1] for size in (old, new))
-    return abs(float(old[0] / new[0]) - 1) if new[0] else 0.0 if old[0] == 0 else math.inf
+    return relative_change(old, new)
 
 
 def _described(change: float, label: str, refined: LinearSystem) -> tuple[float, str]:

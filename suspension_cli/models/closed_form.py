@@ -32,28 +32,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FourWires:
-    """Parameters of one mass on four wires; every number may be an array.
-
-    Attributes
-    ----------
-    mass, inertia
-        kg; IX, IY, IZ in kg m^2.
-    l, s, t1, t2, d
-        m.
-    k
-        Spring constant of one wire, N/m.
-    gravity
-        m/s^2.
-    """
+    """Parameters of one mass on four wires; every number may be an array. SI units."""
 
     mass: Numbers
-    inertia: tuple[Numbers, Numbers, Numbers]
+    inertia: tuple[Numbers, Numbers, Numbers]  # IX, IY, IZ
     l: Numbers
     s: Numbers
     t1: Numbers
     t2: Numbers
     d: Numbers
-    k: Numbers
+    k: Numbers  # spring constant of one wire
     gravity: Numbers = 9.81
 
     @property

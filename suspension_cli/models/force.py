@@ -37,6 +37,7 @@ from suspension_cli.design.derive import (
     part_loss,
     set_geometry,
     wire_loss,
+    wire_signs,
     wire_stiffness,
 )
 from suspension_cli.design.schema import Design
@@ -50,8 +51,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.models.base import Numbers
 
-SIGNS = {1: [(0, 0)], 2: [(0, 1), (0, -1)], 4: [(1, 1), (1, -1), (-1, 1), (-1, -1)]}
-"""Signs of x and y of the wires of a set, by their number."""
 PARITY = np.array([0, 1, 2, 1, 0, 3])
 """Equal for coordinates of a body that are alike odd or even in x and y; others do not couple."""
 GEOMETRY = ("t1", "t2", "s_upper", "s_lower", "d", "d_upper")
@@ -60,38 +59,22 @@ GEOMETRY = ("t1", "t2", "s_upper", "s_lower", "d", "d_upper")
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a chain; floats may be arrays of the batch shape.
+    """One stage of a chain; floats may be arrays of the batch shape, lengths are in m."""
 
-    Attributes
-    ----------
-    mass, inertia
-        kg; IX, IY, IZ in kg m^2.
-    count
-        Wires: 1, 2 (at +-t) or 4.
-    l, s_upper, s_lower, t1, t2, d, d_upper
-        m; the paper's symbols, see `design.schema.WireSet`.
-    k, torsion
-        Of one wire, N/m and N m/rad (0 if not given).
-    blades
-        0, or the number of blades that carry the wires.
-    blade_stiffness
-        Of one blade, N/m. This, k and torsion may be complex, k (1 + i phi).
-    """
-
-    mass: Numbers
-    inertia: tuple[Numbers, Numbers, Numbers]
-    count: int
-    l: Numbers
+    mass: Numbers  # kg
+    inertia: tuple[Numbers, Numbers, Numbers]  # IX, IY, IZ, kg m^2
+    count: int  # of wires: 1, 2 (at +-t) or 4
+    l: Numbers  # the paper's symbols, see `design.schema.WireSet`
     t1: Numbers = 0.0
     t2: Numbers = 0.0
     s_upper: Numbers = 0.0
     s_lower: Numbers = 0.0
     d: Numbers = 0.0
     d_upper: Numbers = 0.0
-    k: Numbers = 1e4
-    torsion: Numbers = 0.0
-    blades: int = 0
-    blade_stiffness: Numbers = 1e3
+    k: Numbers = 1e4  # of one wire, N/m; this, and the two below, may be complex, k (1 + i phi)
+    torsion: Numbers = 0.0  # of one wire, N m/rad; 0 if not given
+    blade_stiffness: Numbers = 1e3  # of one blade, N/m
+    blades: int = 0  # number of blades that carry the wires
 
     @property
     def height(self) -> Numbers:
@@ -102,7 +85,7 @@ class Stage:
     def vectors(self, x: Numbers, y: Numbers, z: Numbers) -> Inexact[np.ndarray, "*batch wire 3"]:
         """Vectors of all wires from the components of that at +x, +y."""
         columns = np.stack(np.broadcast_arrays(x, y, z), axis=-1)[..., None, :]
-        signs = np.array([(*sign, 1) for sign in SIGNS[self.count]])
+        signs = np.array([(*sign, 1) for sign in wire_signs(self.count)])
         return columns * signs
 
 
@@ -167,7 +150,7 @@ def _blade(p: Stage, wire: int) -> int:
     """Number of the blade that carries a wire; each of two carries the wires on its side of y."""
     if p.blades == p.count:
         return wire
-    return int(p.blades == 2 and SIGNS[p.count][wire][1] < 0)
+    return int(p.blades == 2 and wire_signs(p.count)[wire][1] < 0)
 
 
 def chain(design: Design, *, lossy: bool = False) -> Chain:
@@ -208,10 +191,17 @@ def lossy(design: Design) -> bool:
     )
 
 
-def _linear_model(design: Design, links: Chain, with_loss: Chain) -> LinearSystem:
-    masses = [value for p in links.stages for value in (p.mass, p.mass, p.mass, *p.inertia)]
-    lossy_stiffness = stiffness(with_loss) if lossy(design) else None
-    return assembled(design, masses, stiffness(links), lossy_stiffness)
+def _linear_model(designs: Sequence[Design], *, batch: bool) -> LinearSystem:
+    """Linear model of the chain of one design, or of those of a batch of the same topology."""
+    links, with_loss = (
+        [chain(design, lossy=is_lossy) for design in designs] for is_lossy in (False, True)
+    )
+    plain = stacked(links) if batch else links[0]
+    masses = [value for p in plain.stages for value in (p.mass, p.mass, p.mass, *p.inertia)]
+    lost = None
+    if lossy(designs[0]):
+        lost = stiffness(stacked(with_loss) if batch else with_loss[0])
+    return assembled(designs[0], masses, stiffness(plain), lost)
 
 
 def assembled(
@@ -298,7 +288,7 @@ class Force(Model):
 
     def suspension(self, design: Design) -> LinearSystem:
         """The linear model on a rigid support."""
-        return _linear_model(design, chain(design), chain(design, lossy=True))
+        return _linear_model([design], batch=False)
 
     def approximated_stages(self, design: Design) -> tuple[str, ...]:
         """Stages with angled wires on blades, which are not exactly in series."""
@@ -320,8 +310,7 @@ class Force(Model):
 
     def batch(self, designs: Sequence[Design]) -> LinearSystem:
         """Chains of the same topology as one linear model, designs as the first axis."""
-        every = [[chain(design, lossy=lossy) for design in designs] for lossy in (False, True)]
-        return _linear_model(designs[0], *(stacked(chains) for chains in every))
+        return _linear_model(designs, batch=True)
 
 
 FORCE = Force()

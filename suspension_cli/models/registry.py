@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -45,53 +44,28 @@ NOTHING = "neglected: nothing that pendsus can model"
 def __getattr__(name: str) -> Any:
     """`MODELS`, `SCENE_MODELS` (general, with imperfect builds), `MOST_COMPLETE`, `STRING`, ..."""
     if name == "MODELS":
-        return _models()
+        return tuple(map(by_name, FILES))
     if name == "MOST_COMPLETE":
-        return _models()[-1]
+        return by_name([*FILES][-1])
     if name == "SCENE_MODELS":
-        return tuple(_scene_models().values())
-    if name.lower() in FILES.values() and name.isupper():
-        return _load(name.lower())
+        return tuple(model for model in map(by_name, FILES) if model.supports_builds)
+    if name.isupper() and (level := name.lower().replace("_", "-")) in FILES:
+        return by_name(level)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def _load(file: str) -> Model:
-    return getattr(import_module(f"suspension_cli.models.{file}"), file.upper())
-
-
-@cache
-def _models() -> tuple[Model, ...]:
-    return tuple(_load(file) for file in FILES.values())
-
-
-@cache
-def _scene_models() -> dict[str, SceneModel]:
-    from suspension_cli.models.string import SceneModel
-
-    return {model.name: model for model in _models() if isinstance(model, SceneModel)}
 
 
 @dataclass(frozen=True)
 class Choice:
     """A model and why it was chosen.
 
-    Attributes
-    ----------
-    level
-        Name of the model.
-    reason
-        Why, then (after a semicolon) what is neglected, for the user.
-    error
-        Relative error of the result, computed at a few points; NaN if unknown.
-    physics, what
-        What the model neglects, and the result that changes most with it; "" if none.
+    `reason` says why, then (after a semicolon) what is neglected, for the user.
     """
 
     level: str
     reason: str
-    error: float = math.nan
-    physics: str = ""
-    what: str = ""
+    error: float = math.nan  # of the result, computed at a few points; NaN if unknown
+    physics: str = ""  # that the model neglects,
+    what: str = ""  # and the result that changes most with it; "" if none
 
     @property
     def model(self) -> Model:
@@ -124,19 +98,23 @@ def by_name(name: str) -> Model:
     >>> by_name("beam").bends_wires
     True
     """
-    return _load(FILES[name])
+    return getattr(import_module(f"suspension_cli.models.{FILES[name]}"), FILES[name].upper())
 
 
 def scene_model(name: str) -> SceneModel:
-    """The model of a name that supports imperfect builds; KeyError if it does not."""
-    return _scene_models()[name]
+    """The model of a name that supports imperfect builds."""
+    from suspension_cli.models.string import SceneModel
+
+    model = by_name(name)
+    assert isinstance(model, SceneModel)
+    return model
 
 
 def most_complete(design: Design, *, massless: bool = False) -> Model:
     """The most complete model that is valid for a design, of all or of those without wire mass."""
     return next(
         model
-        for model in reversed(_models())
+        for model in map(by_name, reversed(FILES))
         if not (massless and model.has_wire_mass) and not model.unsuitable(design)
     )
 
@@ -156,28 +134,19 @@ def choose(design: Design, wanted: str = AUTO) -> Choice:
     if wanted == AUTO:
         return _simplest(design)
     model = by_name(wanted)
-    why = model.unsuitable(design)
-    if why:
+    if why := model.unsuitable(design):
         from suspension_cli.errors import Fault, InputError, format_value
-        from suspension_cli.models.string import STRING
 
-        raise InputError(
-            [
-                Fault(
-                    "--fidelity",
-                    f"is not valid for {design.design.name}: {why}",
-                    f"use {AUTO} or {STRING.name}",
-                    format_value(wanted),
-                )
-            ]
-        )
+        problem = f"is not valid for {design.design.name}: {why}"
+        remedy = f"use {AUTO} or string"
+        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
     return Choice(wanted, "as requested" + _approximation(model, design))
 
 
 def _simplest(design: Design) -> Choice:
     """The cheapest model that is valid for a design, of those that ``auto`` takes."""
     refused = ""
-    for model in _models():
+    for model in map(by_name, FILES):
         if model.automatic:
             why = model.unsuitable(design)
             if not why:
@@ -190,9 +159,7 @@ def _approximation(model: Model, design: Design) -> str:
     stages = model.approximated_stages(design)
     if not stages:
         return ""
-    from suspension_cli.models.string import STRING
-
     return (
         f", with blades in series with the angled wires of {', '.join(stages)}, an approximation"
-        f" that --fidelity {STRING.name} avoids"
+        " that --fidelity string avoids"
     )

@@ -6,34 +6,52 @@ Every matrix is summed from closed-form contributions of the elements and is exa
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Hashable
-from dataclasses import replace
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import spring
+from suspension_cli.elements import loss, spring
+from suspension_cli.elements.configuration import builds_last
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.equilibrium.clamps import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
+from suspension_cli.linear.frequency_terms import LossTerm
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
-from suspension_cli.models.loss_terms import spring_terms
 from suspension_cli.rotations import rigid_motion
-from suspension_cli.scene.arrays import inner_axes
+from suspension_cli.scene.arrays import Array, inner_axes
+from suspension_cli.scene.composition import BladeLoss
 from suspension_cli.scene.pose import Layout, Pose, layout
-from suspension_cli.scene.scene import Scene, Springs
+from suspension_cli.scene.scene import Scene, Spectrum, Springs
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
-
     from suspension_cli.elements.element import Contribution
-    from suspension_cli.linear.frequency_terms import Term
+
+Function = Callable[[Array], Array]
+"""A loss angle, or a relative change of stiffness, against angular frequency (rad/s)."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Elements of a scene in a pose, whose matrices are in the coordinates of its symmetry."""
+
+    scene: Scene
+    numbering: Layout
+    pose: Pose
+    adapted: Symmetry
+
+    def sum(self, parts: Iterable[Contribution | None]) -> np.ndarray:
+        """Sum quadratic forms of elements: (..., N, N), or (N, N) without any."""
+        own = sum_forms(self.scene, self.numbering, self.pose, [*parts])
+        return self.adapted.apply(own)
 
 
 def linear_model(
@@ -46,17 +64,9 @@ def linear_model(
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings, any batch axes.
 
-    Parameters
-    ----------
-    balanced
-        From `equilibrium.solve`, if known.
-    split
-        Whether to use symmetry-adapted coordinates, in which couplings that a mirror symmetry
-        forbids are exactly 0. Without them, a scene's result is independent of others in a batch.
-    wire_inertia
-        Whether wires that have weight also have mass, moving as straight lines between their ends.
-    adapted
-        Symmetry of the scene, if known; otherwise found, if `split`.
+    If `split`, couplings that a mirror symmetry forbids are exactly 0; otherwise a scene's result
+    is independent of others in a batch. With `wire_inertia`, wires that have weight also have mass,
+    moving as straight lines between their ends. The equilibrium and the symmetry may be given.
 
     Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
@@ -64,30 +74,36 @@ def linear_model(
     if balanced is None:
         balanced = solve(scene, numbering)
         balanced.demand(scene)
-    pose = balanced.pose
     if adapted is None:
         adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
+    pose, kinds = balanced.pose, elements_of(scene)
+    assembly = Assembly(scene, numbering, pose, adapted)
     tips = np.zeros(numbering.size, dtype=bool)
     weightless = scene.blades.tip_mass == 0
     light = weightless.all(tuple(range(weightless.ndim - 1)))
     if wire_inertia and scene.wires.mass.any():
         light[scene.wires.blade[scene.wires.blade >= 0]] = False
-    for number in np.flatnonzero(light):
-        tips[numbering.blade[number][scene.blades.axes[number]]] = True
+    tips[numbering.blade[scene.blades.axes & light[:, None]]] = True
     soft, elongation = adapted.apply(balanced.soft), adapted.forms(balanced.form)
     k = np.broadcast_to(scene.wires.stiffness, elongation.shape[:-1])
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
-        soft = soft + 1j * adapted.apply(loss_matrix(scene, numbering, pose))
+        # each elastic constant times its loss angle, but the stretching of wires, see k;
+        # geometric stiffness (tension) is not lossy
+        soft = soft + 1j * assembly.sum(item.add_loss for item in kinds)
         k = k * (1 + 1j * scene.wires.loss)
-    terms, of_ground = spring_terms(scene, numbering, pose, adapted, tables=True)
+    heavy = scene
+    if not wire_inertia:
+        wires = replace(scene.wires, mass=np.zeros_like(scene.wires.mass))
+        heavy = replace(scene, wires=wires)
+    terms, of_ground = spring_terms(assembly, tables=True)
     is_turned = np.abs(pose.turn).max() > 1e-13  # not only by a rounding error of Newton's method
     model = LinearSystem(
         body=scene.bodies.name,
         coordinate=numbering.name,
         basis=adapted.basis,
         massless=adapted.adapt_flags(tips),
-        mass=adapted.apply(mass_matrix(scene, numbering, pose, wire_inertia=wire_inertia)),
-        damping=adapted.apply(damping_matrix(scene, numbering, pose)),
+        mass=replace(assembly, scene=heavy).sum(item.add_mass for item in kinds),
+        damping=assembly.sum(item.add_damping for item in kinds),
         soft=soft,
         elongation=elongation,
         k=k,
@@ -99,92 +115,104 @@ def linear_model(
         terms=tuple(terms),
         top=chain_tops(scene),
     )
-    if not scene.springs.grounded.any():
-        return model
-    return _on_ground(model, scene, numbering, pose, adapted, of_ground)
-
-
-def without_ground(
-    matrix: Inexact[np.ndarray, "*batch coordinate coordinate"],
-    coupling: Inexact[np.ndarray, "*batch coordinate coordinate"],
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Take the coupling to the ground out of the rows and columns of the support.
-
-    Rounding residues where nothing else acts on the support become exactly 0.
-    """
-    result = matrix - coupling
-    nothing = (coupling != 0) & (np.abs(result) <= 16 * np.finfo(float).eps * np.abs(coupling))
-    return np.where(nothing, 0.0, result)
+    return _on_ground(model, assembly, of_ground) if scene.springs.grounded.any() else model
 
 
 def _on_ground(
-    model: LinearSystem,
-    scene: Scene,
-    numbering: Layout,
-    pose: Pose,
-    adapted: Symmetry,
-    terms: tuple[Term, ...],
+    model: LinearSystem, assembly: Assembly, terms: tuple[LossTerm, ...]
 ) -> LinearSystem:
     """Move the springs and dampers on the ground from the support to the ground.
 
     A scene attaches them to the support. Their elements in the support's six rows and columns
     belong to the ground.
     """
-    springs = scene.springs
+    springs = assembly.scene.springs
     own = {
         name: np.where(springs.grounded.reshape(-1, *(1,) * (axes - 1)), getattr(springs, name), 0)
         for name, axes in inner_axes(Springs).items()
         if name in ("stiffness", "damping", "preload")
     }
-    only = replace(scene, springs=replace(springs, **own))
-
-    def between(part: Contribution) -> Float[np.ndarray, "*batch coordinate coordinate"]:
-        result = sum_forms(only, numbering, pose, [part])
-        result[..., 6:, 6:] = 0.0
-        return adapted.apply(result)
-
-    stiffness, damping, loss = (
-        between(part) for part in (spring.add_derivatives, spring.add_damping, spring.add_loss)
+    scene = replace(assembly.scene, springs=replace(springs, **own))
+    grounded = replace(assembly, scene=scene)
+    # without what is between the moving bodies
+    moving = np.arange(model.size) >= 6
+    stiffness, damping, lost = (
+        np.where(moving[:, None] & moving, 0.0, grounded.sum([part]))
+        for part in (spring.add_derivatives, spring.add_damping, spring.add_loss)
     )
-    whole = stiffness + 1j * loss if loss.any() else stiffness
-    columns, resisted = whole[..., :6].copy(), damping[..., :6].copy()
-    columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
-    soft = without_ground(np.real(model.soft), stiffness)
+
+    def without(matrix: np.ndarray, coupling: np.ndarray) -> np.ndarray:
+        # rounding residues where nothing else acts on the support become exactly 0
+        result = matrix - coupling
+        nothing = np.abs(result) <= 16 * np.finfo(float).eps * np.abs(coupling)
+        return np.where((coupling != 0) & nothing, 0.0, result)
+
+    soft = without(np.real(model.soft), stiffness)
     if np.iscomplexobj(model.soft):
-        soft = soft + 1j * without_ground(np.imag(model.soft), loss)
-    return replace(
-        model,
-        damping=without_ground(model.damping, damping),
-        soft=soft,
-        ground=Ground(columns, resisted, terms),
-    )
+        soft = soft + 1j * without(np.imag(model.soft), lost)
+    whole = stiffness + 1j * lost if lost.any() else stiffness
+    columns, resisted = (matrix[..., :6].copy() for matrix in (whole, damping))
+    columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
+    ground = Ground(columns, resisted, terms)
+    return replace(model, damping=without(model.damping, damping), soft=soft, ground=ground)
 
 
-def mass_matrix(
-    scene: Scene, numbering: Layout, pose: Pose, *, wire_inertia: bool = True
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Mass matrix, with or without that of wires that have weight."""
-    if not wire_inertia:
-        scene = replace(scene, wires=replace(scene.wires, mass=np.zeros_like(scene.wires.mass)))
-    return sum_forms(scene, numbering, pose, [item.add_mass for item in elements_of(scene)])
+def spring_terms(
+    assembly: Assembly, *, tables: bool = False
+) -> tuple[list[LossTerm], tuple[LossTerm, ...]]:
+    """Losses of springs and stiffnesses given as tables, or only the latter; any batch axes.
 
-
-def damping_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Viscous damping (..., N, N) of all elements, or (N, N) without any."""
-    return sum_forms(scene, numbering, pose, [item.add_damping for item in elements_of(scene)])
-
-
-def loss_matrix(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
-    """Imaginary part of the stiffness: each elastic constant times its loss angle.
-
-    The stretching of wires is left out (`LinearSystem.k`); geometric stiffness (tension) is not
-    lossy.
+    The terms of the springs on the ground, which is at rest, are first. They are also returned
+    alone, with the coordinates of the ground in place of the support's. Springs of one cause and
+    loss share a term, so that what symmetry cancels between them is 0.
     """
-    return sum_forms(scene, numbering, pose, [item.add_loss for item in elements_of(scene)])
+    scene, springs = assembly.scene, assembly.scene.springs
+    known = {} if scene.fibres is None else {own.label: own for own in scene.fibres.spring}
+    terms: dict[tuple[object, ...], LossTerm] = {}
+    for n in np.argsort(~springs.grounded, kind="stable").tolist():
+        spectrum, own = springs.spectrum[n], known.get(springs.label[n])
+        if spectrum is None and (tables or not (own or springs.loss[n])):
+            continue
+        surroundings = scene.fibres or spectrum
+        assert surroundings is not None
+        own = own or BladeLoss(
+            "", float(np.real(springs.loss[n])), None, 0.0, surroundings.temperature
+        )
+        owner, kind = springs.label[n].rsplit(".", 1)
+        cause = springs.label[n] if kind == "link" else f"{owner}.springs"
+        for axes, angle, storage in _functions(spectrum, own):
+            chosen = np.zeros((len(springs.label), 6, 6))
+            chosen[n] = axes
+            form = builds_last(springs.stiffness * chosen, 3, scene.batch)
+            matrix = assembly.sum([partial(spring.add_forms, form=form)])
+            one = LossTerm(cause, own.temperature, matrix, angle, True, storage)
+            alone = (n, len(terms)) if spectrum is not None else ()
+            key = (bool(springs.grounded[n]), cause, replace(own, label=""), *alone)
+            same = terms.get(key)
+            terms[key] = one if same is None else replace(one, matrix=same.matrix + one.matrix)
+    ground = tuple(term for key, term in terms.items() if key[0])
+    others = np.diag(np.arange(assembly.numbering.size) >= 6).astype(float)
+    return [*(term.spread(others) for term in ground), *[*terms.values()][len(ground) :]], ground
+
+
+def _functions(
+    spectrum: Spectrum | None, own: BladeLoss
+) -> Iterator[tuple[Array, Function, Function | None]]:
+    """Axes (6, 6) of a spring that share a function, loss angle and change of the real part."""
+    if spectrum is None:
+        yield np.ones((6, 6)), partial(loss.blade_angle, own), None
+        return
+    at = np.log(2 * np.pi * np.array(spectrum.frequency))
+
+    def curve(values: tuple[float, ...], less: float) -> Function:
+        def evaluate(omega: Array) -> Array:
+            with np.errstate(divide="ignore"):
+                return np.interp(np.log(np.abs(omega)), at, values) - less
+
+        return evaluate
+
+    for axis, real, imaginary in spectrum.axis:
+        yield np.diag(np.eye(6)[axis]), curve(imaginary, 0.0), curve(real, 1.0)
 
 
 class SceneModel(Model):
@@ -197,9 +225,9 @@ class SceneModel(Model):
         """The linear model on a rigid support."""
         return self.of_scene(self.completed(expand(design), design), design)
 
-    @abstractmethod
     def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
         """The linear model of a completed scene, on a rigid support without dampers."""
+        return self.in_equilibrium(scene, design, split=True)[0]
 
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Properties of wires and gas, besides the scene, that designs of one batch must share."""
@@ -218,9 +246,9 @@ class SceneModel(Model):
         """Linear models of builds about their equilibria, on a rigid support without dampers.
 
         The `scene` is from `completed`, with the builds as its one batch axis, which comes first in
-        the linear models. Also returns the equilibria, not necessarily converged. If `split`, the
-        mirror symmetries that all builds share are used; otherwise the result for one build is
-        independent of the others.
+        the linear models. Also returns the equilibria, not necessarily converged (those of a scene
+        without batch axes are demanded). If `split`, the mirror symmetries that all builds share
+        are used; otherwise the result for one build is independent of the others.
         """
 
 
@@ -237,11 +265,6 @@ class String(SceneModel):
         del design
         return ""
 
-    def of_scene(self, scene: Scene, design: Design) -> LinearSystem:
-        """The linear model of a completed scene, on a rigid support without dampers."""
-        del design
-        return linear_model(scene)
-
     def wire_properties(self, design: Design) -> tuple[Hashable, ...]:
         """Bending stiffness of hinged wires, which shortens their strings."""
         return hinge_rigidities(design)
@@ -256,6 +279,8 @@ class String(SceneModel):
         """Builds on strings."""
         del design
         found = solve(scene, layout(scene))
+        if not scene.batch:
+            found.demand(scene)
         return linear_model(scene, found, split=split), found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, FRAME, SUPPORT
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.schema import Design, Support
+from suspension_cli.design.schema import Design
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.cavity import with_cavity
 from suspension_cli.rotations import cross_matrix
@@ -77,8 +77,8 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     support = design.support
     if support is None:
         return model
-    moving = _compliant(support)
-    names = [DOFS[n] for n in moving]
+    names = [dof for dof in DOFS if getattr(support.stiffness, dof) is not None]
+    moving = [DOFS.index(dof) for dof in names]
     size, count = model.size, len(moving)
     from_new = np.eye(size, size + count)
     from_new[moving, size + np.arange(count)] = 1.0
@@ -92,11 +92,6 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         own[0] = own[0] * (1 + 1j * support.loss_angle)
     names = [f"{FRAME}.{dof}" for dof in names]
     return model.widened(names, mass, *own, from_new=from_new)
-
-
-def _compliant(support: Support) -> list[int]:
-    """Directions in which the support structure is compliant."""
-    return [n for n, dof in enumerate(DOFS) if getattr(support.stiffness, dof) is not None]
 
 
 def surroundings_key(design: Design) -> tuple[str, ...]:

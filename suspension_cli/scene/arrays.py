@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import fields, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,17 @@ Index = NDArray[np.intp]
 Part = TypeVar("Part", bound="DataclassInstance")
 """Bodies, wires or parts of another kind: a dataclass of arrays."""
 
-_SHAPE, _SHARED, _FRAME, _VECTOR, _COMPUTED = "shape", "shared", "frame", "vector", "computed"
+
+class Axes(NamedTuple):
+    """Axes of one member in an array, and what its numbers are, see `inner` and `shared`."""
+
+    shape: tuple[int, ...]
+    dtype: type = float
+    default: int = 0
+    shared: bool = False
+    frame: str | None = None
+    vector: bool = False
+    computed: bool = False
 
 
 def inner(
@@ -26,17 +36,10 @@ def inner(
 ) -> dict[str, Any]:
     """Metadata of a dataclass field with batch axes, an axis of members, and axes of each member.
 
-    Parameters
-    ----------
-    shape
-        Of one member.
-    frame
-        Of points: the field with the numbers of the bodies whose frames they are in.
-    vector
-        Whether the components change sign in a mirror as those along x, y, z do (on axes of size
-        6: along x, y, z, roll, pitch, yaw). Points do anyway.
-    computed
-        Whether the numbers of two members that are mirror images may differ by rounding.
+    `shape` is that of one member. `frame` names, for points, the field with the numbers of the
+    bodies whose frames they are in. The components of a `vector` change sign in a mirror as those
+    along x, y, z do (on axes of size 6: x, y, z, roll, pitch, yaw); points do anyway. Numbers that
+    are `computed` may differ by rounding between two members that are mirror images.
 
     Examples
     --------
@@ -50,13 +53,19 @@ def inner(
     >>> gather(Points, [[{"label": "a"}]]).point
     array([[[0., 0., 0.]]])
     """
-    marks = {_FRAME: frame, _VECTOR: vector or frame is not None, _COMPUTED: computed}
-    return {_SHAPE: (float, 0, shape)} | marks
+    own = Axes(shape, frame=frame, vector=vector or frame is not None, computed=computed)
+    return {"array": own}
 
 
 def shared(*shape: int, dtype: type = float, default: int = 0) -> dict[str, Any]:
     """Metadata of a dataclass field of arrays without batch axes, members first."""
-    return {_SHAPE: (dtype, default, shape), _SHARED: True}
+    return {"array": Axes(shape, dtype, default, shared=True)}
+
+
+@cache
+def _axes(kind: type[DataclassInstance]) -> dict[str, Axes | None]:
+    """Axes of each field; None for a field without array."""
+    return {item.name: item.metadata.get("array") for item in fields(kind)}
 
 
 Row = dict[str, Any]
@@ -66,32 +75,23 @@ Row = dict[str, Any]
 def gather(kind: type[Part], lists: Sequence[Sequence[Row]]) -> Part:
     """Pack lists of members of one `topology` into a part with the lists as its batch axis."""
     made: dict[str, Any] = {}
-    for name, blank in _blanks(kind):
-        if blank is None:
+    for name, axes in _axes(kind).items():
+        if axes is None:
             made[name] = tuple(row.get(name) for row in lists[0])
             continue
-        each = lists if name in inner_axes(kind) else lists[:1]
+        blank = np.full(axes.shape, axes.default, axes.dtype)
+        each = lists[:1] if axes.shared else lists
         values = [[row.get(name, blank) for row in rows] for rows in each]
-        packed = np.array(values, blank.dtype).reshape(len(each), -1, *blank.shape)
-        made[name] = packed if name in inner_axes(kind) else packed[0]
+        packed = np.array(values, axes.dtype).reshape(len(each), -1, *axes.shape)
+        made[name] = packed[0] if axes.shared else packed
     return kind(**made)
 
 
 def topology(kind: type[DataclassInstance], rows: Sequence[Row]) -> tuple[Hashable, ...]:
     """What members have in common with those of the other scenes of a batch: no numbers."""
-    names = [name for name, _ in _blanks(kind) if name not in inner_axes(kind)]
+    names = [name for name, axes in _axes(kind).items() if axes is None or axes.shared]
     values = [row.get(name) for row in rows for name in names]
     return tuple(one.tobytes() if isinstance(one, np.ndarray) else one for one in values)
-
-
-@cache
-def _blanks(kind: type[DataclassInstance]) -> list[tuple[str, np.ndarray | None]]:
-    """Field and what it is for a member that omits it; None for a field without array."""
-    found: list[tuple[str, np.ndarray | None]] = []
-    for item in fields(kind):
-        dtype, default, shape = item.metadata.get(_SHAPE, (None, 0, ()))
-        found.append((item.name, None if dtype is None else np.full(shape, default, dtype)))
-    return found
 
 
 def change_arrays(change: Callable[..., np.ndarray], *parts: Part) -> Part:
@@ -109,21 +109,19 @@ def change_arrays(change: Callable[..., np.ndarray], *parts: Part) -> Part:
 @cache
 def inner_axes(kind: type[DataclassInstance]) -> dict[str, int]:
     """Number of axes behind the batch axes, by name of the fields with batch axes."""
-    marks = {item.name: item.metadata for item in fields(kind)}
-    own = {name: mark for name, mark in marks.items() if _SHAPE in mark and _SHARED not in mark}
-    return {name: 1 + len(mark[_SHAPE][2]) for name, mark in own.items()}
+    each = _axes(kind).items()
+    return {name: 1 + len(axes.shape) for name, axes in each if axes and not axes.shared}
 
 
 @cache
 def frames(kind: type[DataclassInstance]) -> dict[str, str]:
     """Name of the field with the numbers of bodies, by that of points in their frames."""
-    return {item.name: item.metadata[_FRAME] for item in fields(kind) if item.metadata.get(_FRAME)}
+    return {name: axes.frame for name, axes in _axes(kind).items() if axes and axes.frame}
 
 
 @cache
 def signed(kind: type[DataclassInstance]) -> dict[str, tuple[bool, bool]]:
     """Whether each field is a vector in a mirror, and computed, see `inner`."""
-    marks = {item.name: item.metadata for item in fields(kind)}
-    return {
-        name: (mark.get(_VECTOR, False), mark.get(_COMPUTED, False)) for name, mark in marks.items()
-    }
+    none = Axes(())
+    each = ((name, axes or none) for name, axes in _axes(kind).items())
+    return {name: (axes.vector, axes.computed) for name, axes in each}

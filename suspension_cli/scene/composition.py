@@ -12,37 +12,18 @@ from suspension_cli.scene.arrays import Array
 
 @dataclass(frozen=True)
 class Section:
-    """A stretch of wire with a uniform cross-section.
+    """A stretch of wire with a uniform cross-section."""
 
-    Attributes
-    ----------
-    length
-        Loaded, m.
-    rigidity
-        E I in the two principal planes, N m^2; the first contains a ribbon's thickness (soft
-        plane).
-    stretching
-        E A, N.
-    twisting
-        G J, N m^2; the tension T adds T I_p/A to it, see `polar_area`.
-    mass, polar
-        Mass and polar moment of inertia per length, kg/m and kg m.
-    torsion_factor
-        Factor on G J + T I_p/A, for a wire whose torsional stiffness is given.
-    tension_offset
-        Tension in its middle minus that of the wire, due to the wire's weight, N.
-    """
-
-    length: float
-    rigidity: tuple[float, float]
-    stretching: float
-    twisting: float
-    mass: float
-    polar: float
+    length: float  # loaded, m
+    rigidity: tuple[float, float]  # E I in the principal planes, N m^2; a ribbon's soft one first
+    stretching: float  # E A, N
+    twisting: float  # G J, N m^2; the tension T adds T I_p/A to it, see `polar_area`
+    mass: float  # per length, kg/m
+    polar: float  # moment of inertia per length, kg m
     shape: CrossSection
     losses: tuple[Mechanism, ...]
-    torsion_factor: float = 1.0
-    tension_offset: float = 0.0
+    torsion_factor: float = 1.0  # on G J + T I_p/A, where the torsional stiffness is given
+    tension_offset: float = 0.0  # of its middle from that of the wire, due to its weight, N
 
     @property
     def round(self) -> bool:
@@ -57,79 +38,34 @@ class Section:
 
 @dataclass(frozen=True)
 class Fibre:
-    """Composition of one wire.
+    """Composition of one wire."""
 
-    Attributes
-    ----------
-    label
-        ``test.1``.
-    sections
-        From the upper to the lower end.
-    plane : (3,) array
-        Unit vector across the nominal wire in the first principal plane.
-    clamp : tuple of two (3,) arrays
-        Unit vectors along the wire at its upper and lower clamp, both from the upper towards the
-        lower end.
-    temperature
-        At the upper and the lower end, K.
-    effective
-        Whether the given ends are the effective bending points, with the clamps beyond them.
-    """
-
-    label: str
-    sections: tuple[Section, ...]
-    plane: Array
-    clamp: tuple[Array, Array]
-    temperature: tuple[float, float]
-    effective: bool = False
+    label: str  # ``test.1``
+    sections: tuple[Section, ...]  # from the upper to the lower end
+    plane: Array  # unit vector across the nominal wire in the first principal plane
+    clamp: tuple[Array, Array]  # unit vectors down the wire at its upper and lower clamp
+    temperature: tuple[float, float]  # at the upper and the lower end, K
+    effective: bool = False  # whether the ends are bending points, with the clamps beyond them
 
 
 @dataclass(frozen=True)
 class BladeLoss:
-    """Loss of one blade, spring or link.
-
-    Attributes
-    ----------
-    angle
-        Constant loss angle where no material is known, rad.
-    losses
-        Of the blade's material, if known.
-    thickness
-        m; 0 if unknown: no thermoelastic loss.
-    temperature
-        K.
-    shape
-        Of the wires of a link, instead of a thickness.
-    """
+    """Loss of one blade, spring or link."""
 
     label: str
-    angle: float
-    losses: tuple[Mechanism, ...] | None
-    thickness: float
-    temperature: float
-    shape: CrossSection | None = None
+    angle: float  # constant loss angle where no material is known, rad
+    losses: tuple[Mechanism, ...] | None  # of the material, if known
+    thickness: float  # m; 0 if unknown: no thermoelastic loss
+    temperature: float  # K
+    shape: CrossSection | None = None  # of the wires of a link, instead of a thickness
 
 
 @dataclass(frozen=True)
 class Fibres:
-    """Composition of all wires and blades of a scene, and the gas around them.
+    """Composition of all wires and blades of a scene, and the gas around them."""
 
-    Attributes
-    ----------
-    wire
-        In the order of `Scene.wires`.
-    blade
-        In the order of `Scene.blades`.
-    spring
-        Springs of known material; others have the loss angle of `Scene.springs`.
-    gas
-        With its temperature, if there is any.
-    temperature
-        Where the design gives no other, K.
-    """
-
-    wire: tuple[Fibre, ...]
-    blade: tuple[BladeLoss, ...]
-    gas: Gas | None
-    temperature: float
-    spring: tuple[BladeLoss, ...] = ()
+    wire: tuple[Fibre, ...]  # in the order of `Scene.wires`
+    blade: tuple[BladeLoss, ...]  # in the order of `Scene.blades`
+    gas: Gas | None  # with its temperature
+    temperature: float  # where the design gives no other, K
+    spring: tuple[BladeLoss, ...] = ()  # of known material; others have the loss of the scene's

@@ -33,7 +33,7 @@ from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import links, stack, tensions
 from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
-from suspension_cli.scene.places import Places
+from suspension_cli.scene.links import Places
 from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
 
 if TYPE_CHECKING:
@@ -44,43 +44,30 @@ if TYPE_CHECKING:
 class Members:
     """Bodies and members of all parts of one design, before the loads are known.
 
-    Attributes
-    ----------
-    wires, blades
-        Of each stage. Besides their arrays: whether the tension of a wire is `fixed` by the design,
-        or follows from a `natural` length, so that the pose is solved for; the `given` load of a
-        blade, else NaN.
-    struts, bars
-        Of all legs.
-    springs
-        Of all stages, links and dampers.
+    Besides their arrays, wires have whether their tension is `fixed` by the design, or follows from
+    a `natural` length, so that the pose is solved for; blades have the `given` load, else NaN.
     """
 
     design: Design
     places: Places
-    wires: list[list[Row]]
-    blades: list[list[Row]]
-    struts: list[Row]
-    bars: list[Row]
-    springs: list[Row]
+    wires: list[list[Row]]  # of each stage
+    blades: list[list[Row]]  # of each stage
+    struts: list[Row]  # of all legs
+    bars: list[Row]  # of all legs
+    springs: list[Row]  # of all stages, links and dampers
 
     @staticmethod
     def of(design: Design, other: Members | None = None) -> Members:
         """List the members of a design; those of stages that equal an `other` one's are its own."""
-        places = Places.of(design)
-        wires: list[list[Row]] = []
-        blades: list[list[Row]] = []
-        same = other is not None and all(
-            getattr(other.design, key) == getattr(design, key) for key in ("materials", "constants")
-        )
+        places, wires, blades, first = Places.of(design), [], [], 0
         for n in range(1, len(design.stage) + 1):
-            first = sum(map(len, blades))
-            if same and other is not None and other._has(n, design, places, first):
+            if other is not None and other._has(n, design, places, first):
                 own = other.wires[n - 1], other.blades[n - 1]
             else:
                 own = _list_stage(design, places, n, first)
             wires.append(own[0])
             blades.append(own[1])
+            first += len(own[1])
         struts, bars = links.legs(design, places)
         springs = links.of_stages(design, places) + links.of_links(design, places)
         springs = links.between(springs, places)
@@ -88,10 +75,11 @@ class Members:
 
     def _has(self, n: int, design: Design, places: Places, first: int) -> bool:
         """Whether the n-th stage of a design is its own, hangs alike, and has the same numbers."""
-        own = self.design.stage
+        own = self.design
         return (
-            n <= len(own)
-            and own[n - 1] == design.stage[n - 1]
+            n <= len(own.stage)
+            and (own.materials, own.constants) == (design.materials, design.constants)
+            and own.stage[n - 1] == design.stage[n - 1]
             and self.places.parent[n] == places.parent[n]
             and bool((self.places.offset[n] == places.offset[n]).all())
             and sum(map(len, self.blades[: n - 1])) == first
@@ -164,15 +152,8 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     offset = np.array([own.places.offset for own in each])
     for n in range(len(design.stage), 0, -1):
         loads[:, parent[n]] += tensions.move_wrench(loads[:, n], offset[:, n, None])
-    spring_rows: list[list[Row]] = []
-    bar_rows: list[list[Row]] = []
-    faults: dict[int, list[Fault]] = {}
-    for n, own in enumerate(each):
-        loaded, coupling, wrong = _loaded_springs(own, loads[n], gravity)
-        spring_rows.append(loaded + own.springs)
-        bar_rows.append(own.bars + coupling)
-        if wrong:
-            faults[n] = wrong
+    loaded = [_loaded_springs(own, loads[n], gravity) for n, own in enumerate(each)]
+    faults = {n: wrong for n, (_, _, wrong) in enumerate(loaded) if wrong}
     natural, fixed = (
         np.array([row[key] for row in wire_rows[0]], dtype=bool) for key in ("natural", "fixed")
     )
@@ -198,9 +179,13 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         bodies=bodies,
         wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
-        springs=gather(Springs, spring_rows),
+        springs=gather(
+            Springs, [rows + own.springs for own, (rows, _, _) in zip(each, loaded, strict=True)]
+        ),
         struts=replace(struts, tension=-thrust),
-        bars=gather(Bars, bar_rows),
+        bars=gather(
+            Bars, [own.bars + rows for own, (_, rows, _) in zip(each, loaded, strict=True)]
+        ),
         field=field and Field(*map(np.array, field)),
         solves_pose=gives_natural_lengths(design),
     )
@@ -210,36 +195,34 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
 def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[list[Row], list[Row]]:
     """List the wires and the blades, numbered from `first`, of the n-th stage."""
     stage, above = design.stage[n - 1], places.parent[n]
-    own = [
+    wires = [
         {"label": f"{stage.name}.{number}", "upper": above, "lower": n} | row
         for number, row in enumerate(_wires_of(design, stage, places.offset[n]), 1)
     ]
+    tables = [stage.blades] * stage.blades.count if stage.blades else stage.blade
     blades: list[Row] = []
-    names = [blade.name for blade in stage.blade]
-    if stage.blades is not None:
-        names = [f"blade{number + 1}" for number in range(stage.blades.count)]
-    for number, name in enumerate(names):
-        table = stage.blades or stage.blade[number]
+    for number, table in enumerate(tables):
         tip = getattr(table, "at", None)
         if tip is None:
-            on = [row["upper_point"] for row in own if row["blade"] == number]
-            tip = np.mean(on, axis=0)
+            tip = np.mean([row["upper_point"] for row in wires if row["blade"] == number], axis=0)
         if stage.blades is not None and stage.blades.count == 1:
             tip[:2] = 0.0  # exactly, also on a ring
-        vertical = blade_stiffness(design, table, body_mass(stage.body), len(names))
+        vertical = blade_stiffness(design, table, body_mass(stage.body), len(tables))
         stiffness = np.array([*(table.lateral_stiffness or (0.0, 0.0)), vertical])
-        blade = {
-            "label": f"{stage.name}.{name}",
-            "body": above,
-            "axes": stiffness > 0,
-            "tip": tip,
-            "stiffness": stiffness,
-            "tip_mass": table.tip_mass,
-            "loss": part_loss(design, table),
-            "given": math.nan if table.load is None else table.load,
-        }
-        blades.append(blade)
-    wires = [row | {"blade": first + row["blade"] if row["blade"] >= 0 else -1} for row in own]
+        blades.append(
+            {
+                "label": f"{stage.name}.{getattr(table, 'name', f'blade{number + 1}')}",
+                "body": above,
+                "axes": stiffness > 0,
+                "tip": tip,
+                "stiffness": stiffness,
+                "tip_mass": table.tip_mass,
+                "loss": part_loss(design, table),
+                "given": math.nan if table.load is None else table.load,
+            }
+        )
+    for row in wires:
+        row["blade"] += first if row["blade"] >= 0 else 0
     return wires, blades
 
 
@@ -325,10 +308,10 @@ def _loaded_springs(
             row, coupling, wrong = links.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)
             faults += wrong
-            between = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
+            ends = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
             if coupling:
                 inertia = (-coupling, coupling, -coupling)
-                bars.append({"label": row["label"], "inertia": inertia} | between)
+                bars.append({"label": row["label"], "inertia": inertia} | ends)
         springs += [{"upper": above, "lower": n} | row for row in rows]
     return links.between(springs, places), bars, faults
 
@@ -368,19 +351,15 @@ def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:
         key = ".inverted_pendulum"
         remedy = "hang the load at the height of the legs' circle, or below its centre"
     elif stage.wire_tables:
-        key, remedy = (
-            "",
-            (
-                "move the attachments or the COM, or give wires a natural_length to have the pose"
-                " solved for"
-            ),
-        )
-    least = max(tensions.BALANCE * np.abs(loads[1]).max(), 1e-3 * np.abs(left_over).max())
+        key, remedy = "", "move the attachments or the COM, or give wires a natural_length"
+        remedy += " to have the pose solved for"
+    size = np.abs(left_over)
+    least = max(tensions.BALANCE * np.abs(loads[1]).max(), 1e-3 * size.max())
     found = [
-        f"{left_over[axis]:.3g} {'N of force along' if axis < 3 else 'N m of'} {DOFS[axis]}"
-        + (" torque" if axis > 2 else "")
-        for axis in np.argsort(-np.abs(left_over))
-        if abs(left_over[axis]) > least
+        f"{left_over[axis]:.3g} "
+        + (f"N of force along {DOFS[axis]}" if axis < 3 else f"N m of {DOFS[axis]} torque")
+        for axis in np.argsort(-size)
+        if size[axis] > least
     ]
     problem = f"cannot balance in the nominal pose: {', '.join(found[:3])} left over"
     return [Fault(f"stage.{stage.name}{key}", problem, remedy)] if found else []
@@ -388,13 +367,11 @@ def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:
 
 def _loose(stage: Stage, lines: Wires, own: Index, force: Array) -> list[Fault]:
     """Report wires that would be slack, or legs that would be pulled."""
-    key, what, remedy = "wires", "wire {} would be slack", "move its ends, or remove the wire"
-    name = "tension"
+    key, what, name = "wire" if stage.wire else "wires", "wire {} would be slack", "tension"
+    remedy = "move its ends, or remove the wire"
     if stage.inverted_pendulum is not None:
         key, what, name = "inverted_pendulum", "leg {} would be pulled", "thrust"
         remedy = "place the load between the legs"
-    elif stage.wire:
-        key = "wire"
     return [
         Fault(
             f"stage.{stage.name}.{key}",

@@ -58,22 +58,20 @@ def compose(design: Design) -> Fibres:
     wires: list[Fibre] = []
     blades: list[BladeLoss] = []
     springs: list[BladeLoss] = []
-
-    def loss(label: str, part: AnyBlade | Spring | Link) -> BladeLoss:
-        return _part_loss(design, label, part)
-
     for stage, lines, rows in zip(design.stage, members.wires, members.blades, strict=True):
         if stage.wires is not None:
             wires += _fibres(design, stage.wires, lines)
         for wire, line in zip(stage.wire, lines, strict=False):
             wires += _fibres(design, wire, [line])
         tables = [stage.blades] * stage.blades.count if stage.blades else stage.blade
-        blades += [loss(row["label"], table) for row, table in zip(rows, tables, strict=True)]
-        named = ((f"{stage.name}.spring{n}", own) for n, own in enumerate(stage.spring, 1))
-        springs += [loss(label, spring) for label, spring in named if spring.made_of is not None]
+        for row, table in zip(rows, tables, strict=True):
+            blades.append(_part_loss(design, row["label"], table))
+        for n, spring in enumerate(stage.spring, 1):
+            if spring.made_of is not None:
+                springs.append(_part_loss(design, f"{stage.name}.spring{n}", spring))
     for link in design.link:
         if link.made_of is not None and link.loss_angle is None:
-            springs.append(loss(f"{link.name}.link", link))
+            springs.append(_part_loss(design, f"{link.name}.link", link))
     gas = design.gas and msgspec.structs.replace(
         design.gas, temperature=design.gas.temperature or ambient
     )
@@ -101,17 +99,17 @@ def _fibres(design: Design, table: WireSet | Wire, lines: Sequence[Row]) -> Iter
 
 def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Section, ...]:
     """Sections of a wire of a length (m); a given k scales their stretching stiffness."""
-    pieces = stretches(table, length)
-    known = {name: materials.resolve(design, name) for name in {p.material or "" for p in pieces}}
-    losses = {name: mechanisms_of(own, table) for name, own in known.items()}
-    names = [piece.material or "" for piece in pieces]
-    sections = tuple(
-        _section(piece, known[name], losses[name])
-        for piece, name in zip(pieces, names, strict=True)
-    )
-    if table.k is None:
-        return sections
-    along = table.k * sum(own.length / own.stretching for own in sections)
+    made: dict[str, tuple[Material, tuple[Mechanism, ...]]] = {}
+    sections = []
+    for piece in stretches(table, length):
+        name = piece.material or ""
+        if name not in made:
+            own = materials.resolve(design, name)
+            made[name] = own, mechanisms_of(own, table)
+        sections.append(_section(piece, *made[name]))
+    along = 1.0
+    if table.k is not None:
+        along = table.k * sum(own.length / own.stretching for own in sections)
     return tuple(replace(own, stretching=along * own.stretching) for own in sections)
 
 
@@ -157,12 +155,10 @@ def _section(piece: Stretch, material: Material, losses: tuple[Mechanism, ...]) 
 
 def _plane(direction: Array) -> Array:
     """Find the unit vector across a wire nearest to x (to y for a wire along x)."""
-    for axis in np.eye(3):
-        across = axis - (axis @ direction) * direction
-        size = np.sqrt(across @ across)
-        if size > 1e-3:
-            return across / size
-    raise AssertionError("no direction is along both x and y")
+    across = np.eye(3) - np.outer(direction, direction)
+    size = np.sqrt((across**2).sum(-1))
+    axis = 0 if size[0] > 1e-3 else 1
+    return across[axis] / size[axis]
 
 
 def _clamp(number: int, table: WireSet | Wire, along: Array) -> tuple[Array, Array]:
@@ -190,20 +186,17 @@ def _clamp(number: int, table: WireSet | Wire, along: Array) -> tuple[Array, Arr
 
 def _part_loss(design: Design, label: str, part: AnyBlade | Spring | Link) -> BladeLoss:
     """Look up the loss of a part; its own loss angle replaces the bulk's."""
-    losses, shape, thickness, temperature = None, None, 0.0, None
+    ambient, losses = design.constants.temperature, None
     if part.made_of is not None:
         losses = mechanisms_of(materials.resolve(design, part.made_of), None)
         if part.loss_angle is not None:
             others = tuple(own for own in losses if not isinstance(own, Bulk))
             losses = (Bulk(part.loss_angle), *others)
+    angle = part_loss(design, part)
     if isinstance(part, Link):
         assert part.strands is not None
-        thickness = part.strands.diameter
-        shape = circle(thickness / 2, thickness / 2)
-    else:
-        geometry = None if isinstance(part, Spring) else part.geometry
-        thickness = part.thickness if geometry is None else geometry.thickness
-        temperature = part.temperature
-    ambient = design.constants.temperature
-    angle = part_loss(design, part)
-    return BladeLoss(label, angle, losses, thickness or 0.0, temperature or ambient, shape)
+        r = part.strands.diameter / 2
+        return BladeLoss(label, angle, losses, 2 * r, ambient, circle(r, r))
+    geometry = None if isinstance(part, Spring) else part.geometry
+    thickness = (part.thickness if geometry is None else geometry.thickness) or 0.0
+    return BladeLoss(label, angle, losses, thickness, part.temperature or ambient)

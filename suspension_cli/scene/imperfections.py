@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.towers import SUFFIX
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, Part, frames, inner_axes
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -28,19 +28,16 @@ def members(scene: Scene, part: str) -> dict[str, int]:
     Wires, blades and legs count from 0, bodies from 1, links as springs of the scene. Blades of a
     filter have the name of its stage, and their number as a spring behind those of other blades.
     """
-    labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}
-    if part in labels:
-        names = labels[part].label
-        found = {label: n for n, label in enumerate(names)}
-        if part == "blade":
-            for n, label in enumerate(scene.springs.label, len(names)):
-                if label.endswith(f"{SUFFIX}.blades"):
-                    found[label.removesuffix(f"{SUFFIX}.blades")] = n
-        return found
     if part == "body":
         return {name: n for n, name in enumerate((SUPPORT, *scene.bodies.name))}
-    numbered = enumerate(scene.springs.label)
-    return {label[:-5]: n for n, label in numbered if label.endswith(".link")}
+    labels = {"wire": scene.wires, "blade": scene.blades, "leg": scene.struts}
+    names: tuple[str, ...] = labels[part].label if part in labels else ()
+    found: dict[str, int] = {label: n for n, label in enumerate(names)}
+    ending = {"blade": f"{SUFFIX}.blades", "link": ".link"}.get(part)
+    for n, label in enumerate(scene.springs.label, len(names)):
+        if ending is not None and label.endswith(ending):
+            found[label.removesuffix(ending)] = n
+    return found
 
 
 def impose(
@@ -52,16 +49,8 @@ def impose(
 ) -> Scene:
     """Apply imperfections of one part to a scene.
 
-    Parameters
-    ----------
-    part
-        One of `PARTS`.
-    number
-        From `members`.
-    amounts : mapping of (...) or (..., 3) arrays
-        By name of `design.imperfections`.
-    hold : {"loaded-length", "natural-length"}
-        See `wire`.
+    `part` is one of `PARTS`, with a number from `members`; `amounts` are arrays (...) or (..., 3)
+    by name of `design.imperfections`; `hold` is explained at `wire`.
     """
     if part == "wire":
         return wire(scene, number, **amounts, hold=hold)
@@ -93,25 +82,23 @@ def wire(
     span L in the nominal pose, its tension there is T, or k' (T / k + L - l), less k' times the
     change of length.
     """
-    wires = scene.wires
+    old = {name: _member(scene.wires, name, number) for name in inner_axes(Wires)}
     upper, lower = _numbers(upper_offset), _numbers(lower_offset)
     change, shift = _numbers(length_change), lower - upper
-    old_span, old_length = wires.span[..., number, :], wires.length[..., number]
-    old_k, old_tension = wires.stiffness[..., number], wires.tension[..., number]
-    span = old_span + shift
+    span = old["span"] + shift
     length = np.sqrt((span**2).sum(-1))
     # L - l without cancellation: (L^2 - l^2) / (L + l)
-    longer = (shift * (2 * old_span + shift)).sum(-1) / (length + old_length)
-    k = old_k * _numbers(k_factor) * _numbers(radius_factor) ** 2
-    tension = old_tension - k * change
+    longer = (shift * (2 * old["span"] + shift)).sum(-1) / (length + old["length"])
+    k = old["stiffness"] * _numbers(k_factor) * _numbers(radius_factor) ** 2
+    tension = old["tension"] - k * change
     if hold == "natural-length":
-        tension = k * (old_tension / old_k + longer - change)
+        tension = k * (old["tension"] / old["stiffness"] + longer - change)
     return _with(
         scene,
         "wires",
         number,
-        upper_point=wires.upper_point[..., number, :] + upper,
-        lower_point=wires.lower_point[..., number, :] + lower,
+        upper_point=old["upper_point"] + upper,
+        lower_point=old["lower_point"] + lower,
         span=span,
         length=length,
         tension=tension,
@@ -145,7 +132,7 @@ def turn_mass(scene: Scene, number: int, rotation: ArrayLike) -> Scene:
     Its inertia becomes R I R^T, with the rotation R by the vector `rotation` (..., 3), rad.
     """
     turn = rotation_matrix(_numbers(rotation))
-    inertia = turn @ scene.bodies.inertia[..., number - 1, :, :] @ np.swapaxes(turn, -1, -2)
+    inertia = turn @ _member(scene.bodies, "inertia", number - 1) @ np.swapaxes(turn, -1, -2)
     inertia = (inertia + np.swapaxes(inertia, -1, -2)) / 2
     return _with(scene, "bodies", number - 1, inertia=inertia)
 
@@ -197,11 +184,16 @@ def _numbers(values: ArrayLike) -> Array:
     return np.asarray(values, dtype=float)
 
 
+def _member(part: Any, name: str, number: int) -> Array:
+    """One array of a member of a part."""
+    values = getattr(part, name)
+    return values.take(number, values.ndim - inner_axes(type(part))[name])
+
+
 def _scaled(scene: Scene, part: str, name: str, number: int, factor: Array) -> Scene:
     """Multiply one array of a member of a part."""
-    values = getattr(scene.parts[part], name)
-    axis = values.ndim - inner_axes(type(scene.parts[part]))[name]
-    return _with(scene, part, number, **{name: values.take(number, axis) * factor})
+    value = _member(scene.parts[part], name, number)
+    return _with(scene, part, number, **{name: value * factor})
 
 
 def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:

@@ -1,10 +1,10 @@
-"""Springs of a scene: of stages, links, dampers, legs and filters; struts and bars of legs.
+"""Places of bodies; springs of stages, links, dampers, legs and filters; struts and bars of legs.
 
 **Legs.** A leg is a strut from its foot to its top (stiff along its length, with the load as
 thrust: any lean is exact), a spring at its top for the flexures, and a bar for its inertia and
 weight. The spring's strain is in the frame of the body below: the lean of the leg relative to that
-body (the angle g / L of `elements.lean`) bends the foot; the tilt of the stage less that lean bends
-the joint at the top.
+body (the angle g / L of `elements.spring`) bends the foot; the tilt of the stage less that lean
+bends the joint at the top.
 
 **Eddy currents.** The magnet is a dipole m along an axis. The field of the currents is small beside
 its own: the velocity is far below 2 / (mu_0 sigma t), and the conductor thinner than its skin
@@ -27,18 +27,25 @@ add up, as their currents are parallel to it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import materials
-from suspension_cli.design.derive import Keystone, gravity_strength, part_loss
+from suspension_cli.design.derive import (
+    Keystone,
+    com_offset,
+    com_positions,
+    gravity_strength,
+    part_loss,
+    with_bodies_above,
+)
 from suspension_cli.design.links import Damper, EddyCurrent, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.towers import (
     ROUND_ROD,
-    InvertedPendulum,
     filter_statics,
     leg_inertia,
     leg_statics,
@@ -47,7 +54,6 @@ from suspension_cli.design.towers import (
 from suspension_cli.errors import Fault
 from suspension_cli.scene import strands
 from suspension_cli.scene.arrays import Array, Row
-from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Spectrum
 
 if TYPE_CHECKING:
@@ -57,6 +63,31 @@ if TYPE_CHECKING:
 
 MU_0 = 4e-7 * np.pi
 """Magnetic constant, H/m."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Tree of the bodies; number 0 is the support, n the n-th stage."""
+
+    number: dict[str, int]  # of each body by name, 0 also for the ground
+    parent: list[int]  # the body above each, 0 for the support itself
+    offset: Float[np.ndarray, "1+body 3"]  # COM from the COM above (or the suspension point), m
+    position: Float[np.ndarray, "1+body 3"]  # COM from the suspension point, m
+
+    @classmethod
+    def of(cls, design: Design) -> Places:
+        """The places of the bodies of a design."""
+        position = com_positions(design)
+        number = {name: n for n, name in enumerate(position)} | {GROUND: 0}
+        parent = [0, *(number[above] for _, above in with_bodies_above(design))]
+        offset = np.array([(0.0, 0.0, 0.0), *map(com_offset, design.stage)])
+        return cls(number, parent, offset, np.array([*position.values()]))
+
+    def between(self, upper: int, lower: int) -> Float[np.ndarray, " 3"]:
+        """COM of one body from that of another, m."""
+        if lower and self.parent[lower] == upper:
+            return self.offset[lower]  # exact where a difference of positions is rounded
+        return self.position[lower] - self.position[upper]
 
 
 def of_stages(design: Design, places: Places) -> list[Row]:
@@ -95,36 +126,33 @@ def matrix(given: Matrix6 | None) -> Inexact[np.ndarray, "6 6"]:
 
 def of_links(design: Design, places: Places) -> list[Row]:
     """List the links and the dampers; the body of lower number is the upper one."""
-    rows = []
+    rows: list[Row] = []
     for link in design.link:
         first, second = (places.number[name] for name in link.between)
-        k = link_stiffness(design, link, places.position[first], places.position[second])
         spectrum = None if link.table is None else spectrum_of(design, link)
         row = {
             "label": f"{link.name}.link",
-            "stiffness": k,
+            "stiffness": link_stiffness(
+                design, link, places.position[first], places.position[second]
+            ),
             "damping": matrix(link.damping),
             "preload": np.array(link.preload) if first > second else -np.array(link.preload),
             "loss": part_loss(design, link) if spectrum is None else 0.0,
             "spectrum": spectrum,
         }
-        rows.append(row | _ends(link, places))
+        rows.append(row)
     for damper in design.damper:
-        row = {"label": f"{damper.name}.damper", "damping": damper_matrix(damper)}
-        rows.append(row | _ends(damper, places))
+        rows.append({"label": f"{damper.name}.damper", "damping": damper_matrix(damper)})
+    for row, table in zip(rows, (*design.link, *design.damper), strict=True):
+        first, second = (places.number[name] for name in table.between)
+        shift = np.zeros(3) if first > second else places.between(first, second)
+        row |= {
+            "upper": min(first, second),
+            "lower": max(first, second),
+            "lower_point": np.array(table.at) - shift,
+            "grounded": table.between[1] == GROUND,
+        }
     return rows
-
-
-def _ends(table: Link | Damper, places: Places) -> Row:
-    """Bodies of a link or damper, and its point in the frame of the lower one."""
-    first, second = (places.number[name] for name in table.between)
-    point = np.array(table.at)
-    return {
-        "upper": min(first, second),
-        "lower": max(first, second),
-        "lower_point": point if first > second else point - places.between(first, second),
-        "grounded": table.between[1] == GROUND,
-    }
 
 
 def damper_matrix(damper: Damper) -> Inexact[np.ndarray, "6 6"]:
@@ -219,11 +247,11 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
     struts: list[Row] = []
     bars: list[Row] = []
     for n, stage in enumerate(design.stage, 1):
-        table, above = stage.inverted_pendulum, places.parent[n]
-        for number, top in enumerate(tops(table) if table else [], 1):
-            assert table is not None
-            label, span = f"{stage.name}.leg{number}", np.array([0.0, 0.0, table.length])
-            foot = places.offset[n] + top - span
+        if (table := stage.inverted_pendulum) is None:
+            continue
+        above, span = places.parent[n], np.array([0.0, 0.0, table.length])
+        for number, top in enumerate(tops(table), 1):
+            foot, label = places.offset[n] + top - span, {"label": f"{stage.name}.leg{number}"}
             strut = {
                 "upper": above,
                 "lower": n,
@@ -233,10 +261,10 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
                 "length": table.length,
                 "stiffness": table.axial_stiffness,
             }
-            struts.append({"label": label} | strut)
+            struts.append(label | strut)
             if table.leg_mass or table.counterweight is not None:
                 bar = {"body": (above, n), "point": (foot, top), "inertia": leg_inertia(table)}
-                bars.append({"label": label} | bar)
+                bars.append(label | bar)
     return struts, bars
 
 
@@ -244,35 +272,29 @@ def flexures(stage: Stage, load: Array, hung: float, gravity: float) -> list[Row
     """List the springs of the flexures of a stage's legs, under a load (6,) about its COM.
 
     The load (N, N m) contains the weight of the legs on the stage, `hung` is the weight in it (N)
-    without preloads.
+    without preloads. Against its strain a leg has the stiffness of its flexure k (N m/rad, at its
+    foot) and of its top k_t,
+
+        k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
     """
     table = stage.inverted_pendulum
     if table is None:
         return []
-    numbers = leg_statics(table, -load[2], hung, gravity)
-    own = {
-        "stiffness": flexure_matrix(table, numbers.flexure),
-        "loss": numbers.loss,
-        "leg": table.length,
-    }
+    numbers, length, tilt = (
+        leg_statics(table, -load[2], hung, gravity),
+        table.length,
+        table.top_stiffness,
+    )
+    across = (numbers.flexure + tilt) / length**2
+    yaw = numbers.flexure / ROUND_ROD if table.yaw_stiffness is None else table.yaw_stiffness
+    stiffness = np.diag([across, across, 0.0, tilt, tilt, yaw])
+    stiffness[0, 4] = stiffness[4, 0] = -tilt / length
+    stiffness[1, 3] = stiffness[3, 1] = tilt / length
+    own = {"stiffness": stiffness, "loss": numbers.loss, "leg": length}
     return [
         {"label": f"{stage.name}.leg{number}", "lower_point": top} | own
         for number, top in enumerate(tops(table), 1)
     ]
-
-
-def flexure_matrix(legs: InvertedPendulum, flexure: float) -> Float[np.ndarray, "6 6"]:
-    """Stiffness of the flexures of one leg, `flexure` (N m/rad) at its foot, against its strain.
-
-    k |g|^2 / (2 L^2) + k_t (phi - lean)^2 / 2, with the lean (-g_y, g_x) / L.
-    """
-    length, tilt = legs.length, legs.top_stiffness
-    across = (flexure + tilt) / length**2
-    yaw = flexure / ROUND_ROD if legs.yaw_stiffness is None else legs.yaw_stiffness
-    result = np.diag([across, across, 0.0, tilt, tilt, yaw])
-    result[0, 4] = result[4, 0] = -tilt / length
-    result[1, 3] = result[3, 1] = tilt / length
-    return result
 
 
 def filter_blades(
@@ -296,13 +318,14 @@ def filter_blades(
         "preload": [*-load[:2], lift, *-load[3:]],
         "loss": numbers.loss,
     }
-    if numbers.coupling < table.keystone.mass:
-        return row, numbers.coupling, []
-    fault = Fault(
-        f"stage.{keystone.blades_of}.filter.keystone.mass",
-        f"is not above the mass coupling of the blades, {numbers.coupling:.3g} kg, of which it is"
-        " part",
-        "give the keystone the mass of the blades that moves with it, or a smaller saturation",
-        f"{table.keystone.mass:g}",
-    )
-    return row, numbers.coupling, [fault]
+    faults = []
+    if numbers.coupling >= table.keystone.mass:
+        key, value = f"stage.{keystone.blades_of}.filter.keystone.mass", f"{table.keystone.mass:g}"
+        problem = (
+            f"is not above the mass coupling of the blades, {numbers.coupling:.3g} kg, of which"
+        )
+        remedy = (
+            "give the keystone the mass of the blades that moves with it, or a smaller saturation"
+        )
+        faults.append(Fault(key, f"{problem} it is part", remedy, value))
+    return row, numbers.coupling, faults

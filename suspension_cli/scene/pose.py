@@ -24,21 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Layout:
-    """Numbering of the coordinates of a scene.
+    """Numbering of the coordinates of a scene."""
 
-    Attributes
-    ----------
-    size
-        Number N of coordinates, the support's six included.
-    blade
-        Coordinate of each blade's tip along each axis; N (one past the end) where it is rigid.
-    name
-        ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``.
-    """
-
-    size: int
-    blade: Int[np.ndarray, "blade 3"]
-    name: tuple[str, ...]
+    size: int  # number N of coordinates, the support's six included
+    blade: Int[np.ndarray, "blade 3"]  # of its tip along each axis; N where it is rigid
+    name: tuple[str, ...]  # ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``
 
 
 def layout(scene: Scene) -> Layout:
@@ -60,15 +50,10 @@ def layout(scene: Scene) -> Layout:
 class Pose:
     """A configuration of a scene.
 
-    Attributes
-    ----------
-    shift
-        Displacement of each COM from its nominal position, m; row 0 is the support.
-    turn
-        Rotation matrices from body to global axes, minus the unit matrix: added to it, a rotation
-        by 1e-9 rad would keep only seven digits.
-    deflection
-        Of each blade's tip, along the axes of its body, m.
+    `shift` is the displacement of each COM from its nominal position, m; row 0 is the support.
+    `turn` are rotation matrices from body to global axes, minus the unit matrix: added to it, a
+    rotation by 1e-9 rad would keep only seven digits. `deflection` is that of each blade's tip,
+    along the axes of its body, m.
     """
 
     shift: Inexact[np.ndarray, "*batch 1+body 3"] = field(metadata=inner(3))

@@ -29,21 +29,12 @@ PARTS = ("bodies", "wires", "blades", "springs", "struts", "bars")
 
 @dataclass(frozen=True)
 class Bodies:
-    """Rigid bodies.
+    """Rigid bodies: mass (kg), inertia about the COM (kg m^2), and the nominal place of the COM.
 
-    Attributes
-    ----------
-    name
-        Stage names, without the support.
-    mass
-        kg.
-    inertia
-        About the COM, kg m^2.
-    position
-        Nominal COM from the suspension point, m; row 0 is the support.
+    The latter is from the suspension point, m; row 0 is the support.
     """
 
-    name: tuple[str, ...]
+    name: tuple[str, ...]  # stages, without the support
     mass: Inexact[np.ndarray, "*batch body"] = field(metadata=inner())
     inertia: Inexact[np.ndarray, "... body 3 3"] = field(metadata=inner(3, 3))
     position: Inexact[np.ndarray, "... 1+body 3"] = field(metadata=inner(3))
@@ -51,38 +42,17 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Wires:
-    """Straight elastic wires.
+    """Straight elastic wires between points (m) of two bodies.
 
-    At length L a wire pulls with ``tension + stiffness (L - length)``.
-
-    Attributes
-    ----------
-    label
-        ``test.1`` and so on.
-    upper, lower
-        The bodies joined.
-    blade
-        Number of the blade whose tip carries the upper end, or -1.
-    upper_point, lower_point
-        The ends, m.
-    span
-        From upper to lower end in the nominal pose, m.
-    length
-        Norm of `span`.
-    tension
-        At that length, N.
-    stiffness
-        N/m.
-    torsion
-        Given torsional stiffness, N m/rad; 0 if none.
-    loss
-        Loss angle of the stretching, and of a given torsion, rad.
-    mass
-        Moments m_uu, m_ul, m_ll of the mass (see `elements.weight`), kg; 0 for wires without
-        weight.
+    At length L a wire pulls with ``tension + stiffness (L - length)``, N and N/m; `span` (m) is
+    from its upper to its lower end in the nominal pose, and `length` the norm of that. `blade` is
+    the number of the blade whose tip carries the upper end, or -1. `torsion` is the torsional
+    stiffness that the design gives, N m/rad, or 0; `loss` the loss angle of stretching and of a
+    given torsion, rad. `mass` has the moments m_uu, m_ul, m_ll (see `elements.weight`), kg; 0 for
+    wires without weight.
     """
 
-    label: tuple[str, ...]
+    label: tuple[str, ...]  # ``test.1`` and so on
     upper: Int[np.ndarray, " wire"] = field(metadata=shared(dtype=int))
     lower: Int[np.ndarray, " wire"] = field(metadata=shared(dtype=int))
     blade: Int[np.ndarray, " wire"] = field(metadata=shared(dtype=int, default=-1))
@@ -99,24 +69,11 @@ class Wires:
 
 @dataclass(frozen=True)
 class Blades:
-    """Cantilever blades: springs between a body and a tip, along the body's axes.
+    """Cantilever blades: springs between a body (or the support) and a tip, along its axes.
 
-    Attributes
-    ----------
-    body
-        The body (or support) on which the blade is clamped.
-    axes
-        Axes along which the tip moves; others are rigid.
-    tip
-        Nominal position of the tip, m.
-    stiffness
-        N/m (0 along rigid axes).
-    load
-        Force of the blade on its tip in the nominal pose, N.
-    tip_mass
-        kg.
-    loss
-        Loss angle, rad.
+    The tip moves along `axes` alone, with a stiffness in N/m (0 along the others). `tip` (m) is its
+    nominal place and `load` (N) the force of the blade on it there; `tip_mass` is in kg, `loss` the
+    loss angle in rad.
     """
 
     label: tuple[str, ...]
@@ -131,18 +88,10 @@ class Blades:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Complex stiffness of a spring against frequency, over its static stiffness.
+    """Complex stiffness of a spring against frequency (Hz, ascending), over its static stiffness.
 
-    Linear in the logarithm of frequency, constant outside the table.
-
-    Attributes
-    ----------
-    temperature
-        K.
-    frequency
-        Hz, ascending.
-    axis : tuple of (int, tuple, tuple)
-        Number of an axis in `DOFS`, and real and imaginary part at each frequency.
+    Linear in the logarithm of frequency, constant outside the table. Of each axis there are its
+    number in `DOFS`, and real and imaginary part at each frequency. The temperature is in K.
     """
 
     temperature: float
@@ -152,24 +101,13 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Springs:
-    """Linear springs between coincident points of two bodies, in the upper one's frame.
+    """Linear springs between coincident points (m) of two bodies, in the upper one's frame.
 
-    Attributes
-    ----------
-    upper_point, lower_point
-        The point in the frame of each body, m.
-    stiffness, damping
-        N/m, N m/rad and mixed; N s/m and so on.
-    preload
-        Force (N) and torque (N m) on the lower body in the nominal pose.
-    leg
-        Length of the leg whose flexures the spring is, m, see `elements.lean`; 0 for other springs.
-    loss
-        Loss angle, rad; 0 where `spectrum` gives it.
-    grounded
-        Whether the upper end is on the ground (the upper body is then 0).
-    spectrum
-        Of each spring whose stiffness depends on frequency; `stiffness` is then diagonal.
+    Stiffness and damping are in N/m, N m/rad and mixed, N s/m and so on; `preload` are force (N)
+    and torque (N m) on the lower body in the nominal pose. `leg` is the length (m) of the leg whose
+    flexures the spring is, or 0. The upper end of a `grounded` spring is on the ground (the upper
+    body is then 0). Where a stiffness depends on frequency, it is diagonal and has a `spectrum`;
+    else there is a loss angle, rad.
     """
 
     label: tuple[str, ...]
@@ -188,19 +126,11 @@ class Springs:
 
 @dataclass(frozen=True)
 class Bars:
-    """Inertia of bars between points of two bodies: legs, blades.
+    """Inertia of bars between points (m) of two bodies: legs, blades.
 
     A bar has the kinetic energy first v_1^2 / 2 + mixed v_1 . v_2 + second v_2^2 / 2 of the
-    velocities of its ends, and so the weights g (first + mixed) and g (mixed + second) there.
-
-    Attributes
-    ----------
-    body
-        The bodies of both ends.
-    point
-        The ends in the frames of these bodies, m.
-    inertia
-        First, mixed and second, kg.
+    velocities of its ends, and so the weights g (first + mixed) and g (mixed + second) there. Its
+    `inertia` are first, mixed and second, kg.
     """
 
     label: tuple[str, ...]
@@ -218,15 +148,9 @@ class Bars:
 class Flex:
     """Static stiffness of wires against bending and twisting, or twisting alone.
 
-    Attributes
-    ----------
-    upper, lower
-        Unit vectors of each wire's principal planes, in the frames of the two bodies.
-    bend
-        S_uu, S_ul, S_ll in each plane: moments at the ends per slope there, N m/rad; None for
-        strings.
-    twist
-        Torque per twist, N m/rad.
+    `upper` and `lower` are unit vectors of each wire's principal planes, in the frames of the two
+    bodies, `bend` S_uu, S_ul, S_ll in each plane: moments at the ends per slope there, N m/rad;
+    None for strings. `twist` is the torque per twist, N m/rad.
     """
 
     upper: Inexact[np.ndarray, "... wire 2 3"] = field(metadata=inner(2, 3))
@@ -237,18 +161,10 @@ class Flex:
 
 @dataclass(frozen=True)
 class Field:
-    """Acceleration due to gravity, vector + gradient r, at r from the suspension point.
+    """Acceleration due to gravity, vector + gradient r, at r from the suspension point."""
 
-    Attributes
-    ----------
-    vector
-        m/s^2.
-    gradient
-        1/s^2, symmetric (gravity is conservative).
-    """
-
-    vector: Inexact[np.ndarray, " 3"]
-    gradient: Inexact[np.ndarray, "3 3"]
+    vector: Inexact[np.ndarray, " 3"]  # m/s^2
+    gradient: Inexact[np.ndarray, "3 3"]  # 1/s^2, symmetric (gravity is conservative)
 
     @property
     def is_uniform(self) -> bool:
@@ -265,47 +181,27 @@ class Field:
 class Scene:
     """A whole suspension.
 
-    Attributes
-    ----------
-    name
-        The design's name.
-    gravity
-        Strength of gravity at the suspension point, m/s^2.
-    struts
-        Legs of inverted pendulums, as wires of negative tension from the foot (upper) to the top
-        (lower).
-    bars
-        Inertia and weight of legs, and of blades that couple a filter and its keystone.
-    drawn
-        For an imperfect scene, that without imperfections, in balance in its nominal pose.
-    fibres
-        Composition of wires and blades for `beam` and `violin`; None for strings.
-    flex
-        Stiffness of the wires against bending and twisting.
-    added
-        Arrays of further elements between two bodies, by the name of the element: dataclasses like
-        `Springs`, with at least `label`, and the numbers `upper` < `lower` of the bodies (0 for the
-        support, and for what is fixed in space).
-    field
-        Gravity that is not a uniform pull along -z.
-    solves_pose : bool
-        Whether wires have natural lengths, so that the pose is not the drawn one.
+    `struts` are legs of inverted pendulums, as wires of negative tension from the foot (upper) to
+    the top (lower); `bars` the inertia and weight of legs, and of blades that couple a filter and
+    its keystone. What is `added` are arrays of further elements between two bodies, by the name of
+    the element: dataclasses like `Springs`, with at least `label`, and the numbers `upper` <
+    `lower` of the bodies (0 for the support, and for what is fixed in space).
     """
 
     name: str
-    gravity: float
+    gravity: float  # strength at the suspension point, m/s^2
     bodies: Bodies
     wires: Wires
     blades: Blades
     springs: Springs
     struts: Wires
     bars: Bars
-    drawn: Scene | None = None
-    fibres: Fibres | None = None
+    drawn: Scene | None = None  # of an imperfect scene, that without imperfections, in balance
+    fibres: Fibres | None = None  # for wires that bend
     flex: Flex | None = None
     added: Mapping[str, Any] = field(default_factory=dict)
-    field: Field | None = None
-    solves_pose: bool = False
+    field: Field | None = None  # gravity that is not a uniform pull along -z
+    solves_pose: bool = False  # whether wires have natural lengths, so that the pose is not drawn
 
     @property
     def parts(self) -> dict[str, Any]:

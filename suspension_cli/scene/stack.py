@@ -18,17 +18,9 @@ if TYPE_CHECKING:
 def stack_scenes(scenes: Sequence[Scene], pick: Int[np.ndarray, " build"] | None = None) -> Scene:
     """Stack scenes into one whose first axis runs over them.
 
-    Parameters
-    ----------
-    scenes
-        Without batch axes, of the same topology.
-    pick : (p,) int array, optional
-        Number of the scene of each member of the batch; default: each in turn.
-
-    Returns
-    -------
-    Scene
-        Of batch shape (p,); what has no batch axes (labels, losses, ...) is from the first scene.
+    The scenes are without batch axes, of the same topology; labels, losses and the like are those
+    of the first. `pick` has the number of the scene of each member of the batch; by default each in
+    turn.
     """
     order = np.arange(len(scenes)) if pick is None else pick
     drawn = [scene.drawn for scene in scenes if scene.drawn is not None]

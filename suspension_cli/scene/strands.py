@@ -36,22 +36,12 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 @dataclass(frozen=True)
 class Curve:
-    """Nodes along the centre line of a wire, from A.
+    """Nodes along the centre line of a wire, from A."""
 
-    Attributes
-    ----------
-    point, tangent
-        Places from A, m, and unit vectors.
-    weight
-        Gauss weight of each node times the length of its piece, m.
-    end
-        B from A, m.
-    """
-
-    point: Float[np.ndarray, "node 3"]
+    point: Float[np.ndarray, "node 3"]  # from A, m
     tangent: Float[np.ndarray, "node 3"]
-    weight: Float[np.ndarray, " node"]
-    end: Float[np.ndarray, " 3"]
+    weight: Float[np.ndarray, " node"]  # Gauss weight times the length of the piece, m
+    end: Float[np.ndarray, " 3"]  # B from A, m
 
     @property
     def length(self) -> float:
@@ -175,14 +165,8 @@ def sag(curve: Curve, wire: RoundWire) -> tuple[float, Float[np.ndarray, " 6"]]:
     """Largest descent (m) of a wire, clamped at both ends, under its weight.
 
     By the unit load method. For small deflections: a descent that is not small beside the length
-    shows only that the wire does not hang in its unloaded shape.
-
-    Returns
-    -------
-    descent : float
-        m.
-    wrench : (6,) array
-        Force (N) and moment (N m) of the wire on A.
+    shows only that the wire does not hang in its unloaded shape. Also returns force (N) and moment
+    (N m) of the wire on A.
     """
     count = len(curve.weight)
     # a force of 1 N down at each node (the last axis) is carried by the part towards B

@@ -38,12 +38,7 @@ def move_wrench(wrench: Array, offset: Array) -> Array:
 def wire_wrenches(direction: Array, point: Array) -> Array:
     """Compute force and torque (..., w, 6) of a unit tension in each wire on the lower body.
 
-    Parameters
-    ----------
-    direction : (..., w, 3) array
-        Unit vectors from upper to lower end.
-    point : (..., w, 3) array
-        Lower ends from the COM, m.
+    From unit vectors to the lower ends and the places of these from the COM, m.
     """
     return np.concatenate([-direction, cross(point, -direction)], axis=-1)
 
@@ -59,23 +54,9 @@ def least_energy(
     Minimise |S T + g|^2 / 2 subject to sum_i T_i w_i + load = 0 (least squares if that has no
     solution). With S = Q R and y = R T + Q^T g the energy is y^2 / 2 but for a constant.
 
-    Parameters
-    ----------
-    wrenches
-        w_i, of unit tensions.
-    load
-        All else that acts on the body, N and N m.
-    strain
-        S, see `strains`.
-    given
-        g, due to tensions that are given, sqrt(J).
-
-    Returns
-    -------
-    tension : (..., w) array
-        N.
-    left_over : (..., 6) array
-        Unbalanced wrench, N and N m.
+    The w_i are the `wrenches` of unit tensions, S are `strains`, g is due to tensions that are
+    given, sqrt(J); the load (N and N m) is all else that acts on the body. Returns the tensions (N)
+    and the wrench that is left over.
     """
     orthogonal, triangle = np.linalg.qr(strain)
     root = np.linalg.inv(triangle)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.design.schema import Gas
-from suspension_cli.elements import gas
+from suspension_cli.elements import loss
 from tests.elements.test_joined_sections import SHAPE, strand
 from tests.support import beam_mp
 
@@ -64,7 +64,7 @@ def test_gas_takes_its_part(angle, pressure, omega):
     """omega^2 Im(mu) times the integral of |w|^2; with bending, all that the ends lose."""
     around = Gas(pressure=pressure, molar_mass=0.028, temperature=290.0)
     one = wire(50.0, angle, around)
-    drag = SHAPE.drag(*gas.surface_drag(around))[0]
+    drag = SHAPE.drag(*loss.surface_drag(around))[0]
     rigidity, (upper, lower, moved) = integrals(one, angle, drag, omega)
     found = dissipated(one, omega)
     expected = rigidity * (upper + lower), omega * drag * moved

@@ -11,15 +11,15 @@ import pytest
 from suspension_cli.design import reader
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.elements.resting import principal_planes
-from suspension_cli.equilibrium.energy import energy, gradient_and_stiffness, sum_forms
+from suspension_cli.equilibrium.energy import gradient_and_stiffness, sum_forms
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.models.string import mass_matrix
 from suspension_cli.rotations import rigid_motion, rotation_matrix
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Field, Flex
 from tests.models.test_whole_tower import DESIGN as TOWER
 from tests.support import scenes
 from tests.support.derivatives import TINY, complex_gradient, hessian
+from tests.support.energies import energy
 
 
 def imperfect(rng):
@@ -254,7 +254,7 @@ def test_mass_matrix_is_that_of_the_kinetic_energy_of_points(kind):
     for mass, parts in points(scene):
         velocity = np.imag(place_of(scene, rates, parts)) / TINY
         expected += mass * velocity @ velocity.T
-    found = mass_matrix(scene, numbering, pose)
+    found = sum_forms(scene, numbering, pose, [item.add_mass for item in elements_of(scene)])
     root = np.sqrt(np.maximum(np.diag(expected), 1e-3))
     assert np.array_equal(found, found.T)
     assert np.abs((found - expected) / np.outer(root, root)).max() < 1e-12

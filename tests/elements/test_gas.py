@@ -15,7 +15,7 @@ import suspension_cli as sus
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
 from suspension_cli.design.cross_sections import circle, rectangle
 from suspension_cli.design.schema import Body, Gas
-from suspension_cli.elements import gas as drag
+from suspension_cli.elements import loss as drag
 
 AIR = Gas(pressure=1e-5, molar_mass=0.028, temperature=300.0)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)

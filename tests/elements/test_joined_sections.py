@@ -81,7 +81,7 @@ def test_bending_against_transfer_matrices(name):
     with np.errstate(all="raise", under="ignore"):
         found = ribbon(strand(rows, angle=angle)).at(OMEGA)
     for part, factor in (("bend-1", 1), ("bend-2", 2)):
-        ends = joined_sections.to_ends(found[part].stiffness)
+        ends = beam_mp.to_ends(found[part].stiffness)
         lossy = [(factor * ei * (1 + 1j * angle), mass, length) for ei, mass, length in rows]
         for n, omega in enumerate(OMEGA):
             exact = beam_mp.doubles(beam_mp.transferred(lossy, TENSION, omega)[0])
@@ -201,5 +201,5 @@ def test_beam_without_tension():
     (bend, _), _ = resting.resistance(strand([(2.0, 0.0, 1.0)]).fibre.sections, 0.5, 0.0)
     np.testing.assert_allclose(bend, np.array([4, 2, 4]) * 2.0 / 0.5, rtol=1e-14)
     found = strand([(2.0, 1e-3, 0.5)], 0.0).at(np.zeros(1))["bend-1"].stiffness
-    ends = joined_sections.to_ends(found)[..., 0]
+    ends = beam_mp.to_ends(found)[..., 0]
     np.testing.assert_allclose(ends[[0, 1, 1], [0, 1, 3]], [192.0, 16.0, 8.0], rtol=1e-11)

@@ -64,12 +64,6 @@ def ends(now):
     return own, Attached(joined, above, below), d
 
 
-def stored(now):
-    own, _, d = ends(now)
-    square = dot(d, d)
-    return (own.k * square / 2 + own.q * square**2 / 4).sum(0)
-
-
 def add_derivatives(now, derivatives):
     own, attached, d = ends(now)
     stiffness = own.k + own.q * dot(d, d)
@@ -84,7 +78,7 @@ def add_loss(now, derivatives):
 
 @pytest.fixture
 def tethers(monkeypatch):
-    element = Element(stored, add_derivatives, add_loss=add_loss, make=make, name="tethers")
+    element = Element(add_derivatives, add_loss=add_loss, make=make, name="tethers")
     monkeypatch.setattr(registry, "ELEMENTS", (*registry.ELEMENTS, element))
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 from suspension_cli.design.reader import read
-from suspension_cli.equilibrium import energy
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
@@ -17,6 +16,7 @@ from suspension_cli.scene.pose import displace, layout, nominal_pose
 from suspension_cli.scene.stack import stack_scenes
 from tests.support import scenes
 from tests.support.derivatives import complex_gradient, hessian
+from tests.support.energies import energy
 from tests.support.golden import ROOT
 
 TRIPLE = ROOT / "configs" / "geo-silica-triple.toml"
@@ -35,7 +35,7 @@ def pose_of_least_energy(scene):
     """By scipy, from energies alone: gradients are complex steps."""
     numbering, start = layout(scene), nominal_pose(scene)
     free = np.flatnonzero(np.arange(numbering.size) >= 6)
-    scale = 1 / np.sqrt(np.abs(np.diag(hessian(energy.energy, scene, numbering, start))[free]) + 1)
+    scale = 1 / np.sqrt(np.abs(np.diag(hessian(energy, scene, numbering, start))[free]) + 1)
 
     def displaced(y):
         step = np.zeros(numbering.size)
@@ -43,11 +43,11 @@ def pose_of_least_energy(scene):
         return step
 
     def slope(y):
-        found = complex_gradient(energy.energy, scene, numbering, start, displaced(y))
+        found = complex_gradient(energy, scene, numbering, start, displaced(y))
         return scale * found[free]
 
     best = minimize(
-        lambda y: float(energy.energy(scene, displace(numbering, start, displaced(y)))),
+        lambda y: float(energy(scene, displace(numbering, start, displaced(y)))),
         np.zeros(len(free)),
         jac=slope,
         method="BFGS",

@@ -12,14 +12,13 @@ from scipy.linalg import solve_banded
 import suspension_cli as sus
 from suspension_cli.design import materials, reader
 from suspension_cli.design.wires import reduced
-from suspension_cli.elements import joined_sections
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear.symmetry import find_symmetry
 from suspension_cli.models import registry
 from suspension_cli.scene.fibres import compose
 from suspension_cli.scene.pose import layout
-from tests.support import scenes
+from tests.support import beam_mp, scenes
 
 BODY = {"mass": 5.0, "inertia": [0.02, 0.015, 0.03]}
 
@@ -177,7 +176,7 @@ def test_reduced_profile_is_within_its_error(error):
     modulus = materials.resolve(design, "fused-silica").youngs_modulus
     coarse, fine = (static_bending(z, d, modulus, 49.0, n) for n in (12000, 24000))
     expected = fine + (fine - coarse) / 3
-    ends = joined_sections.to_ends(wire.resting("bend-1"))[..., 0]  # w_1, w'_1, w_2, w'_2
+    ends = beam_mp.to_ends(wire.static["bend-1"][..., None])[..., 0]  # w_1, w'_1, w_2, w'_2
     found = ends[np.ix_([1, 3, 2], [1, 3, 2])]
     root = np.sqrt(np.diag(expected))
     assert np.abs((found - expected) / np.outer(root, root)).max() < error

@@ -170,3 +170,9 @@ def transferred(sections, tension, omega):
             whole[2:, 2:] * inverse,
         )
         return result, MP.det(pulled)
+
+
+def to_ends(even_odd):
+    """A stiffness (4, 4, f) on even and odd motion, transformed to the two ends."""
+    back = np.linalg.inv(np.array(ALIKE, dtype=float))
+    return np.einsum("ki,klf,lj->ijf", back, even_odd, back)

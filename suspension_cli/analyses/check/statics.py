@@ -47,7 +47,7 @@ from suspension_cli.models.cavity import angular_stiffness, optical_spring
 from suspension_cli.models.string import STRING
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links, strands
-from suspension_cli.scene.places import Places
+from suspension_cli.scene.links import Places
 from suspension_cli.scene.scene import Scene
 
 __all__ = ["Statics", "Stress", "blade_loads", "list_wire_tables", "solve", "wire_loads"]
