@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import arguments, registry, settings
 from suspension_cli.analyses import python_functions as convert
+from suspension_cli.analyses import registry, settings
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
 from suspension_cli.analyses.python_functions import python_names
 from suspension_cli.conventions import ANALYSES
@@ -192,7 +192,7 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     <Design mine: upper, test>
     """
     with python_names(set="overrides"):
-        source = reader.read(convert.path(file, "file"), arguments.items(overrides, "overrides"))
+        source = reader.read(convert.path(file, "file"), settings.items(overrides, "overrides"))
     return Design(**vars(source))
 
 
@@ -401,7 +401,7 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
 
     remedy = "give a result of sus.modes"
     if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
+        raise InputError.of("result", "is no result", remedy, settings.shown(result))
     if result.analysis.name != "modes":
         raise InputError.of("result", "has no modes that move", remedy, result.analysis.name)
     path = convert.path(path, "path")
@@ -409,7 +409,7 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
         numbers = animation.parse(result.data, str(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
-            raise InputError.of("mode", problem, remedy, arguments.shown(mode))
+            raise InputError.of("mode", problem, remedy, settings.shown(mode))
         number = numbers[0]
         scene = expand(result.design)
         moving = animation.animate(result.data, number, result.design, scene)
@@ -535,7 +535,7 @@ def gwinc(result: Result, frequency: Any = None) -> Any:
     made: Any = getattr(result, "data", None)
     if not hasattr(made, "interferometer"):
         remedy = 'give a result of sus.export(..., format="gwinc")'
-        raise InputError.of("result", "has no table for gwinc", remedy, arguments.shown(result))
+        raise InputError.of("result", "has no table for gwinc", remedy, settings.shown(result))
     return gwinc_budget.suspend(made.table, made.interferometer)(freq=frequency)
 
 
@@ -543,7 +543,7 @@ def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
     remedy = "give a result of sus.export"
     if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
+        raise InputError.of("result", "is no result", remedy, settings.shown(result))
     if result.analysis.name != "export" or getattr(result.data, "zpk", "") is not None:
         raise InputError.of("result", "has no state space", remedy, result.analysis.name)
     return result.data
@@ -580,7 +580,7 @@ def _run(analysis: Analysis, named: Settings) -> Any:
             value = _design(value)
         files[own] = convert.path(value, own) if one.kind == "PathLike" else value
     with python_names(analysis.parameters):
-        given = arguments.from_arguments(name, analysis.parameters, named)
+        given = settings.from_arguments(name, analysis.parameters, named)
     if given.get("resume") and folder is None:
         remedy = "name the folder of the interrupted run"
         raise InputError.of("folder", "is missing, but resume is given", remedy)

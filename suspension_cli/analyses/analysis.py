@@ -254,8 +254,8 @@ class Result(Sourced):
 
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
-        from suspension_cli.analyses.arguments import default_values, from_arguments
         from suspension_cli.analyses.python_functions import python_names
+        from suspension_cli.analyses.settings import default_values, from_arguments
 
         name, parameters = self.analysis.command_name, self.analysis.drawn_with
         known = [str(param.name) for param in parameters]

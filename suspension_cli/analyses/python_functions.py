@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.arguments import (
+from suspension_cli.analyses.settings import (
     GRID,
     Value,
     default_values,

@@ -1,26 +1,174 @@
-"""Settings of a command: values of its options, from three places.
+"""Settings of an analysis: values of its options, from three places.
 
 What is given, on the command line or as arguments of the Python function, has precedence over the
-design's `[analysis]` table, and this over the defaults.
+design's `[analysis]` table, and this over the defaults. Values from Python and from tables are
+converted in one way, see `convert`.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from suspension_cli.analyses.arguments import Settings, convert, default_values, grid
 from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Analysis
     from suspension_cli.design.reader import Source
 
+Value = Any
+"""A value before it is checked."""
+Settings = dict[str, Value]
+"""Values of parameters by name; each parameter has its own type."""
+
+GRID = "GRID"
+"""What help calls the value of an option that takes numbers as `grids.parse_grid` does."""
 NOT_IN_TABLES = ("overrides", "out", "stem", "as_json", "as_csv", "quiet", "verbose")
 """Options that `[analysis]` tables do not set."""
+
+
+def default_values(parameters: Sequence[click.Parameter]) -> Settings:
+    """Default values of options."""
+    return (
+        click.Command("", params=list(parameters))
+        .make_context("", [], resilient_parsing=True)
+        .params
+    )
+
+
+def from_arguments(
+    command: str, parameters: Sequence[click.Parameter], arguments: Settings
+) -> Settings:
+    """Convert arguments of a Python function; one at its default value counts as not given."""
+    default, given = default_values(parameters), {}
+    for param in parameters:
+        name = str(param.name)
+        if name in arguments and (arguments[name] is not None or default[name] is not None):
+            value = convert(command, param, arguments[name])
+            if value != default[name]:
+                given[name] = value
+    return given
+
+
+def convert(command: str, param: click.Parameter, value: Value, *, in_file: bool = False) -> Value:
+    """Convert a value of Python, or of a table `in_file`, to that of an option.
+
+    Texts in files may be those of the command line. Raises `InputError` with the name of the option
+    if the value is of the wrong kind or out of bounds.
+    """
+    name, metavar, several = str(param.name), str(param.metavar), is_multiple(param)
+    remedy = f"see pendsus {command} --help"
+    texts = None
+    if in_file and not isinstance(param.type, click.types.BoolParamType) and is_text(value):
+        texts = (value,) if isinstance(value, str) else tuple(value)
+    elif metavar == GRID:
+        texts = (grid(value, name),)
+    elif several or not isinstance(value, str):
+        if "=GRID" in metavar:
+            texts = grids(value, name)
+        elif several or metavar.endswith(",..."):
+            texts = items(value, name)
+    if texts is None:
+        found = _single(param.type, name, value, remedy)
+    else:
+        found = texts if several else ",".join(texts) or None
+    try:
+        return param.type_cast_value(click.Context(click.Command(command)), found)
+    except click.BadParameter as error:
+        raise InputError.of(name, error.message.rstrip("."), remedy) from None
+
+
+def is_multiple(param: click.Parameter) -> bool:
+    """Whether an option may be repeated."""
+    return isinstance(param, click.Option) and param.multiple
+
+
+def is_text(value: Value) -> bool:
+    """Whether a value is a text, or a list of texts."""
+    return isinstance(value, str) or (
+        isinstance(value, list) and all(isinstance(one, str) for one in value)
+    )
+
+
+def _single(kind: click.ParamType, name: str, value: Value, remedy: str) -> Value:
+    """Convert one flag, number (also of numpy, or as text) or text."""
+    import numpy as np
+
+    if isinstance(kind, click.types.BoolParamType):
+        wanted = "must be True or False"
+        if isinstance(value, (bool, int, np.bool_)):
+            return bool(value)
+    elif isinstance(kind, (click.types.IntParamType, click.types.FloatParamType)):
+        whole = isinstance(kind, click.types.IntParamType)
+        wanted = "must be a whole number" if whole else "must be a number"
+        try:
+            if not np.ndim(value) and not isinstance(value, (bool, np.bool_)):
+                number = int(value) if whole and isinstance(value, (str, int)) else float(value)
+                if not whole or number == math.floor(number):
+                    return int(number) if whole else number
+        except (TypeError, ValueError, OverflowError):
+            pass
+    elif isinstance(value, str):
+        return value
+    elif isinstance(kind, click.Choice):
+        wanted = f"is not one of {', '.join(map(repr, kind.choices))}"
+    else:
+        wanted = "must be a text"
+    raise InputError.of(name, wanted, remedy, shown(value))
+
+
+def grid(values: Value, name: str) -> str:
+    """Write a grid as its text; every number keeps all its digits."""
+    import numpy as np
+
+    if isinstance(values, (str, bool)):
+        return str(values)
+    if isinstance(values, (Iterator, range)):
+        values = list(values)
+    wanted, remedy = "must be real numbers", 'give numbers, or a text such as "1:10:50"'
+    try:
+        if values is None or isinstance(values, (bytes, Mapping, set)) or np.iscomplexobj(values):
+            raise TypeError
+        numbers = [float(value) for value in np.ravel(values)]
+    except (TypeError, ValueError):
+        raise InputError.of(name, wanted, remedy, shown(values)) from None
+    if not numbers:
+        raise InputError.of(name, "is empty", remedy)
+    return ",".join(map(repr, numbers))
+
+
+def grids(values: Value, name: str) -> tuple[str, ...]:
+    """Write a dictionary of names and grids as ``NAME=GRID`` texts."""
+    if not isinstance(values, Mapping):
+        remedy = f'write for example {name}={{"stage.test.wires.d": [1e-3, 2e-3]}}'
+        raise InputError.of(name, "must be a dictionary", remedy, shown(values))
+    return tuple(f"{key}={grid(own, f'{name} {key}')}" for key, own in values.items())
+
+
+def items(values: Value, name: str) -> tuple[str, ...]:
+    """Convert one text or path, or several, to a tuple of texts; numbers of modes to texts."""
+    if isinstance(values, (str, os.PathLike, int)):
+        return (str(values),)
+    try:
+        if isinstance(values, bytes):
+            raise TypeError
+        return tuple(map(str, values))
+    except TypeError:
+        remedy = "leave it out for its default" if values is None else "give a text or a list"
+        raise InputError.of(name, "must be texts", remedy, shown(values)) from None
+
+
+def shown(value: Value) -> str:
+    """Write a value of any type in one short line."""
+    if isinstance(value, (str, Path)):
+        return format_value(str(value))
+    return format_value(" ".join(repr(value).split())).strip('"')
 
 
 def defaults(analysis: Analysis, given: Settings) -> Settings:

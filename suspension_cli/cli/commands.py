@@ -9,12 +9,15 @@ import click
 from suspension_cli.conventions import ANALYSES
 
 OTHERS = {
-    "new": "Start a design from a template or an example.",
-    "import": "Convert a save of SUMCON (KAGRA's modeller) into a design.",
-    "schema": "Print the JSON Schema of the design file.",
-    "plot": "Redraw the pictures of results files, alone or together.",
+    "new": ("design_files.new", "Start a design from a template or an example."),
+    "import": (
+        "design_files.convert",
+        "Convert a save of SUMCON (KAGRA's modeller) into a design.",
+    ),
+    "schema": ("design_files.schema", "Print the JSON Schema of the design file."),
+    "plot": ("plot.command", "Redraw the pictures of results files, alone or together."),
 }
-"""Commands that are no analyses, and one line of help for each."""
+"""Commands that are no analyses: where they are, and one line of help."""
 COMMANDS = (*ANALYSES, *OTHERS)
 """Names of all commands."""
 _ANALYSE = "Analyse, as in pendsus response my.toml --output test.x"
@@ -35,16 +38,17 @@ PURPOSES[_ANALYSE] += [
 def summary(name: str) -> str:
     """Return one line of help; for an analysis the docstring of its folder."""
     if name in OTHERS:
-        return OTHERS[name]
+        return OTHERS[name][1]
     text = importlib.import_module(f"suspension_cli.analyses.{name}").__doc__ or ""
     return " ".join(text.split("\n\n")[0].split())
 
 
 def get(name: str) -> click.Command:
-    """Import a command: that of an analysis, or one of its own module."""
+    """Import a command: that of an analysis, or another."""
     if name in ANALYSES:
         from suspension_cli.analyses import registry
         from suspension_cli.cli.runner import command
 
         return command(registry.get(name))
-    return importlib.import_module(f"suspension_cli.cli.{name}").command
+    module, _, function = OTHERS[name][0].partition(".")
+    return getattr(importlib.import_module(f"suspension_cli.cli.{module}"), function)

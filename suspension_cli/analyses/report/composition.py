@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, registry, settings, tables
 from suspension_cli.analyses.analysis import RelayedLog, Result, Run
-from suspension_cli.analyses.arguments import default_values
 from suspension_cli.analyses.report import html
+from suspension_cli.analyses.settings import default_values
 
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source

@@ -1,4 +1,4 @@
-"""`pendsus new`: a commented, valid design to start from."""
+"""Commands for files of designs: `new`, `import`, `schema`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ KINDS = ("single", "double", "triple", "quad", "blades")
 @click.option("--examples", "listing", is_flag=True, help="List these designs.")
 @click.option("--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]")
 @click.option("--force", is_flag=True, help="Replace FILE if it exists.")
-def command(
+def new(
     words: tuple[str, ...], example: str | None, listing: bool, name: str | None, force: bool
 ) -> None:
     """Start a design: write it to FILE, or to stdout without FILE.
@@ -59,6 +59,75 @@ def command(
         return
     write_new(Path(file[0]), text, force=force)
     terminal.tell(f"wrote {file[0]}; next: pendsus modes {file[0]}")
+
+
+@click.command("import")
+@click.argument("save", metavar="SAVE.m")
+@click.argument("file", required=False)
+@click.option("--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]")
+@click.option("--reference", metavar="TEXT", default="", help="Where the save comes from.")
+@click.option(
+    "--tables",
+    metavar="DIR",
+    help="Stiffness tables of heat links.  [default: HeatLink near SAVE.m]",
+)
+@click.option(
+    "--bending-points",
+    is_flag=True,
+    help="End wires at SUMCON's hinges, not at clamps.",
+)
+@click.option("--force", is_flag=True, help="Replace FILE if it exists.")
+def convert(
+    save: str,
+    file: str | None,
+    name: str | None,
+    reference: str,
+    tables: str | None,
+    bending_points: bool,
+    force: bool,
+) -> None:
+    """Convert a save of SUMCON (KAGRA) into a design: write FILE, or stdout without FILE.
+
+    What the design has otherwise than the save is listed on stderr and in the file.
+
+    Example: pendsus import sumcon_PR3.m pr3.toml
+    """
+    from suspension_cli.errors import InputError
+    from suspension_cli.importing.convert import read
+
+    own = design_name(name, Path(file or save).stem, "imported")
+    folder = Path(tables) if tables else None
+    found = read(Path(save), own, reference, tables=folder, bending_points=bending_points)
+    if file is None and found.files:
+        problem = "has stiffness tables, which stand in files of their own"
+        raise InputError.of("", problem, "name a file to write", save)
+    for note in found.notes:
+        terminal.tell(f"{save}: {note}")
+    if file is None:
+        click.echo(found.text, nl=False)
+        return
+    for table, text in found.files.items():
+        write_new(Path(file).parent / table, text, force=force)
+    write_new(Path(file), found.text, force=force)
+    terminal.tell(f"wrote {file}; next: pendsus modes {file} --fidelity string")
+
+
+@click.command("schema")
+@click.option(
+    "--measured",
+    is_flag=True,
+    help="Print the schema of files of measurements (docs/measurements.md).",
+)
+def schema(measured: bool) -> None:
+    """Print the JSON Schema of the design file, for editors that complete and check TOML."""
+    import json
+
+    if measured:
+        from suspension_cli.design.measured import json_schema
+    else:
+        from suspension_cli.design.schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=2))
 
 
 def design_name(given: str | None, stem: str, default: str) -> str:
