@@ -246,11 +246,11 @@ class Result(Sourced):
         """Return the JSON document that ``pendsus ... --json`` prints."""
         head: Document = {"command": self.analysis.command_name, "design": self.name}
         if not self.analysis.has_model:
-            return _finite(head | self.analysis.document(self))
-        error: Document = {"estimated_error": as_number(self.estimated_error)}
+            return _as_json(head | self.analysis.document(self))
+        error: Document = {"estimated_error": self.estimated_error}
         if self.choice.error_unknown:
             error["error_unknown"] = self.choice.error_unknown
-        return _finite(head | {"fidelity": self.model} | self.analysis.document(self) | error)
+        return _as_json(head | {"fidelity": self.model} | self.analysis.document(self) | error)
 
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
@@ -566,21 +566,18 @@ def table(source: Any, columns: str) -> list[Document]:
         if isinstance(source, Sequence)
         else zip(*(getattr(source, name) for name in names), strict=True)
     )
-    return [
-        {
-            key: value if isinstance(value, str | None) else plain(value)
-            for (key, *_), value in zip(pairs, row, strict=True)
-        }
-        for row in rows
-    ]
+    keys = [key for key, *_ in pairs]
+    return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
-def _finite(part: Any) -> Any:
-    """Replace numbers of a JSON document that are not finite by null, damaged ones too."""
+def _as_json(part: Any) -> Any:
+    """Convert a document: arrays and tuples to lists, numbers that are not finite to null."""
     if isinstance(part, dict):
-        return {key: _finite(value) for key, value in part.items()}
-    if isinstance(part, list):
-        return [_finite(value) for value in part]
+        return {key: _as_json(value) for key, value in part.items()}
+    if hasattr(part, "tolist"):  # an array or a number of numpy
+        part = part.tolist()
+    if isinstance(part, list | tuple):
+        return [_as_json(value) for value in part]
     return None if isinstance(part, float) and not math.isfinite(part) else part
 
 
