@@ -15,13 +15,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from suspension_cli.analyses.options import ENDINGS, RESULTS_ENDINGS, Input
+from suspension_cli.analyses.options import ENDINGS, RESULTS_ENDINGS, Input, Option
+from suspension_cli.analyses.settings import Settings
 from suspension_cli.errors import (
     Fault,
     InputError,
     PendsusWarning,
     attribute_faults_to,
-    format_value,
     suggest,
 )
 
@@ -40,12 +40,8 @@ if TYPE_CHECKING:
 
 Document = dict[str, Any]
 """A JSON document."""
-Settings = dict[str, Any]
-"""Values of parameters by name; each parameter has its own type."""
 Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
-
-
 PACKAGE = os.path.join(Path(__file__).parents[1], "")
 """Folder of the package."""
 
@@ -53,13 +49,10 @@ PACKAGE = os.path.join(Path(__file__).parents[1], "")
 class Log:
     """Messages of a run: silent except warnings, which become Python warnings.
 
-    Parameters
-    ----------
-    parameters : sequence of click.Parameter
-        Those of the command, whose options warnings call by the names of arguments.
+    `parameters` are those of the command, whose options warnings call by the names of arguments.
     """
 
-    def __init__(self, parameters: Sequence[click.Parameter] = ()) -> None:
+    def __init__(self, parameters: Sequence[Option] = ()) -> None:
         self.parameters = parameters
 
     def say(self, text: str) -> None:
@@ -69,7 +62,7 @@ class Log:
         """Report a detail."""
 
     def warn(self, text: str) -> None:
-        """Report a warning."""
+        """Report a warning, at the line that called the package."""
         from suspension_cli.analyses.python_functions import translate
 
         frame, level = sys._getframe(), 0
@@ -77,10 +70,9 @@ class Log:
             frame, level = frame.f_back, level + 1
         warnings.warn(translate(text, self.parameters), PendsusWarning, stacklevel=level + 1)
 
-    @contextlib.contextmanager
-    def progress(self) -> Iterator[Progress]:
+    def progress(self) -> contextlib.AbstractContextManager[Progress]:
         """Show the progress of a long computation."""
-        yield lambda _done, _count, _rate: None
+        return contextlib.nullcontext(lambda _done, _count, _rate: None)
 
 
 class RelayedLog(Log):
@@ -103,11 +95,9 @@ class RelayedLog(Log):
         """Pass on a detail."""
         self.outer.detail(text)
 
-    @contextlib.contextmanager
-    def progress(self) -> Iterator[Progress]:
+    def progress(self) -> contextlib.AbstractContextManager[Progress]:
         """Show the progress of a long computation."""
-        with self.outer.progress() as bar:
-            yield bar
+        return self.outer.progress()
 
     def take(self) -> list[str]:
         """Return the warnings since the last call."""
@@ -135,18 +125,9 @@ class Sourced:
 class Run(Sourced):
     """One analysis of one design, before it is computed.
 
-    Attributes
-    ----------
-    source : Source
-        The design, its TOML text and the name of its file.
-    setting : dict
-        A value for every parameter of the analysis.
-    folder : Path
-        Where an analysis that writes while it computes puts its file.
-    command : str
-        The command line that results record.
-    inputs : dict
-        What `Analysis.read` read besides the design, by name.
+    `setting` has a value for every parameter of the analysis, `inputs` what `Analysis.read` read
+    besides the design, by name. An analysis that writes while it computes does so in `folder`.
+    Results record `command`.
     """
 
     source: Source
@@ -258,15 +239,13 @@ class Result(Sourced):
         from suspension_cli.analyses.settings import default_values, from_arguments
 
         name, parameters = self.analysis.command_name, self.analysis.drawn_with
-        known = [str(param.name) for param in parameters]
-        for key in setting:
-            if key not in known:
-                problem = f"is no argument of plot() of {name}"
-                raise InputError.of(key, problem, suggest(key, known))
+        known = default_values(parameters)
+        for key in setting.keys() - known.keys():
+            problem = f"is no argument of plot() of {name}"
+            raise InputError.of(key, problem, suggest(key, list(known)))
         with python_names():
             given = from_arguments(name, parameters, setting)
-        setting = default_values(parameters) | given
-        drawn = self.analysis.figures(self, setting)
+        drawn = self.analysis.figures(self, known | given)
         if self.analysis.draws_neglected:
             from suspension_cli.drawing.style import name_neglected
 
@@ -304,10 +283,10 @@ class Result(Sourced):
         InputError
             If the file cannot be written, or the ending is that of another format.
         """
-        from suspension_cli.analyses import python_functions
+        from suspension_cli.analyses import settings
         from suspension_cli.analyses.python_functions import python_names
 
-        target = Path(python_functions.path(path, "path"))
+        target = Path(settings.path(path, "path"))
         with python_names(out="path"):
             self.analysis.save(target, self)
 
@@ -326,20 +305,16 @@ class Result(Sourced):
     def stored_file(self) -> Path | None:
         """Path of the file that has more than `data`: of a sweep; None for other analyses.
 
-        Raises
-        ------
-        InputError
-            If the file was deleted or replaced since this result was read from it.
+        Raises `InputError` if the file was deleted or replaced since this result was read from it.
         """
         if self.file is None or not self.analysis.fills_file:
             return None
         stamp = _stamp(self.file)
         if not stamp or stamp != vars(self)["_stamp"]:
             problem = "was replaced by another file" if stamp else "was deleted"
-            remedy = "compute the result again, or load its copy"
-            raise InputError.of("", f"{problem}; this result is read from there", remedy).in_file(
-                str(self.file)
-            )
+            problem += "; this result is read from there"
+            fault = Fault("", problem, "compute the result again, or load its copy")
+            raise InputError([fault], str(self.file))
         return self.file
 
     @property
@@ -414,8 +389,8 @@ class Analysis(ABC):
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
     inputs: ClassVar[tuple[Input, ...]] = (Input(),)
     returns: ClassVar[str] = "Result"
-    parameters: ClassVar[tuple[click.Parameter, ...]] = ()
-    drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
+    parameters: ClassVar[tuple[Option, ...]] = ()
+    drawn_with: ClassVar[tuple[Option, ...]] = ()
 
     @property
     def command_name(self) -> str:
@@ -429,13 +404,7 @@ class Analysis(ABC):
 
     @abstractmethod
     def solve(self, run: Run) -> Result:
-        """Compute the result.
-
-        Raises
-        ------
-        InputError
-            With the faults of the design or of a setting.
-        """
+        """Compute the result; raises `InputError` for faults of the design or of a setting."""
 
     def document(self, result: Result) -> Document:
         """JSON document without its head (command, design, model, estimated error)."""
@@ -550,8 +519,12 @@ def plain(values: Any) -> Any:
     """Convert numbers for JSON: lists, with null for those that are not finite."""
     import numpy as np
 
-    finite: Any = np.where(np.isfinite(values), values, None)
-    return finite.tolist()
+    return _as_json(np.asarray(values))
+
+
+def as_number(value: float) -> float | None:
+    """Convert one number for JSON: null if it is not finite."""
+    return _as_json(float(value))
 
 
 def table(source: Any, columns: str) -> list[Document]:
@@ -581,11 +554,6 @@ def _as_json(part: Any) -> Any:
     return None if isinstance(part, float) and not math.isfinite(part) else part
 
 
-def as_number(value: float) -> float | None:
-    """Convert one number for JSON: null if it is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
 def describe_mirrors(setting: Settings) -> Document:
     """Extra of a result that --mirrors changed: their number."""
     return {"mirrors": setting["mirrors"]} if setting["mirrors"] != 1 else {}
@@ -604,16 +572,3 @@ def name_mirrors(result: Result, tilt: float = 0.0) -> str:
 def only_one(values: list[Document], name: str) -> Document:
     """The only one of several documents, or all of them under `name`."""
     return values[0] if len(values) == 1 else {name: values}
-
-
-def demand_distinct_names(sources: Sequence[Source]) -> None:
-    """Raise `InputError` if files of two designs of a run would have the same names."""
-    names = [source.stem() for source in sources]
-    for n, (source, name) in enumerate(zip(sources, names, strict=True)):
-        if name in names[:n]:
-            key, own = "design.name", source.design.design.name
-            problem, remedy = "is the name of another design of this run", "give each its own name"
-            if source.given_stem:
-                key, own, remedy = "--name", name, "leave it out, or give one design"
-                problem = "would name the files of several designs"
-            raise InputError([Fault(key, problem, remedy, format_value(own))], source.file)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
 import re
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
@@ -13,6 +13,10 @@ from suspension_cli.models.registry import AUTO, LEVELS
 
 TOLERANCE = 1e-3
 """Copy of `models.choice.TOLERANCE`."""
+FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
+"""Groups of options, as help lists them."""
+PATHS = ("FILE", "[COORDINATES=]FILE", "[SIGNAL=]FILE")
+"""What help calls the value of an option that takes names of files."""
 
 
 class Option(click.Option):
@@ -27,6 +31,20 @@ class Option(click.Option):
         super().__init__(names, **how)
         self.group, self.in_python = group, in_python
 
+    @property
+    def python_type(self) -> str:
+        """Type of the argument in Python, as `suspension_cli.api` defines it."""
+        metavar = str(self.metavar)
+        if metavar == "GRID":
+            return "Grid"
+        if "=GRID" in metavar:
+            return "Mapping[str, Grid]" if self.multiple else "str | Mapping[str, Grid]"
+        if self.multiple or metavar.endswith(",..."):
+            return "Paths" if metavar in PATHS else "Names"
+        kinds = {click.types.IntParamType: "int", click.types.FloatParamType: "float"}
+        kinds[click.types.BoolParamType] = "bool"
+        return next((name for kind, name in kinds.items() if isinstance(self.type, kind)), "str")
+
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
         """Convert a value to the type of the option; numbers must be finite."""
         found = super().type_cast_value(ctx, value)
@@ -38,14 +56,7 @@ class Option(click.Option):
 class Input(NamedTuple):
     """A design, result or file that an analysis reads, as an argument of its function.
 
-    Attributes
-    ----------
-    name
-        Of the argument; with a star for any number.
-    kind
-        ``"Design"``, or what else it may be.
-    about
-        What it is, for the docstring.
+    Its name has a star if there may be any number; `kind` is its type in Python.
     """
 
     name: str = "design"
@@ -82,20 +93,12 @@ def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | No
     """Refuse a file as the folder for results, before anything is computed."""
     from suspension_cli.errors import InputError
 
-    if value is None:
+    if value is None or os.path.isdir(value):
         return value
-    path = Path(value)
-    try:
-        isdir, exists = path.is_dir(), path.exists()
-    except OSError as error:
-        raise InputError.of(
-            "--out", f"cannot be written ({error.strerror})", "name another folder", value
-        ) from None
-    named = path.suffix.lower() in ENDINGS and not value.endswith("/")
-    if not isdir and (named or exists):
-        remedy = "name a folder; the files in it get their names from the design" + (
-            f" (a folder of this name: {value}/)" if not exists else ""
-        )
+    exists = os.path.exists(value)
+    if exists or os.path.splitext(value)[1].lower() in ENDINGS:
+        remedy = "name a folder; the files in it get their names from the design"
+        remedy += "" if exists else f" (a folder of this name: {value}/)"
         raise InputError.of("--out", "names a file, but results go into a folder", remedy, value)
     return value
 
@@ -140,9 +143,6 @@ BEAM = (
 """Options that define the degree of freedom of an interferometer whose noise is computed."""
 DESIGN = argument("design", metavar="DESIGN")
 DESIGNS = argument("designs", nargs=-1, required=True, metavar="DESIGN...")
-
-FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
-"""Groups of options, as help lists them."""
 
 OVERRIDES = option(
     "--set",

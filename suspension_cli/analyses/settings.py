@@ -7,7 +7,6 @@ converted in one way, see `convert`.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,31 +19,22 @@ from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Analysis
+    from suspension_cli.analyses.options import Option
     from suspension_cli.design.reader import Source
 
-Value = Any
-"""A value before it is checked."""
-Settings = dict[str, Value]
+Settings = dict[str, Any]
 """Values of parameters by name; each parameter has its own type."""
-
-GRID = "GRID"
-"""What help calls the value of an option that takes numbers as `grids.parse_grid` does."""
 NOT_IN_TABLES = ("overrides", "out", "stem", "as_json", "as_csv", "quiet", "verbose")
 """Options that `[analysis]` tables do not set."""
 
 
 def default_values(parameters: Sequence[click.Parameter]) -> Settings:
     """Default values of options."""
-    return (
-        click.Command("", params=list(parameters))
-        .make_context("", [], resilient_parsing=True)
-        .params
-    )
+    command = click.Command("", params=list(parameters))
+    return command.make_context("", [], resilient_parsing=True).params
 
 
-def from_arguments(
-    command: str, parameters: Sequence[click.Parameter], arguments: Settings
-) -> Settings:
+def from_arguments(command: str, parameters: Sequence[Option], arguments: Settings) -> Settings:
     """Convert arguments of a Python function; one at its default value counts as not given."""
     default, given = default_values(parameters), {}
     for param in parameters:
@@ -56,74 +46,65 @@ def from_arguments(
     return given
 
 
-def convert(command: str, param: click.Parameter, value: Value, *, in_file: bool = False) -> Value:
+def convert(command: str, param: Option, value: Any, *, in_file: bool = False) -> Any:
     """Convert a value of Python, or of a table `in_file`, to that of an option.
 
     Texts in files may be those of the command line. Raises `InputError` with the name of the option
     if the value is of the wrong kind or out of bounds.
     """
-    name, metavar, several = str(param.name), str(param.metavar), is_multiple(param)
-    remedy = f"see pendsus {command} --help"
-    texts = None
-    if in_file and not isinstance(param.type, click.types.BoolParamType) and is_text(value):
-        texts = (value,) if isinstance(value, str) else tuple(value)
-    elif metavar == GRID:
+    name, kind, remedy = str(param.name), param.python_type, f"see pendsus {command} --help"
+    is_text, texts = isinstance(value, str), None
+    if in_file and kind != "bool" and _holds_texts(value):
+        texts = (value,) if is_text else tuple(value)
+    elif kind == "Grid":
         texts = (grid(value, name),)
-    elif several or not isinstance(value, str):
-        if "=GRID" in metavar:
-            texts = grids(value, name)
-        elif several or metavar.endswith(",..."):
-            texts = items(value, name)
+    elif "Mapping" in kind and (param.multiple or not is_text):
+        texts = _grids(value, name)
+    elif kind in ("Names", "Paths") and (param.multiple or not is_text):
+        texts = items(value, name)
     if texts is None:
-        found = _single(param.type, name, value, remedy)
+        found = _single(param, value, remedy)
     else:
-        found = texts if several else ",".join(texts) or None
+        found = texts if param.multiple else ",".join(texts) or None
     try:
         return param.type_cast_value(click.Context(click.Command(command)), found)
     except click.BadParameter as error:
         raise InputError.of(name, error.message.rstrip("."), remedy) from None
 
 
-def is_multiple(param: click.Parameter) -> bool:
-    """Whether an option may be repeated."""
-    return isinstance(param, click.Option) and param.multiple
-
-
-def is_text(value: Value) -> bool:
+def _holds_texts(value: Any) -> bool:
     """Whether a value is a text, or a list of texts."""
-    return isinstance(value, str) or (
-        isinstance(value, list) and all(isinstance(one, str) for one in value)
-    )
+    values = value if isinstance(value, list) else [value]
+    return all(isinstance(one, str) for one in values)
 
 
-def _single(kind: click.ParamType, name: str, value: Value, remedy: str) -> Value:
+def _single(param: Option, value: Any, remedy: str) -> Any:
     """Convert one flag, number (also of numpy, or as text) or text."""
     import numpy as np
 
-    if isinstance(kind, click.types.BoolParamType):
+    kind, choices = param.python_type, getattr(param.type, "choices", ())
+    wanted = f"is not one of {', '.join(map(repr, choices))}" if choices else "must be a text"
+    if kind == "bool":
         wanted = "must be True or False"
         if isinstance(value, (bool, int, np.bool_)):
             return bool(value)
-    elif isinstance(kind, (click.types.IntParamType, click.types.FloatParamType)):
-        whole = isinstance(kind, click.types.IntParamType)
-        wanted = "must be a whole number" if whole else "must be a number"
+    elif kind in ("int", "float"):
+        wanted = "must be a whole number" if kind == "int" else "must be a number"
         try:
             if not np.ndim(value) and not isinstance(value, (bool, np.bool_)):
-                number = int(value) if whole and isinstance(value, (str, int)) else float(value)
-                if not whole or number == math.floor(number):
-                    return int(number) if whole else number
+                number = float(value)
+                if kind == "float":
+                    return number
+                if number == math.floor(number):
+                    return int(value)
         except (TypeError, ValueError, OverflowError):
             pass
     elif isinstance(value, str):
         return value
-    elif isinstance(kind, click.Choice):
-        wanted = f"is not one of {', '.join(map(repr, kind.choices))}"
-    else:
-        wanted = "must be a text"
-    raise InputError.of(name, wanted, remedy, shown(value))
+    raise InputError.of(str(param.name), wanted, remedy, shown(value))
 
 
-def grid(values: Value, name: str) -> str:
+def grid(values: Any, name: str) -> str:
     """Write a grid as its text; every number keeps all its digits."""
     import numpy as np
 
@@ -143,7 +124,7 @@ def grid(values: Value, name: str) -> str:
     return ",".join(map(repr, numbers))
 
 
-def grids(values: Value, name: str) -> tuple[str, ...]:
+def _grids(values: Any, name: str) -> tuple[str, ...]:
     """Write a dictionary of names and grids as ``NAME=GRID`` texts."""
     if not isinstance(values, Mapping):
         remedy = f'write for example {name}={{"stage.test.wires.d": [1e-3, 2e-3]}}'
@@ -151,7 +132,7 @@ def grids(values: Value, name: str) -> tuple[str, ...]:
     return tuple(f"{key}={grid(own, f'{name} {key}')}" for key, own in values.items())
 
 
-def items(values: Value, name: str) -> tuple[str, ...]:
+def items(values: Any, name: str) -> tuple[str, ...]:
     """Convert one text or path, or several, to a tuple of texts; numbers of modes to texts."""
     if isinstance(values, (str, os.PathLike, int)):
         return (str(values),)
@@ -164,7 +145,14 @@ def items(values: Value, name: str) -> tuple[str, ...]:
         raise InputError.of(name, "must be texts", remedy, shown(values)) from None
 
 
-def shown(value: Value) -> str:
+def path(value: Any, name: str) -> str:
+    """Return a path as text; raises `InputError` for anything else."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise InputError.of(name, "must be a path", "give a text or a Path", shown(value))
+    return os.fsdecode(value)
+
+
+def shown(value: Any) -> str:
     """Write a value of any type in one short line."""
     if isinstance(value, (str, Path)):
         return format_value(str(value))
@@ -206,8 +194,7 @@ def from_tables(source: Source) -> dict[str, Settings]:
                 if key in swept or (swept and "." in key):
                     parse_grid(grid(value, key), key)
                 elif key in known:
-                    param = known[key]
-                    found[str(param.name)] = convert(name, param, value, in_file=True)
+                    found[str(known[key].name)] = convert(name, known[key], value, in_file=True)
                 else:
                     problem = "no option of this command"
                     raise InputError.of(key, problem, suggest(key, [*known, *swept]))
@@ -221,31 +208,16 @@ def from_tables(source: Source) -> dict[str, Settings]:
     return result
 
 
-def _key(option: click.Parameter) -> str:
+def _key(option: Option) -> str:
     """Key of an option in tables: its long name."""
     longest = max(option.opts, key=len).lstrip("-").replace("-", "_")
     return "plot" if option.name == "plot" else longest
 
 
-def named(source: Source, stem: str | None, overrides: tuple[str, ...]) -> Source:
-    """Return a source whose files are named after `--name`, or the design and its overrides."""
-    return dataclasses.replace(source, given_stem=stem, overrides=overrides)
-
-
 def folder(path: str) -> Path:
-    """Make the folder for results if it is missing.
-
-    Raises `InputError` if it cannot be made.
-    """
+    """Make the folder for results if it is missing; raises `InputError` if that fails."""
     from suspension_cli.files.atomic import writing_to
 
     with writing_to(path):
         Path(path).mkdir(parents=True, exist_ok=True)
     return Path(path)
-
-
-def command_line(argv: list[str]) -> str:
-    """Quote a command line for a shell, with escapes for bytes that are not text."""
-    import shlex
-
-    return shlex.join(["pendsus", *argv[1:]]).encode("utf-8", "backslashreplace").decode("utf-8")

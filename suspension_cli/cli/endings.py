@@ -31,17 +31,16 @@ NO_MEMORY = (
     "can't start new thread",
     "unable to allocate",
 )
-"""Messages of libraries that get no memory."""
+"""Messages of the system and of libraries that get no memory."""
 
 
 @contextlib.contextmanager
 def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> Iterator[None]:
     """End a run that the input, the user or the system stops with one line on stderr.
 
-    The `command` that runs has the options that could be made smaller.
-
-    Raises `click.exceptions.Exit` with exit code 2 for a fault of the input, 130 after Ctrl-C, 1
-    for anything else.
+    The `command` that runs has the options that could be made smaller. Raises
+    `click.exceptions.Exit` with exit code 2 for a fault of the input, 130 after Ctrl-C, 1 for
+    anything else.
     """
     try:
         yield
@@ -53,28 +52,19 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
         _stop(str(error), error.exit_code)
     except KeyboardInterrupt:
         _stop("interrupted", Interrupted.exit_code)
-    except (MemoryError, ImportError, RuntimeError) as error:
-        if not _is_out_of_memory(error):
+    except (MemoryError, ImportError, RuntimeError, OSError) as error:
+        words = str(error).lower()
+        if isinstance(error, MemoryError) or any(found in words for found in NO_MEMORY):
+            _stop(_describe_memory_error(error, command()), 1)
+        if not isinstance(error, OSError):
             raise
-        _stop(_describe_memory_error(error, command()), 1)
-    except OSError as error:
-        _stop(
-            _describe_memory_error(error, command())
-            if error.errno == errno.ENOMEM
-            else _describe_system_error(error),
-            1,
-        )
+        _stop(_describe_system_error(error), 1)
 
 
 def _stop(text: str, code: int) -> None:
     for line in text.split("\n"):
         terminal.tell(line)
     raise click.exceptions.Exit(code)
-
-
-def _is_out_of_memory(error: BaseException) -> bool:
-    """Whether an error means that memory is exhausted."""
-    return isinstance(error, MemoryError) or any(words in str(error).lower() for words in NO_MEMORY)
 
 
 def _describe_memory_error(error: BaseException, command: click.Command | None) -> str:
@@ -90,39 +80,16 @@ def _describe_system_error(error: OSError) -> str:
     """Describe an error of the system; errors in results files are described by their writers."""
     reason = error.strerror or str(error)
     if error.filename is not None:
-        name = error.filename
-        name = os.fsdecode(name) if isinstance(name, bytes) else name
-        return escape_unprintable(f"{name}: {reason}")
-    _discard_output()
-    if error.errno == errno.EPIPE:
-        return (
-            "standard output was closed before everything was printed; files that were written are"
-            " whole"
-        )
-    return f"standard output cannot be written ({reason}); files that were written are whole"
-
-
-def _discard_output() -> None:
-    """Discard unprinted output, which Python would report at exit."""
+        return escape_unprintable(f"{os.fsdecode(error.filename)}: {reason}")
     with contextlib.suppress(OSError, ValueError, AttributeError):
-        handle = sys.stdout.fileno()
+        handle = sys.stdout.fileno()  # Python would report unprinted output at exit
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, handle)
         os.close(nowhere)
-
-
-def _one_line(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    line: str | None = None,
-) -> str:
-    """Format a Python warning in one line."""
-    return (
-        f"warning: {category.__name__}: {' '.join(str(message).split())}"
-        f" ({os.path.basename(filename)}:{lineno})\n"
-    )
+    whole = "files that were written are whole"
+    if error.errno == errno.EPIPE:
+        return f"standard output was closed before everything was printed; {whole}"
+    return f"standard output cannot be written ({reason}); {whole}"
 
 
 class _Optional(io.FileIO):
@@ -141,6 +108,10 @@ def guard_streams() -> None:
     is lost without ending the run. Characters that the terminal cannot show are printed as escapes,
     and Python's warnings take one line.
     """
+    warnings.formatwarning = lambda message, category, filename, lineno, _line=None: (
+        f"warning: {category.__name__}: {' '.join(str(message).split())}"
+        f" ({os.path.basename(filename)}:{lineno})\n"
+    )
     for handle, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:
             os.fstat(handle)
@@ -157,4 +128,3 @@ def guard_streams() -> None:
         )
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-    warnings.formatwarning = _one_line

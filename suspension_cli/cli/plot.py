@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -15,40 +16,30 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
     from suspension_cli.design.reader import Source
 
-FILES = options.argument("files", nargs=-1, required=True, metavar="FILE.h5...")
+LIMITS = [
+    options.option(
+        "--x",
+        "x_limits",
+        metavar="LOW:HIGH",
+        help="Limits of the first horizontal axis, in its unit, and of all with the same label.",
+    ),
+    options.option(
+        "--y",
+        "y_limits",
+        metavar="LOW:HIGH",
+        help="Limits of the uppermost vertical axis, in its unit.",
+    ),
+]
 TOGETHER = options.option(
     "--together",
     is_flag=True,
     help="Draw modes, responses or thermal noises of all files in one picture, as compare does.",
 )
-X_LIMITS = options.option(
-    "--x",
-    "x_limits",
-    metavar="LOW:HIGH",
-    help="Limits of the first horizontal axis, in its unit, and of all with the same label.",
-)
-Y_LIMITS = options.option(
-    "--y",
-    "y_limits",
-    metavar="LOW:HIGH",
-    help="Limits of the uppermost vertical axis, in its unit.",
-)
+FILES = options.argument("files", nargs=-1, required=True, metavar="FILE.h5...")
+FORM = (options.FORMAT, options.CSV, options.BESIDE, options.QUIET)
 
 
-@click.command(
-    "plot",
-    cls=Command,
-    params=[
-        FILES,
-        TOGETHER,
-        X_LIMITS,
-        Y_LIMITS,
-        options.FORMAT,
-        options.CSV,
-        options.BESIDE,
-        options.QUIET,
-    ],
-)
+@click.command("plot", cls=Command, params=[FILES, TOGETHER, *LIMITS, *FORM])
 def command(
     files: tuple[str, ...],
     together: bool,
@@ -63,8 +54,6 @@ def command(
 
     Example: pendsus plot results/my-response.h5 --x 0.5:5 --format pdf
     """
-    from pathlib import Path
-
     from suspension_cli.analyses import labelled
     from suspension_cli.drawing.quick_import import import_matplotlib
 
@@ -78,38 +67,33 @@ def command(
     limits = _limits("--x", x_limits), _limits("--y", y_limits)
     folder = settings.folder(out) if out else None
     if together:
-        found = _compared(files)
-        paths = [found.analysis.path(found, folder or Path(files[0]).parent)]
-        results = [found]
+        results = [_compared(files)]
+        paths = [results[0].analysis.path(results[0], folder or Path(files[0]).parent)]
     else:
-        results = []
+        results, paths = [], [(folder or Path(file).parent) / Path(file).name for file in files]
         for file in files:
             with open_results(file) as stored:
                 results.append(registry.loaded(stored, file))
-        paths = [(folder or Path(file).parent) / Path(file).name for file in files]
     for result, path in zip(results, paths, strict=True):
         with reporting_damage(result.source.file, "run the analysis again"):
             with limited(*limits):
                 figures = result.figures() or {"": result.plot()}  # refused if there is none
-            drawn = [any(axes.axison for axes in figure.axes) for figure in figures.values()]
-            if any(limits) and not all(drawn):
-                option = "--x" if limits[0] else "--y"
-                raise InputError.of(option, "this picture has no axes", "leave it out")
+            for figure in figures.values():
+                if any(limits) and not any(axes.axison for axes in figure.axes):
+                    option = "--x" if limits[0] else "--y"
+                    raise InputError.of(option, "this picture has no axes", "leave it out")
             pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
         # first, as it refuses damaged numbers that the picture leaves out
         written = labelled.write_csv(result, path) if as_csv else []
         for end, picture in pictures.items():
             written.append(path.with_name(f"{path.stem}{end}.{picture_format}"))
             write_bytes(written[-1], picture, key="--out" if out else "")
-        for one in written:
-            if not quiet:
-                terminal.tell(f"wrote {one}")
+        for one in [] if quiet else written:
+            terminal.tell(f"wrote {one}")
 
 
 def _compared(files: tuple[str, ...]) -> Result:
     """Compare stored results."""
-    from pathlib import Path
-
     from suspension_cli.analyses.analysis import Log, Run
 
     analysis = registry.get("compare")

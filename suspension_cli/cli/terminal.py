@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Any
 
 import click
 
-from suspension_cli.analyses.analysis import Log, Progress, Result
-
-if TYPE_CHECKING:
-    from rich.progress import Progress as RichBar
+from suspension_cli.analyses.analysis import Log, Result
+from suspension_cli.errors import escape_unprintable
 
 PATIENCE = 1.0
 """Time before the bar appears, s."""
@@ -24,15 +21,11 @@ EVERY = 0.2
 
 def tell(text: str) -> None:
     """Print one line on stderr, with escapes for what would break it."""
-    from suspension_cli.errors import escape_unprintable
-
     click.echo(escape_unprintable(text), err=True)
 
 
 def put(text: str) -> None:
     """Print lines for people on stdout, with escapes for what cannot be printed."""
-    from suspension_cli.errors import escape_unprintable
-
     click.echo("\n".join(map(escape_unprintable, text.split("\n"))))
 
 
@@ -63,11 +56,9 @@ class Voice(Log):
         """Print a warning."""
         tell(f"warning: {text}")
 
-    @contextlib.contextmanager
-    def progress(self) -> Iterator[Progress]:
+    def progress(self) -> Bar:
         """Draw a progress bar where a computation takes more than a second."""
-        with Bar(enabled=not self.quiet) as bar:
-            yield bar
+        return Bar(enabled=not self.quiet)
 
 
 class Bar:
@@ -76,7 +67,7 @@ class Bar:
     def __init__(self, *, enabled: bool) -> None:
         self.enabled = enabled and sys.stderr.isatty()
         self.due = time.monotonic() + PATIENCE
-        self.bar: RichBar | None = None
+        self.bar: Any = None
 
     def __enter__(self) -> Bar:
         return self
@@ -94,20 +85,18 @@ class Bar:
         left = f"{(count - done) / rate:.0f} s left" if rate else ""
         pace = f"{rate:,.0f}/s" if rate >= 1 or not rate else f"{1 / rate:.0f} s each"
         if not self.bar:
-            self.bar = _start()
+            self._start()
         text = f"{done:,} of {count:,}  {pace}  {left}"
         self.bar.update(
             self.bar.task_ids[0], completed=done, total=count, description=text, refresh=True
         )
 
+    def _start(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
 
-def _start() -> RichBar:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = BarColumn(30), TextColumn("{task.description}", markup=False)
-    console = Console(stderr=True)
-    bar = Progress(*columns, console=console, auto_refresh=False, redirect_stdout=False)
-    bar.add_task("")
-    bar.start()
-    return bar
+        columns = BarColumn(30), TextColumn("{task.description}", markup=False)
+        console = Console(stderr=True)
+        self.bar = Progress(*columns, console=console, auto_refresh=False, redirect_stdout=False)
+        self.bar.add_task("")
+        self.bar.start()

@@ -38,7 +38,8 @@ def read_design(path: Path) -> str | None:
                     found = arrays["design"]
             case ".txt":
                 lines = path.read_text(encoding="utf-8").splitlines()
-                found = json.loads("".join(one[len(MARK) :] for one in lines if one.startswith(MARK)))
+                marked = (one.removeprefix(MARK) for one in lines if one.startswith(MARK))
+                found = json.loads("".join(marked))
             case _:
                 found = json.loads(path.read_text(encoding="utf-8"))["design"]
     except Exception:  # whatever the failure, it is not a result
