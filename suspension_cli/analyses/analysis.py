@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from suspension_cli.analyses.options import ENDINGS, RESULTS_ENDINGS, Input, Option
-from suspension_cli.analyses.settings import Settings
+from suspension_cli.analyses import options
+from suspension_cli.analyses.options import Input, Option, Settings
 from suspension_cli.errors import (
     Fault,
     InputError,
@@ -236,15 +236,14 @@ class Result(Sourced):
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
         from suspension_cli.analyses.python_functions import python_names
-        from suspension_cli.analyses.settings import default_values, from_arguments
 
         name, parameters = self.analysis.command_name, self.analysis.drawn_with
-        known = default_values(parameters)
+        known = options.default_values(parameters)
         for key in setting.keys() - known.keys():
             problem = f"is no argument of plot() of {name}"
             raise InputError.of(key, problem, suggest(key, list(known)))
         with python_names():
-            given = from_arguments(name, parameters, setting)
+            given = options.from_arguments(name, parameters, setting)
         drawn = self.analysis.figures(self, known | given)
         if self.analysis.draws_neglected:
             from suspension_cli.drawing.style import name_neglected
@@ -283,10 +282,9 @@ class Result(Sourced):
         InputError
             If the file cannot be written, or the ending is that of another format.
         """
-        from suspension_cli.analyses import settings
         from suspension_cli.analyses.python_functions import python_names
 
-        target = Path(settings.path(path, "path"))
+        target = Path(options.path(path, "path"))
         with python_names(out="path"):
             self.analysis.save(target, self)
 
@@ -482,7 +480,7 @@ class Analysis(ABC):
             from suspension_cli.analyses import labelled
 
             labelled.write_csv(result, path)
-        elif path.suffix.lower() in set(ENDINGS) - set(RESULTS_ENDINGS):
+        elif path.suffix.lower() in set(options.ENDINGS) - set(options.RESULTS_ENDINGS):
             remedy = "end it in .h5 or .csv; pictures: plot().savefig(...), JSON: document()"
             problem = "ends like a file of another kind"
             raise InputError.of("--out", problem, remedy, str(path))
@@ -533,14 +531,13 @@ def table(source: Any, columns: str) -> list[Document]:
     Columns are ``KEY``, or ``KEY=ATTRIBUTE`` where the names differ.
     """
     pairs = [word.partition("=") for word in columns.split()]
-    names = [name or key for key, _, name in pairs]
+    keys, names = [key for key, *_ in pairs], [name or key for key, _, name in pairs]
     rows = (
         ([getattr(one, name) for name in names] for one in source)
         if isinstance(source, Sequence)
         else zip(*(getattr(source, name) for name in names), strict=True)
     )
-    keys = [key for key, *_ in pairs]
-    return [dict(zip(keys, row, strict=True)) for row in rows]
+    return [_as_json(dict(zip(keys, row, strict=True))) for row in rows]
 
 
 def _as_json(part: Any) -> Any:

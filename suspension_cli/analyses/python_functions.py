@@ -12,14 +12,10 @@ import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from inspect import Parameter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from suspension_cli.analyses.options import FILES, Input, Option
-from suspension_cli.analyses.settings import default_values
+from suspension_cli.analyses.options import FILES, Input, Option, default_values
 from suspension_cli.errors import Fault, InputError, PendsusError
-
-if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Analysis
 
 WORDS = {
     "Design | PathLike": "Design",
@@ -40,8 +36,8 @@ FOLDER = Input(
 """Argument of functions that fill a results file."""
 
 
-def describe(function: Callable[..., Any], analysis: Analysis) -> None:
-    """Give the function of an analysis its name, signature and docstring."""
+def describe(function: Callable[..., Any], analysis: Any) -> None:
+    """Give the function of an `analysis.Analysis` its name, signature and docstring."""
     default = default_values(analysis.parameters)
     listed = [_of_input(one, Parameter.POSITIONAL_OR_KEYWORD) for one in analysis.inputs]
     for param in analysis.parameters:
