@@ -5,6 +5,7 @@ Arguments of Python functions and values in tables of designs are converted by `
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
@@ -340,29 +341,28 @@ def _holds_texts(value: Any) -> bool:
     return all(isinstance(one, str) for one in values)
 
 
+_WANTED = {"bool": "True or False", "int": "a whole number", "float": "a number"}
+
+
 def _single(param: Option, value: Any, remedy: str) -> Any:
     """Convert one flag, number (also of numpy, or as text) or text."""
     import numpy as np
 
     kind, choices = param.python_type, getattr(param.type, "choices", ())
-    wanted = f"is not one of {', '.join(map(repr, choices))}" if choices else "must be a text"
-    if kind == "bool":
-        wanted = "must be True or False"
-        if isinstance(value, (bool, int, np.bool_)):
-            return bool(value)
-    elif kind in ("int", "float"):
-        wanted = "must be a whole number" if kind == "int" else "must be a number"
-        try:
-            if not np.ndim(value) and not isinstance(value, (bool, np.bool_)):
-                number = float(value)
-                if kind == "float":
-                    return number
-                if number == math.floor(number):
-                    return int(value)
-        except (TypeError, ValueError, OverflowError):
-            pass
-    elif isinstance(value, str):
+    is_flag = isinstance(value, (bool, np.bool_))
+    if kind not in _WANTED and isinstance(value, str):
         return value
+    if kind == "bool" and (is_flag or isinstance(value, int)):
+        return bool(value)
+    if kind in ("int", "float") and not is_flag and not np.ndim(value):
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            number = float(value)
+            if kind == "float":
+                return number
+            if number == math.floor(number):
+                return int(value)
+    wanted = f"must be {_WANTED.get(kind, 'a text')}"
+    wanted = f"is not one of {', '.join(map(repr, choices))}" if choices else wanted
     raise InputError.of(str(param.name), wanted, remedy, shown(value))
 
 

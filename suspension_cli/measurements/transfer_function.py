@@ -33,27 +33,13 @@ STEP = 1e-3
 
 @dataclass(frozen=True)
 class MeasuredResponse:
-    """A measured transfer function with its uncertainty.
+    """A measured transfer function with its uncertainty, at ascending frequencies.
 
-    Attributes
-    ----------
-    name
-        Given, or the stem of the file.
-    input, output
-        Signals of the design (``"upper.force_x"``, ``"upper.x"``), or the actuator and the sensor
-        of the file of measurements; "" if unknown (a bare CSV).
-    frequency : (f,) array
-        Hz, ascending.
-    value : (f,) complex array
-        Output over input, in the unit `unit`.
-    uncertainty : (f,) array
-        Standard deviation of real and imaginary part, in the unit of `value`; NaN where unknown.
-    coherence : (f,) array
-        From 0 to 1; NaN where not measured.
-    unit
-        Of `value`: "m/N" once all calibration is applied.
-    file
-        Where it was read, for errors.
+    `input` and `output` are signals of the design (``"upper.force_x"``, ``"upper.x"``), or actuator
+    and sensor of the file of measurements; "" if unknown (a bare CSV). `value` is output over input
+    in the unit `unit`: "m/N" once all calibration is applied. `uncertainty` is the standard
+    deviation of real and imaginary part, NaN where unknown; `coherence`, from 0 to 1, is NaN where
+    not measured. `file` is where it was read, for errors.
     """
 
     name: str
