@@ -6,9 +6,15 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses import growth
+from suspension_cli.analyses.check import warnings as near_limits
 from suspension_cli.analyses.options import TOLERANCE
 from suspension_cli.errors import InputError, format_value
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import named_results as named
 from suspension_cli.models import registry
+from suspension_cli.models.choice import Frequencies, Several, Systems
+from suspension_cli.models.choice import choose as choose_model
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
@@ -16,7 +22,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.base import Model
-    from suspension_cli.models.choice import Comparison, Results, Several
+    from suspension_cli.models.choice import Comparison, Results
     from suspension_cli.models.registry import Choice
 
     Request = Callable[[LinearSystem], Results]
@@ -40,11 +46,9 @@ def choose(
     take, by default the most complete one alone. Raises `InputError` if the wanted model is not
     valid for the design.
     """
-    from suspension_cli.models.choice import Systems, choose
-
     systems = Systems(source.design)
     candidates = candidates or (registry.most_complete(source.design),)
-    found = choose(source.design, wanted, candidates, systems.compare(request), tolerance)
+    found = choose_model(source.design, wanted, candidates, systems.compare(request), tolerance)
     return found, systems(found.model)
 
 
@@ -56,8 +60,6 @@ def for_modes(
     If `massless`, the model has matrices with a state space of finite order. Then raises
     `InputError` if a model with wire mass is wanted.
     """
-    from suspension_cli.models.choice import Frequencies
-
     if massless and wanted != registry.AUTO and registry.by_name(wanted).has_wire_mass:
         problem = "has no state space of finite order, as its wires have mass"
         remedy = "take beam, which is valid below the first violin mode"
@@ -93,22 +95,16 @@ def for_builds(
 
     Raises `InputError` if the wanted model is not among these, or is not valid for the design.
     """
-    from suspension_cli.models.choice import choose
-
     demand_one_of(wanted, models, "cannot compute these results of imperfect builds")
-    return choose(source.design, wanted, models, change, tolerance)
+    return choose_model(source.design, wanted, models, change, tolerance)
 
 
-def named_results(
-    texts: list[str] | tuple[str, ...],
-) -> Callable[[LinearSystem], Several]:
+def named_results(texts: Sequence[str]) -> Callable[[LinearSystem], Several]:
     """The results of these names as quantity of interest; all modes if there are none."""
-    from suspension_cli.linear import eigenmodes, named_results
-    from suspension_cli.models.choice import Several
 
     def request(system: LinearSystem) -> Several:
         found = eigenmodes.solve(system.constant)
-        return Several(named_results.of_system(texts, system), found)
+        return Several(named.of_system(texts, system), found)
 
     return request
 
@@ -127,10 +123,6 @@ def stable_system(
     Raises `InputError` if the motion grows, or warns if that is allowed. The message proposes wires
     that bend, if the analysis can use these (`bends`).
     """
-    from suspension_cli.analyses import growth
-    from suspension_cli.analyses.check import warnings as near_limits
-    from suspension_cli.linear import eigenmodes
-
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
     log.detail(f"{name}: {choice.line}; residual force {system.residual:.0e} of the weight")
@@ -151,8 +143,6 @@ def stable_system(
 
 def _stable_with_bending(design: Design) -> bool:
     """Whether wires that bend make the equilibrium stable."""
-    from suspension_cli.linear import eigenmodes
-
     if registry.BEAM.unsuitable(design):
         return False
     try:
