@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 KINDS = ("single", "double", "triple", "quad", "blades")
 """As `design.reader.TEMPLATES`, which is not imported just to print help."""
+NAMED = click.option(
+    "--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]"
+)
+FORCED = click.option("--force", is_flag=True, help="Replace FILE if it exists.")
 
 
 @click.command(
@@ -39,8 +43,8 @@ KINDS = ("single", "double", "triple", "quad", "blades")
     help="Start from a design that comes with the program instead, for example ligo-quad.",
 )
 @click.option("--examples", "listing", is_flag=True, help="List these designs.")
-@click.option("--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]")
-@click.option("--force", is_flag=True, help="Replace FILE if it exists.")
+@NAMED
+@FORCED
 def new(
     words: tuple[str, ...], example: str | None, listing: bool, name: str | None, force: bool
 ) -> None:
@@ -60,33 +64,26 @@ def new(
     if example is not None and words and words[0] in KINDS:
         problem, remedy = "is a kind of design, beside --from", "give one of both, then a file"
         raise InputError.of("new", problem, remedy, format_value(words[0]))
-    kind, file = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
-    name = design_name(name, Path(file[0]).stem if file else kind, kind)
+    kind, files = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
+    file = files[0] if files else None
+    name = _design_name(name, Path(file).stem if file else kind, kind)
     text = reader.template(kind, name) if example is None else reader.example_text(example, name)
     reader.parse(text)
-    if not file:
-        click.echo(text, nl=False)
-        return
-    write_new(Path(file[0]), text, force=force)
-    terminal.tell(f"wrote {file[0]}; next: pendsus modes {file[0]}")
+    _put_design(file, text, force)
 
 
 @click.command("import")
 @click.argument("save", metavar="SAVE.m")
 @click.argument("file", required=False)
-@click.option("--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]")
+@NAMED
 @click.option("--reference", metavar="TEXT", default="", help="Where the save comes from.")
 @click.option(
     "--tables",
     metavar="DIR",
     help="Stiffness tables of heat links.  [default: HeatLink near SAVE.m]",
 )
-@click.option(
-    "--bending-points",
-    is_flag=True,
-    help="End wires at SUMCON's hinges, not at clamps.",
-)
-@click.option("--force", is_flag=True, help="Replace FILE if it exists.")
+@click.option("--bending-points", is_flag=True, help="End wires at SUMCON's hinges, not at clamps.")
+@FORCED
 def convert(
     save: str,
     file: str | None,
@@ -104,7 +101,7 @@ def convert(
     """
     from suspension_cli.importing.convert import read
 
-    own = design_name(name, Path(file or save).stem, "imported")
+    own = _design_name(name, Path(file or save).stem, "imported")
     folder = Path(tables) if tables else None
     found = read(Path(save), own, reference, tables=folder, bending_points=bending_points)
     if file is None and found.files:
@@ -112,13 +109,9 @@ def convert(
         raise InputError.of("", problem, "name a file to write", save)
     for note in found.notes:
         terminal.tell(f"{save}: {note}")
-    if file is None:
-        click.echo(found.text, nl=False)
-        return
     for table, text in found.files.items():
-        write_new(Path(file).parent / table, text, force=force)
-    write_new(Path(file), found.text, force=force)
-    terminal.tell(f"wrote {file}; next: pendsus modes {file} --fidelity string")
+        _write_new(Path(file or "").parent / table, text, force)
+    _put_design(file, found.text, force, " --fidelity string")
 
 
 @click.command("schema")
@@ -137,7 +130,7 @@ def schema(measured: bool) -> None:
     click.echo(json.dumps(json_schema(), indent=2))
 
 
-def design_name(given: str | None, stem: str, default: str) -> str:
+def _design_name(given: str | None, stem: str, default: str) -> str:
     """Check the name that is given for a design, or make one from the stem of a file."""
     from suspension_cli.design import reader
 
@@ -149,7 +142,16 @@ def design_name(given: str | None, stem: str, default: str) -> str:
     return given
 
 
-def write_new(path: Path, text: str, *, force: bool) -> None:
+def _put_design(file: str | None, text: str, force: bool, options: str = "") -> None:
+    """Write a design to a new file, or to stdout without one."""
+    if file is None:
+        click.echo(text, nl=False)
+        return
+    _write_new(Path(file), text, force)
+    terminal.tell(f"wrote {file}; next: pendsus modes {file}{options}")
+
+
+def _write_new(path: Path, text: str, force: bool) -> None:
     """Write a file that does not exist yet, unless `force`; raises `InputError`."""
     from suspension_cli.files.atomic import write_bytes
 

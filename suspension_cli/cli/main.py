@@ -31,19 +31,16 @@ OTHERS = {
 """Commands that are no analyses: their function in `file_commands`, and one line of help."""
 COMMANDS = (*ANALYSES, *OTHERS)
 """Names of all commands."""
-_ANALYSE = "Analyse, as in pendsus response my.toml --output test.x"
-_PURPOSES = {
+ANALYSE = "Analyse, as in pendsus response my.toml --output test.x"
+PURPOSES = {
     "Design, as in pendsus new triple my.toml": "new import check draw sweep sensitivity optimise"
     " info schema",
-    _ANALYSE: "modes response thermal budget damp compare tradeoff",
+    ANALYSE: "modes response thermal budget damp compare tradeoff",
     "Build and measure, as in pendsus fit my.toml measured.toml": "tolerance xcouple fit",
     "Hand over, as in pendsus report my.toml": "report export plot",
 }
-PURPOSES = {purpose: names.split() for purpose, names in _PURPOSES.items()}
-"""Commands by purpose with an example, as help lists them; others are analyses."""
-PURPOSES[_ANALYSE] += [
-    name for name in ANALYSES if name not in " ".join(_PURPOSES.values()).split()
-]
+"""Commands by purpose with an example, as help lists them; analyses that stand nowhere else are
+listed under `ANALYSE`."""
 
 
 def summary(name: str) -> str:
@@ -87,7 +84,10 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by purpose, without importing them."""
-        for purpose, names in PURPOSES.items():
+        listed = {purpose: names.split() for purpose, names in PURPOSES.items()}
+        known = " ".join(PURPOSES.values()).split()
+        listed[ANALYSE] += [name for name in ANALYSES if name not in known]
+        for purpose, names in listed.items():
             with formatter.section(purpose):
                 formatter.write_dl([(name, summary(name)) for name in names])
 

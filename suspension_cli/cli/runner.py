@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import shlex
 import sys
 from collections.abc import Sequence
@@ -92,7 +93,8 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     if errors:
         raise join_errors(errors)
     if as_json:
-        terminal.put_documents([result for _, result in solved])
+        documents = [result.document() for _, result in solved]
+        click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
     ctx.exit(max(analysis.exit_code(result) for _, result in solved))
 
 

@@ -8,17 +8,16 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
-import json
 import os
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import click
 
-from suspension_cli.analyses.analysis import Log, Result
+from suspension_cli.analyses.analysis import Log
 from suspension_cli.errors import Interrupted, PendsusError, escape_unprintable
 
 PATIENCE = 1.0
@@ -35,12 +34,6 @@ def tell(text: str) -> None:
 def put(text: str) -> None:
     """Print lines for people on stdout, with escapes for what cannot be printed."""
     click.echo("\n".join(map(escape_unprintable, text.split("\n"))))
-
-
-def put_documents(found: Sequence[Result]) -> None:
-    """Print the JSON document of one result, or the list of those of several, on stdout."""
-    documents = [one.document() for one in found]
-    click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
 
 
 class Voice(Log):

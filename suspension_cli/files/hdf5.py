@@ -156,11 +156,8 @@ def _opened(path: str | Path, remedy: str) -> h5py.File:
 
 def _foreign(file: h5py.File) -> str:
     """Why a file is not one of pendsus; empty if it is."""
-    try:
-        known, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
-    except (OSError, RuntimeError, TypeError):
-        return "is not in a known format (its attributes cannot be read)"
-    if not isinstance(known, str) or known != "pendsus":
+    version = file.attrs.get("format_version", 0)
+    if str(file.attrs.get("format")) != "pendsus":
         return "is not in a known format (not a pendsus file)"
     if not isinstance(version, np.integer) or version != FORMAT_VERSION:
         return f"is not in a known format (version {format_value(version)})"
