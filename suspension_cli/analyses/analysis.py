@@ -82,6 +82,7 @@ class RelayedLog(Log):
         self.outer = outer
         self.lines: list[str] = []
         self.passed: set[str] = set()
+        self.detail, self.progress = outer.detail, outer.progress
 
     def warn(self, text: str) -> None:
         """Keep a warning."""
@@ -90,14 +91,6 @@ class RelayedLog(Log):
         if text not in self.passed:
             self.passed.add(text)
             self.outer.warn(text)
-
-    def detail(self, text: str) -> None:
-        """Pass on a detail."""
-        self.outer.detail(text)
-
-    def progress(self) -> contextlib.AbstractContextManager[Progress]:
-        """Show the progress of a long computation."""
-        return self.outer.progress()
 
     def take(self) -> list[str]:
         """Return the warnings since the last call."""
@@ -353,42 +346,20 @@ class Analysis(ABC):
     The docstring of its class is the help of the command; sections of it (Returns, Raises,
     Examples) are for the Python function alone.
 
-    Attributes
-    ----------
-    name : str
-        Of the HDF5 group and, unless `command_name` differs, of the command and the function.
-    result_type : str
-        Path of the class, from the package on, whose fields declare what is stored. If they have
-        fields of each output (`declared.EACH`), `Result.data` is a list.
-    arguments, parameters : tuple
-        Click's arguments and options; the latter are arguments of the Python function too.
-    inputs : tuple
-        What the Python function takes in place of `arguments`.
-    returns : str
-        Type of what it returns.
-    drawn_with : tuple
-        The options that pictures depend on.
-    fills_file : bool
-        Whether the results file is filled while the analysis runs, and has more than `Result.data`.
-    has_model : bool
-        Whether results come from one model, which JSON then names with its estimated error.
-    has_file : bool
-        Whether there is a results file.
-    draws_neglected : bool
-        Whether pictures say at the bottom what the model neglects.
+    If the class of the result has fields of each output (`declared.EACH`), `Result.data` is a list.
     """
 
-    name: ClassVar[str]
-    result_type: ClassVar[str] = ""
-    fills_file: ClassVar[bool] = False
-    has_model: ClassVar[bool] = True
+    name: ClassVar[str]  # of the HDF5 group, the function and the command (see `command_name`)
+    result_type: ClassVar[str] = ""  # path of the class whose fields declare what is stored
+    fills_file: ClassVar[bool] = False  # while it runs; the file has more than `Result.data`
+    has_model: ClassVar[bool] = True  # results come from one, which JSON names with its error
     has_file: ClassVar[bool] = True
-    draws_neglected: ClassVar[bool] = False
+    draws_neglected: ClassVar[bool] = False  # pictures say at the bottom what the model neglects
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
-    inputs: ClassVar[tuple[Input, ...]] = (Input(),)
-    returns: ClassVar[str] = "Result"
-    parameters: ClassVar[tuple[Option, ...]] = ()
-    drawn_with: ClassVar[tuple[Option, ...]] = ()
+    inputs: ClassVar[tuple[Input, ...]] = (Input(),)  # of the Python function, for `arguments`
+    returns: ClassVar[str] = "Result"  # type of what the Python function returns
+    parameters: ClassVar[tuple[Option, ...]] = ()  # arguments of the Python function too
+    drawn_with: ClassVar[tuple[Option, ...]] = ()  # options that pictures depend on
 
     @property
     def command_name(self) -> str:
@@ -557,10 +528,7 @@ def describe_mirrors(setting: Settings) -> Document:
 
 
 def name_mirrors(result: Result, tilt: float = 0.0) -> str:
-    """End of the title of a result of several mirrors, ``", 4 mirrors"``, and along a tilted beam.
-
-    The beam rises by an angle in rad.
-    """
+    """End of a title, ``", 4 mirrors"``, and along a beam that rises by an angle in rad."""
     along = f" along a beam that rises by {1e6 * tilt:.3g} urad" if tilt else ""
     mirrors = f", {result.extra['mirrors']:g} mirrors" if "mirrors" in result.extra else ""
     return along + mirrors
