@@ -24,10 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import arguments, registry, settings
-from suspension_cli.analyses import python_functions as convert
+from suspension_cli.analyses import options, registry, settings
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
-from suspension_cli.analyses.python_functions import python_names
+from suspension_cli.analyses.python_functions import describe, python_names
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
 from suspension_cli.design.bodies import body_mass
@@ -146,7 +145,7 @@ class Design(Source):
         from suspension_cli.files.atomic import write_bytes
 
         with python_names(out="path"):
-            write_bytes(Path(convert.path(path, "path")), self.text.encode(), key="path")
+            write_bytes(Path(options.path(path, "path")), self.text.encode(), key="path")
 
     def foton(self) -> str:
         """Return the filters of the ``[control]`` loops as strings for Foton.
@@ -192,7 +191,7 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     <Design mine: upper, test>
     """
     with python_names(set="overrides"):
-        source = reader.read(convert.path(file, "file"), arguments.items(overrides, "overrides"))
+        source = reader.read(options.path(file, "file"), options.items(overrides, "overrides"))
     return Design(**vars(source))
 
 
@@ -223,7 +222,7 @@ def parse(text: str) -> Design:
     <Design pendulum: test>
     """
     with python_names():
-        design = reader.parse(convert.text(text, "text", "give TOML; sus.read reads a file"))
+        design = reader.parse(_text(text, "text", "give TOML; sus.read reads a file"))
     return Design(design, text, "")
 
 
@@ -247,7 +246,7 @@ def template(kind: str) -> Design:
     """
     with python_names():
         known = f"give one of {', '.join(reader.TEMPLATES)}"
-        return parse(reader.template(convert.text(kind, "kind", known), kind))
+        return parse(reader.template(_text(kind, "kind", known), kind))
 
 
 def example(name: str) -> Design:
@@ -270,7 +269,7 @@ def example(name: str) -> Design:
     'geo-silica-triple'
     """
     with python_names():
-        source = reader.example(convert.text(name, "name", "give one of sus.examples()"))
+        source = reader.example(_text(name, "name", "give one of sus.examples()"))
     return Design(**vars(source))
 
 
@@ -330,8 +329,8 @@ def import_sumcon(
     """
     from suspension_cli.importing import convert as sumcon
 
-    path = Path(convert.path(file, "file"))
-    folder = None if tables is None else Path(convert.path(tables, "tables"))
+    path = Path(options.path(file, "file"))
+    folder = None if tables is None else Path(options.path(tables, "tables"))
     with python_names():
         own = name or reader.make_name(path.stem)
         found = sumcon.read(path, own, tables=folder, bending_points=bending_points)
@@ -363,7 +362,7 @@ def load(file: PathLike) -> Result:
     """
     from suspension_cli.files.hdf5 import open_results
 
-    with python_names(), open_results(convert.path(file, "file")) as results:
+    with python_names(), open_results(options.path(file, "file")) as results:
         found = registry.loaded(results, str(file))
     return dataclasses.replace(found, source=Design(**vars(found.source)))
 
@@ -399,17 +398,13 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     from suspension_cli.equilibrium.nominal import expand
     from suspension_cli.files.atomic import write_bytes
 
-    remedy = "give a result of sus.modes"
-    if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
-    if result.analysis.name != "modes":
-        raise InputError.of("result", "has no modes that move", remedy, result.analysis.name)
-    path = convert.path(path, "path")
+    result = _of_analysis(result, "modes", "has no modes that move")
+    path = options.path(path, "path")
     with python_names():
         numbers = animation.parse(result.data, str(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
-            raise InputError.of("mode", problem, remedy, arguments.shown(mode))
+            raise InputError.of("mode", problem, remedy, options.shown(mode))
         number = numbers[0]
         scene = expand(result.design)
         moving = animation.animate(result.data, number, result.design, scene)
@@ -535,23 +530,46 @@ def gwinc(result: Result, frequency: Any = None) -> Any:
     made: Any = getattr(result, "data", None)
     if not hasattr(made, "interferometer"):
         remedy = 'give a result of sus.export(..., format="gwinc")'
-        raise InputError.of("result", "has no table for gwinc", remedy, arguments.shown(result))
+        raise InputError.of("result", "has no table for gwinc", remedy, options.shown(result))
     return gwinc_budget.suspend(made.table, made.interferometer)(freq=frequency)
+
+
+def _of_analysis(result: object, name: str, problem: str) -> Result:
+    """Return a result of an analysis; raises `InputError` for anything else."""
+    remedy = f"give a result of sus.{name}"
+    if not isinstance(result, Result):
+        raise InputError.of("result", "is no result", remedy, options.shown(result))
+    if result.analysis.name != name:
+        raise InputError.of("result", problem, remedy, result.analysis.name)
+    return result
 
 
 def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
-    remedy = "give a result of sus.export"
-    if not isinstance(result, Result):
-        raise InputError.of("result", "is no result", remedy, arguments.shown(result))
-    if result.analysis.name != "export" or getattr(result.data, "zpk", "") is not None:
-        raise InputError.of("result", "has no state space", remedy, result.analysis.name)
-    return result.data
+    made = _of_analysis(result, "export", "has no state space").data
+    if getattr(made, "zpk", "") is not None:
+        remedy = "give a result of sus.export"
+        raise InputError.of("result", "has no state space", remedy, "export")
+    return made
+
+
+def _text(value: object, name: str, remedy: str) -> str:
+    """Return a text; raises `InputError` for anything else."""
+    if not isinstance(value, str):
+        raise InputError.of(name, "must be a text", remedy, options.shown(value))
+    return value
 
 
 def _design(value: object) -> Source:
     """Return a design, read from its file where a path is given."""
-    return read(value) if isinstance(value, PathLike) else convert.design(value)
+    if isinstance(value, PathLike):
+        return read(value)
+    if not isinstance(value, Source):
+        remedy = "give one of sus.read, sus.parse, sus.template or sus.example"
+        if isinstance(getattr(value, "source", None), Source):
+            remedy = "give the attribute source of the result"
+        raise InputError.of("design", "is no design", remedy, options.shown(value))
+    return value
 
 
 def _function(name: str) -> Callable[..., Any]:
@@ -563,7 +581,7 @@ def _function(name: str) -> Callable[..., Any]:
         bound.apply_defaults()
         return _run(analysis, bound.arguments)
 
-    convert.describe(call, analysis)
+    describe(call, analysis)
     return call
 
 
@@ -571,16 +589,16 @@ def _run(analysis: Analysis, named: Settings) -> Any:
     """Run an analysis with the arguments of its function."""
     name = analysis.name
     folder = named.get("folder")
-    folder = folder if folder is None else convert.path(folder, "folder")
+    folder = None if folder is None else options.path(folder, "folder")
     files = {}
     for one in analysis.inputs:
         own = one.name.lstrip("*")
         value = named[own]
         if one.kind == "Design" and not (one.optional and value is None):
             value = _design(value)
-        files[own] = convert.path(value, own) if one.kind == "PathLike" else value
+        files[own] = options.path(value, own) if one.kind == "PathLike" else value
     with python_names(analysis.parameters):
-        given = arguments.from_arguments(name, analysis.parameters, named)
+        given = options.from_arguments(name, analysis.parameters, named)
     if given.get("resume") and folder is None:
         remedy = "name the folder of the interrupted run"
         raise InputError.of("folder", "is missing, but resume is given", remedy)

@@ -14,6 +14,9 @@ from typing import TypeVar
 Given = TypeVar("Given")
 Found = TypeVar("Found")
 
+LONGEST = 60
+"""Longest text of a value in a message, characters."""
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -114,12 +117,10 @@ def suggest(word: str, known: list[str]) -> str:
     return "known here: " + ", ".join(known) if known else "remove it"
 
 
-MAX_VALUE_LENGTH = 60
-"""Longest text of a value in a message, characters."""
-
-
 def join_errors(errors: list[InputError]) -> InputError:
     """Join the faults of several files into one error."""
+    if len(errors) == 1:
+        return errors[0]
     whole = InputError([fault for error in errors for fault in error.faults])
     whole.args = ("\n".join(str(error) for error in errors),)
     return whole
@@ -152,28 +153,23 @@ def format_value(value: object, depth: int = 0) -> str:
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, str):
-        text = f'"{escape_unprintable(value[:MAX_VALUE_LENGTH].translate(_QUOTED))}"'
+        text = f'"{escape_unprintable(value[:LONGEST].translate(_QUOTED))}"'
     elif isinstance(value, dict):
-        text = "{" + ", ".join(format_key(key) for key in list(value)[:MAX_VALUE_LENGTH]) + "}"
+        text = f"{{{', '.join(format_key(key) for key in list(value)[:LONGEST])}}}"
     elif isinstance(value, (list, tuple)):
-        text = (
-            "[...]"
-            if depth > 3
-            else "["
-            + ", ".join(format_value(item, depth + 1) for item in value[:MAX_VALUE_LENGTH])
-            + "]"
-        )
+        shown = ["..."] if depth > 3 else [format_value(one, depth + 1) for one in value[:LONGEST]]
+        text = f"[{', '.join(shown)}]"
     elif isinstance(value, int) and value.bit_length() > 4096:
         text = hex(value)  # Python writes no decimal numbers of more than 4300 digits
     else:
         text = str(value)
-    return text if len(text) <= MAX_VALUE_LENGTH else text[: MAX_VALUE_LENGTH - 3] + "..."
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 def format_key(key: str) -> str:
     """Write a key as in TOML: bare where that is allowed."""
     bare = key.isascii() and key.replace("-", "").replace("_", "").isalnum()
-    return key if bare and len(key) <= MAX_VALUE_LENGTH else format_value(key)
+    return key if bare and len(key) <= LONGEST else format_value(key)
 
 
 def one_line(error: Exception) -> str:
@@ -184,14 +180,14 @@ def one_line(error: Exception) -> str:
 
 def escape_unprintable(text: str) -> str:
     """Escape line breaks and unprintable characters of a text."""
-    if text.isprintable():
-        return text
-    return "".join(
-        c
-        if c.isprintable()
-        else _ESCAPES.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}")
-        for c in text
-    )
+    return text if text.isprintable() else "".join(map(_escape, text))
+
+
+def _escape(letter: str) -> str:
+    if letter.isprintable() or letter in _ESCAPES:
+        return _ESCAPES.get(letter, letter)
+    code = ord(letter)
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
 _ESCAPES = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,25 +25,10 @@ def parse_grid(
     lowest: float = -math.inf,
     highest: float = math.inf,
 ) -> list[float]:
-    """Parse a grid.
+    """Parse a grid that `option` gave; `default` is the spacing if it names none.
 
-    Parameters
-    ----------
-    text : str
-    option : str
-        The option that gave it, for error messages.
-    default : {"lin", "log"}
-        Spacing if the grid names none.
-    lowest, highest : float
-        Every number must be above the one, and at most the other.
+    Raises `InputError` if it is none, or not all numbers are above `lowest` and at most `highest`.
 
-    Raises
-    ------
-    InputError
-        If the text is not a grid.
-
-    Examples
-    --------
     >>> parse_grid("1:4:3:log", "--frequency")
     [1.0, 2.0, 4.0]
     """
@@ -51,16 +36,14 @@ def parse_grid(
     try:
         values = _range(text, default) if ":" in text else [_number(p) for p in text.split(",")]
     except (ValueError, OverflowError) as error:
-        raise InputError(
-            [Fault(option, f"is not a grid ({error})", remedy, format_value(text))]
+        raise InputError.of(
+            option, f"is not a grid ({error})", remedy, format_value(text)
         ) from None
     if not all(math.isfinite(value) and lowest < value <= highest for value in values):
-        bounds = [] if lowest == -math.inf else [f"above {lowest:g}"]
-        bounds += [] if highest == math.inf else [f"at most {highest:g}"]
-        bound = f" {' and '.join(bounds)}" if bounds else ""
-        raise InputError(
-            [Fault(option, f"must contain finite numbers{bound}", remedy, format_value(text))]
-        )
+        bounds = [f"above {lowest:g}"] * (lowest > -math.inf)
+        bounds += [f"at most {highest:g}"] * (highest < math.inf)
+        problem = f"must contain finite numbers {' and '.join(bounds)}".rstrip()
+        raise InputError.of(option, problem, remedy, format_value(text))
     return values
 
 
@@ -129,9 +112,6 @@ def decade_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
     import numpy as np
 
     low, high = float(frequency.min()), float(frequency.max())
-    decades = [
-        10.0**n
-        for n in range(math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9) + 1)
-    ]
-    targets = decades or [low, high]
+    first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+    targets = [10.0**n for n in range(first, last + 1)] or [low, high]
     return list(dict.fromkeys(int(np.abs(np.log(frequency / at)).argmin()) for at in targets))

@@ -30,7 +30,7 @@ import numpy as np
 import tomli_w
 
 import suspension_cli as sus
-from suspension_cli.cli.commands import get
+from suspension_cli.cli.main import get
 from tests.support.commandline import become
 from tests.support.commandline import run as run_here
 from tests.support.paths import CONFIGS

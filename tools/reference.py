@@ -22,8 +22,7 @@ import msgspec
 
 import suspension_cli as sus
 from suspension_cli import errors
-from suspension_cli.cli.commands import COMMANDS
-from suspension_cli.cli.main import main
+from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
     imperfections,

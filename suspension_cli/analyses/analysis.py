@@ -15,13 +15,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from suspension_cli.analyses.options import ENDINGS, RESULTS_ENDINGS, Input
+from suspension_cli.analyses import options
+from suspension_cli.analyses.options import Input, Option, Settings
 from suspension_cli.errors import (
     Fault,
     InputError,
     PendsusWarning,
     attribute_faults_to,
-    format_value,
     suggest,
 )
 
@@ -40,12 +40,8 @@ if TYPE_CHECKING:
 
 Document = dict[str, Any]
 """A JSON document."""
-Settings = dict[str, Any]
-"""Values of parameters by name; each parameter has its own type."""
 Progress = Callable[[int, int, float], None]
 """Called with (points done, points in all, points per second)."""
-
-
 PACKAGE = os.path.join(Path(__file__).parents[1], "")
 """Folder of the package."""
 
@@ -53,13 +49,10 @@ PACKAGE = os.path.join(Path(__file__).parents[1], "")
 class Log:
     """Messages of a run: silent except warnings, which become Python warnings.
 
-    Parameters
-    ----------
-    parameters : sequence of click.Parameter
-        Those of the command, whose options warnings call by the names of arguments.
+    `parameters` are those of the command, whose options warnings call by the names of arguments.
     """
 
-    def __init__(self, parameters: Sequence[click.Parameter] = ()) -> None:
+    def __init__(self, parameters: Sequence[Option] = ()) -> None:
         self.parameters = parameters
 
     def say(self, text: str) -> None:
@@ -69,7 +62,7 @@ class Log:
         """Report a detail."""
 
     def warn(self, text: str) -> None:
-        """Report a warning."""
+        """Report a warning, at the line that called the package."""
         from suspension_cli.analyses.python_functions import translate
 
         frame, level = sys._getframe(), 0
@@ -77,10 +70,9 @@ class Log:
             frame, level = frame.f_back, level + 1
         warnings.warn(translate(text, self.parameters), PendsusWarning, stacklevel=level + 1)
 
-    @contextlib.contextmanager
-    def progress(self) -> Iterator[Progress]:
+    def progress(self) -> contextlib.AbstractContextManager[Progress]:
         """Show the progress of a long computation."""
-        yield lambda _done, _count, _rate: None
+        return contextlib.nullcontext(lambda _done, _count, _rate: None)
 
 
 class RelayedLog(Log):
@@ -90,6 +82,7 @@ class RelayedLog(Log):
         self.outer = outer
         self.lines: list[str] = []
         self.passed: set[str] = set()
+        self.detail, self.progress = outer.detail, outer.progress
 
     def warn(self, text: str) -> None:
         """Keep a warning."""
@@ -98,16 +91,6 @@ class RelayedLog(Log):
         if text not in self.passed:
             self.passed.add(text)
             self.outer.warn(text)
-
-    def detail(self, text: str) -> None:
-        """Pass on a detail."""
-        self.outer.detail(text)
-
-    @contextlib.contextmanager
-    def progress(self) -> Iterator[Progress]:
-        """Show the progress of a long computation."""
-        with self.outer.progress() as bar:
-            yield bar
 
     def take(self) -> list[str]:
         """Return the warnings since the last call."""
@@ -135,18 +118,9 @@ class Sourced:
 class Run(Sourced):
     """One analysis of one design, before it is computed.
 
-    Attributes
-    ----------
-    source : Source
-        The design, its TOML text and the name of its file.
-    setting : dict
-        A value for every parameter of the analysis.
-    folder : Path
-        Where an analysis that writes while it computes puts its file.
-    command : str
-        The command line that results record.
-    inputs : dict
-        What `Analysis.read` read besides the design, by name.
+    `setting` has a value for every parameter of the analysis, `inputs` what `Analysis.read` read
+    besides the design, by name. An analysis that writes while it computes does so in `folder`.
+    Results record `command`.
     """
 
     source: Source
@@ -246,27 +220,24 @@ class Result(Sourced):
         """Return the JSON document that ``pendsus ... --json`` prints."""
         head: Document = {"command": self.analysis.command_name, "design": self.name}
         if not self.analysis.has_model:
-            return _finite(head | self.analysis.document(self))
-        error: Document = {"estimated_error": as_number(self.estimated_error)}
+            return _as_json(head | self.analysis.document(self))
+        error: Document = {"estimated_error": self.estimated_error}
         if self.choice.error_unknown:
             error["error_unknown"] = self.choice.error_unknown
-        return _finite(head | {"fidelity": self.model} | self.analysis.document(self) | error)
+        return _as_json(head | {"fidelity": self.model} | self.analysis.document(self) | error)
 
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
-        from suspension_cli.analyses.arguments import default_values, from_arguments
         from suspension_cli.analyses.python_functions import python_names
 
         name, parameters = self.analysis.command_name, self.analysis.drawn_with
-        known = [str(param.name) for param in parameters]
-        for key in setting:
-            if key not in known:
-                problem = f"is no argument of plot() of {name}"
-                raise InputError.of(key, problem, suggest(key, known))
+        known = options.default_values(parameters)
+        for key in setting.keys() - known.keys():
+            problem = f"is no argument of plot() of {name}"
+            raise InputError.of(key, problem, suggest(key, list(known)))
         with python_names():
-            given = from_arguments(name, parameters, setting)
-        setting = default_values(parameters) | given
-        drawn = self.analysis.figures(self, setting)
+            given = options.from_arguments(name, parameters, setting)
+        drawn = self.analysis.figures(self, known | given)
         if self.analysis.draws_neglected:
             from suspension_cli.drawing.style import name_neglected
 
@@ -304,10 +275,9 @@ class Result(Sourced):
         InputError
             If the file cannot be written, or the ending is that of another format.
         """
-        from suspension_cli.analyses import python_functions
         from suspension_cli.analyses.python_functions import python_names
 
-        target = Path(python_functions.path(path, "path"))
+        target = Path(options.path(path, "path"))
         with python_names(out="path"):
             self.analysis.save(target, self)
 
@@ -326,20 +296,16 @@ class Result(Sourced):
     def stored_file(self) -> Path | None:
         """Path of the file that has more than `data`: of a sweep; None for other analyses.
 
-        Raises
-        ------
-        InputError
-            If the file was deleted or replaced since this result was read from it.
+        Raises `InputError` if the file was deleted or replaced since this result was read from it.
         """
         if self.file is None or not self.analysis.fills_file:
             return None
         stamp = _stamp(self.file)
         if not stamp or stamp != vars(self)["_stamp"]:
             problem = "was replaced by another file" if stamp else "was deleted"
-            remedy = "compute the result again, or load its copy"
-            raise InputError.of("", f"{problem}; this result is read from there", remedy).in_file(
-                str(self.file)
-            )
+            problem += "; this result is read from there"
+            fault = Fault("", problem, "compute the result again, or load its copy")
+            raise InputError([fault], str(self.file))
         return self.file
 
     @property
@@ -380,42 +346,20 @@ class Analysis(ABC):
     The docstring of its class is the help of the command; sections of it (Returns, Raises,
     Examples) are for the Python function alone.
 
-    Attributes
-    ----------
-    name : str
-        Of the HDF5 group and, unless `command_name` differs, of the command and the function.
-    result_type : str
-        Path of the class, from the package on, whose fields declare what is stored. If they have
-        fields of each output (`declared.EACH`), `Result.data` is a list.
-    arguments, parameters : tuple
-        Click's arguments and options; the latter are arguments of the Python function too.
-    inputs : tuple
-        What the Python function takes in place of `arguments`.
-    returns : str
-        Type of what it returns.
-    drawn_with : tuple
-        The options that pictures depend on.
-    fills_file : bool
-        Whether the results file is filled while the analysis runs, and has more than `Result.data`.
-    has_model : bool
-        Whether results come from one model, which JSON then names with its estimated error.
-    has_file : bool
-        Whether there is a results file.
-    draws_neglected : bool
-        Whether pictures say at the bottom what the model neglects.
+    If the class of the result has fields of each output (`declared.EACH`), `Result.data` is a list.
     """
 
-    name: ClassVar[str]
-    result_type: ClassVar[str] = ""
-    fills_file: ClassVar[bool] = False
-    has_model: ClassVar[bool] = True
+    name: ClassVar[str]  # of the HDF5 group, the function and the command (see `command_name`)
+    result_type: ClassVar[str] = ""  # path of the class whose fields declare what is stored
+    fills_file: ClassVar[bool] = False  # while it runs; the file has more than `Result.data`
+    has_model: ClassVar[bool] = True  # results come from one, which JSON names with its error
     has_file: ClassVar[bool] = True
-    draws_neglected: ClassVar[bool] = False
+    draws_neglected: ClassVar[bool] = False  # pictures say at the bottom what the model neglects
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
-    inputs: ClassVar[tuple[Input, ...]] = (Input(),)
-    returns: ClassVar[str] = "Result"
-    parameters: ClassVar[tuple[click.Parameter, ...]] = ()
-    drawn_with: ClassVar[tuple[click.Parameter, ...]] = ()
+    inputs: ClassVar[tuple[Input, ...]] = (Input(),)  # of the Python function, for `arguments`
+    returns: ClassVar[str] = "Result"  # type of what the Python function returns
+    parameters: ClassVar[tuple[Option, ...]] = ()  # arguments of the Python function too
+    drawn_with: ClassVar[tuple[Option, ...]] = ()  # options that pictures depend on
 
     @property
     def command_name(self) -> str:
@@ -429,13 +373,7 @@ class Analysis(ABC):
 
     @abstractmethod
     def solve(self, run: Run) -> Result:
-        """Compute the result.
-
-        Raises
-        ------
-        InputError
-            With the faults of the design or of a setting.
-        """
+        """Compute the result; raises `InputError` for faults of the design or of a setting."""
 
     def document(self, result: Result) -> Document:
         """JSON document without its head (command, design, model, estimated error)."""
@@ -513,7 +451,7 @@ class Analysis(ABC):
             from suspension_cli.analyses import labelled
 
             labelled.write_csv(result, path)
-        elif path.suffix.lower() in set(ENDINGS) - set(RESULTS_ENDINGS):
+        elif path.suffix.lower() in set(options.ENDINGS) - set(options.RESULTS_ENDINGS):
             remedy = "end it in .h5 or .csv; pictures: plot().savefig(...), JSON: document()"
             problem = "ends like a file of another kind"
             raise InputError.of("--out", problem, remedy, str(path))
@@ -550,8 +488,12 @@ def plain(values: Any) -> Any:
     """Convert numbers for JSON: lists, with null for those that are not finite."""
     import numpy as np
 
-    finite: Any = np.where(np.isfinite(values), values, None)
-    return finite.tolist()
+    return _as_json(np.asarray(values))
+
+
+def as_number(value: float) -> float | None:
+    """Convert one number for JSON: null if it is not finite."""
+    return _as_json(float(value))
 
 
 def table(source: Any, columns: str) -> list[Document]:
@@ -560,33 +502,24 @@ def table(source: Any, columns: str) -> list[Document]:
     Columns are ``KEY``, or ``KEY=ATTRIBUTE`` where the names differ.
     """
     pairs = [word.partition("=") for word in columns.split()]
-    names = [name or key for key, _, name in pairs]
+    keys, names = [key for key, *_ in pairs], [name or key for key, _, name in pairs]
     rows = (
         ([getattr(one, name) for name in names] for one in source)
         if isinstance(source, Sequence)
         else zip(*(getattr(source, name) for name in names), strict=True)
     )
-    return [
-        {
-            key: value if isinstance(value, str | None) else plain(value)
-            for (key, *_), value in zip(pairs, row, strict=True)
-        }
-        for row in rows
-    ]
+    return [_as_json(dict(zip(keys, row, strict=True))) for row in rows]
 
 
-def _finite(part: Any) -> Any:
-    """Replace numbers of a JSON document that are not finite by null, damaged ones too."""
+def _as_json(part: Any) -> Any:
+    """Convert a document: arrays and tuples to lists, numbers that are not finite to null."""
     if isinstance(part, dict):
-        return {key: _finite(value) for key, value in part.items()}
-    if isinstance(part, list):
-        return [_finite(value) for value in part]
+        return {key: _as_json(value) for key, value in part.items()}
+    if hasattr(part, "tolist"):  # an array or a number of numpy
+        part = part.tolist()
+    if isinstance(part, list | tuple):
+        return [_as_json(value) for value in part]
     return None if isinstance(part, float) and not math.isfinite(part) else part
-
-
-def as_number(value: float) -> float | None:
-    """Convert one number for JSON: null if it is not finite."""
-    return float(value) if math.isfinite(value) else None
 
 
 def describe_mirrors(setting: Settings) -> Document:
@@ -595,10 +528,7 @@ def describe_mirrors(setting: Settings) -> Document:
 
 
 def name_mirrors(result: Result, tilt: float = 0.0) -> str:
-    """End of the title of a result of several mirrors, ``", 4 mirrors"``, and along a tilted beam.
-
-    The beam rises by an angle in rad.
-    """
+    """End of a title, ``", 4 mirrors"``, and along a beam that rises by an angle in rad."""
     along = f" along a beam that rises by {1e6 * tilt:.3g} urad" if tilt else ""
     mirrors = f", {result.extra['mirrors']:g} mirrors" if "mirrors" in result.extra else ""
     return along + mirrors
@@ -607,16 +537,3 @@ def name_mirrors(result: Result, tilt: float = 0.0) -> str:
 def only_one(values: list[Document], name: str) -> Document:
     """The only one of several documents, or all of them under `name`."""
     return values[0] if len(values) == 1 else {name: values}
-
-
-def demand_distinct_names(sources: Sequence[Source]) -> None:
-    """Raise `InputError` if files of two designs of a run would have the same names."""
-    names = [source.stem() for source in sources]
-    for n, (source, name) in enumerate(zip(sources, names, strict=True)):
-        if name in names[:n]:
-            key, own = "design.name", source.design.design.name
-            problem, remedy = "is the name of another design of this run", "give each its own name"
-            if source.given_stem:
-                key, own, remedy = "--name", name, "leave it out, or give one design"
-                problem = "would name the files of several designs"
-            raise InputError([Fault(key, problem, remedy, format_value(own))], source.file)

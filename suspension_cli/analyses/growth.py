@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,16 +24,9 @@ RAISE = "attach the wires higher above the COM (raise d)"
 
 @dataclass(frozen=True)
 class Growth:
-    """Why motion grows.
+    """Why motion grows: the cause as a fault without the mode, and the modes with growth rates.
 
-    Attributes
-    ----------
-    cause
-        As a fault, without the mode.
-    modes
-        With the growth rates.
-    static
-        Whether the static stiffness alone makes it grow.
+    `static` if the static stiffness alone makes it grow.
     """
 
     cause: Fault
@@ -47,8 +41,7 @@ class Growth:
     @property
     def fault(self) -> Fault:
         """The cause with the fastest mode."""
-        problem = f"{self.cause.problem}: {self.worst}"
-        return Fault(self.cause.key, problem, self.cause.remedy, self.cause.value)
+        return dataclasses.replace(self.cause, problem=f"{self.cause.problem}: {self.worst}")
 
 
 def describe(modes: Modes, number: int) -> str:

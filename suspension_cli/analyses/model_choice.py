@@ -6,7 +6,15 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses import growth
+from suspension_cli.analyses.check import warnings as near_limits
 from suspension_cli.analyses.options import TOLERANCE
+from suspension_cli.errors import InputError, format_value
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import named_results as named
+from suspension_cli.models import registry
+from suspension_cli.models.choice import Frequencies, Several, Systems
+from suspension_cli.models.choice import choose as choose_model
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Log
@@ -14,7 +22,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.base import Model
-    from suspension_cli.models.choice import Comparison, Results, Several
+    from suspension_cli.models.choice import Comparison, Results
     from suspension_cli.models.registry import Choice
 
     Request = Callable[[LinearSystem], Results]
@@ -38,12 +46,9 @@ def choose(
     take, by default the most complete one alone. Raises `InputError` if the wanted model is not
     valid for the design.
     """
-    from suspension_cli.models import registry
-    from suspension_cli.models.choice import Systems, choose
-
     systems = Systems(source.design)
     candidates = candidates or (registry.most_complete(source.design),)
-    found = choose(source.design, wanted, candidates, systems.compare(request), tolerance)
+    found = choose_model(source.design, wanted, candidates, systems.compare(request), tolerance)
     return found, systems(found.model)
 
 
@@ -55,14 +60,10 @@ def for_modes(
     If `massless`, the model has matrices with a state space of finite order. Then raises
     `InputError` if a model with wire mass is wanted.
     """
-    from suspension_cli.errors import Fault, InputError, format_value
-    from suspension_cli.models import registry
-    from suspension_cli.models.choice import Frequencies
-
     if massless and wanted != registry.AUTO and registry.by_name(wanted).has_wire_mass:
         problem = "has no state space of finite order, as its wires have mass"
         remedy = "take beam, which is valid below the first violin mode"
-        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
+        raise InputError.of("--fidelity", problem, remedy, format_value(wanted))
     candidates = with_and_without_wire_mass(source)[: 1 if massless else None]
     return choose(
         source, wanted, lambda _: Frequencies(), candidates=candidates, tolerance=tolerance
@@ -71,21 +72,16 @@ def for_modes(
 
 def with_and_without_wire_mass(source: Source) -> list[Model]:
     """The most complete models of a design without and, if it tells their mass, with wire mass."""
-    from suspension_cli.models import registry
-
     light = registry.most_complete(source.design, massless=True)
     return list(dict.fromkeys([light, registry.most_complete(source.design)]))
 
 
 def demand_one_of(wanted: str, models: Sequence[Model], problem: str) -> None:
     """Raise `InputError` with a problem of the wanted model unless ``auto`` or of `models`."""
-    from suspension_cli.errors import Fault, InputError, format_value
-    from suspension_cli.models.registry import AUTO
-
-    names = [model.name for model in models]
-    if wanted not in (AUTO, *names):
-        remedy = f"take {', '.join((AUTO, *names[:-1]))} or {names[-1]}"
-        raise InputError([Fault("--fidelity", problem, remedy, format_value(wanted))])
+    names = [registry.AUTO, *(model.name for model in models)]
+    if wanted not in names:
+        remedy = f"take {', '.join(names[:-1])} or {names[-1]}"
+        raise InputError.of("--fidelity", problem, remedy, format_value(wanted))
 
 
 def for_builds(
@@ -99,22 +95,16 @@ def for_builds(
 
     Raises `InputError` if the wanted model is not among these, or is not valid for the design.
     """
-    from suspension_cli.models.choice import choose
-
     demand_one_of(wanted, models, "cannot compute these results of imperfect builds")
-    return choose(source.design, wanted, models, change, tolerance)
+    return choose_model(source.design, wanted, models, change, tolerance)
 
 
-def named_results(
-    texts: list[str] | tuple[str, ...],
-) -> Callable[[LinearSystem], Several]:
+def named_results(texts: Sequence[str]) -> Callable[[LinearSystem], Several]:
     """The results of these names as quantity of interest; all modes if there are none."""
-    from suspension_cli.linear import eigenmodes, named_results
-    from suspension_cli.models.choice import Several
 
     def request(system: LinearSystem) -> Several:
         found = eigenmodes.solve(system.constant)
-        return Several(named_results.of_system(texts, system), found)
+        return Several(named.of_system(texts, system), found)
 
     return request
 
@@ -133,11 +123,6 @@ def stable_system(
     Raises `InputError` if the motion grows, or warns if that is allowed. The message proposes wires
     that bend, if the analysis can use these (`bends`).
     """
-    from suspension_cli.analyses import growth
-    from suspension_cli.analyses.check import warnings as near_limits
-    from suspension_cli.errors import InputError
-    from suspension_cli.linear import eigenmodes
-
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
     log.detail(f"{name}: {choice.line}; residual force {system.residual:.0e} of the weight")
@@ -149,9 +134,8 @@ def stable_system(
             bent = grows.static and bends and not choice.model.bends_wires
             if bent and _stable_with_bending(source.design):
                 way = "take --fidelity beam, whose wires stabilize it by bending"
-            raise InputError(
-                [dataclasses.replace(fault, remedy=f"{way}, or give --allow-unstable")]
-            )
+            way += ", or give --allow-unstable"
+            raise InputError([dataclasses.replace(fault, remedy=way)])
         log.warn(f"{name} is unstable: {grows.worst}; {fault.remedy}")
     near_limits.warn(source.design, eigenmodes.solve(system.constant), log)
     return system
@@ -159,10 +143,6 @@ def stable_system(
 
 def _stable_with_bending(design: Design) -> bool:
     """Whether wires that bend make the equilibrium stable."""
-    from suspension_cli.errors import InputError
-    from suspension_cli.linear import eigenmodes
-    from suspension_cli.models import registry
-
     if registry.BEAM.unsuitable(design):
         return False
     try:

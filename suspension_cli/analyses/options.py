@@ -1,18 +1,33 @@
-"""Options that several commands share."""
+"""Options: their declaration, those that several commands share, and values given in Python.
+
+Arguments of Python functions and values in tables of designs are converted by `convert`.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
 
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.models.registry import AUTO, LEVELS
+
+Settings = dict[str, Any]
+"""Values of parameters by name; each parameter has its own type."""
 
 TOLERANCE = 1e-3
 """Copy of `models.choice.TOLERANCE`."""
+FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
+"""Groups of options, as help lists them."""
+PATHS = ("FILE", "[COORDINATES=]FILE", "[SIGNAL=]FILE")
+"""What help calls the value of an option that takes names of files."""
 
 
 class Option(click.Option):
@@ -27,6 +42,20 @@ class Option(click.Option):
         super().__init__(names, **how)
         self.group, self.in_python = group, in_python
 
+    @property
+    def python_type(self) -> str:
+        """Type of the argument in Python, as `suspension_cli.api` defines it."""
+        metavar = str(self.metavar)
+        if metavar == "GRID":
+            return "Grid"
+        if "=GRID" in metavar:
+            return "Mapping[str, Grid]" if self.multiple else "str | Mapping[str, Grid]"
+        if self.multiple or metavar.endswith(",..."):
+            return "Paths" if metavar in PATHS else "Names"
+        kinds = {click.types.IntParamType: "int", click.types.FloatParamType: "float"}
+        kinds[click.types.BoolParamType] = "bool"
+        return next((name for kind, name in kinds.items() if isinstance(self.type, kind)), "str")
+
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
         """Convert a value to the type of the option; numbers must be finite."""
         found = super().type_cast_value(ctx, value)
@@ -38,14 +67,7 @@ class Option(click.Option):
 class Input(NamedTuple):
     """A design, result or file that an analysis reads, as an argument of its function.
 
-    Attributes
-    ----------
-    name
-        Of the argument; with a star for any number.
-    kind
-        ``"Design"``, or what else it may be.
-    about
-        What it is, for the docstring.
+    Its name has a star if there may be any number; `kind` is its type in Python.
     """
 
     name: str = "design"
@@ -80,30 +102,18 @@ def argument(name: str, **how: Any) -> click.Argument:
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
     """Refuse a file as the folder for results, before anything is computed."""
-    from suspension_cli.errors import InputError
-
-    if value is None:
+    if value is None or os.path.isdir(value):
         return value
-    path = Path(value)
-    try:
-        isdir, exists = path.is_dir(), path.exists()
-    except OSError as error:
-        raise InputError.of(
-            "--out", f"cannot be written ({error.strerror})", "name another folder", value
-        ) from None
-    named = path.suffix.lower() in ENDINGS and not value.endswith("/")
-    if not isdir and (named or exists):
-        remedy = "name a folder; the files in it get their names from the design" + (
-            f" (a folder of this name: {value}/)" if not exists else ""
-        )
+    exists = os.path.exists(value)
+    if exists or os.path.splitext(value)[1].lower() in ENDINGS:
+        remedy = "name a folder; the files in it get their names from the design"
+        remedy += "" if exists else f" (a folder of this name: {value}/)"
         raise InputError.of("--out", "names a file, but results go into a folder", remedy, value)
     return value
 
 
 def _demand_stem(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
     """Refuse what is no start of a file's name."""
-    from suspension_cli.errors import InputError, format_value
-
     if value is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._=+-]{,149}", value):
         remedy = "give letters, digits, . _ = + and - (at most 150), for example my-violin"
         raise InputError.of("--name", "is no name of files", remedy, format_value(value))
@@ -141,101 +151,89 @@ BEAM = (
 DESIGN = argument("design", metavar="DESIGN")
 DESIGNS = argument("designs", nargs=-1, required=True, metavar="DESIGN...")
 
-FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
-"""Groups of options, as help lists them."""
+_of_files = partial(option, group=FILES)
+_of_model = partial(option, group=MODEL)
+_of_batch = partial(option, group=BATCH)
 
-OVERRIDES = option(
+OVERRIDES = _of_files(
     "--set",
     "overrides",
     multiple=True,
     metavar="PATH=VALUE",
     help="Change a value of the design: stage.test.wires.d=0.002 (repeatable).",
-    group=FILES,
 )
-OUT = option(
+OUT = _of_files(
     "--out",
     default="results",
     metavar="DIR",
     callback=_demand_folder,
     help="Folder for the written files.",
-    group=FILES,
 )
-NAME = option(
+NAME = _of_files(
     "--name",
     "stem",
     metavar="STEM",
     callback=_demand_stem,
     help="Start of the names of written files.  [default: the design's name, and values of --set]",
-    group=FILES,
 )
-BESIDE = option(
+BESIDE = _of_files(
     "--out",
     metavar="DIR",
     callback=_demand_folder,
     help="Folder for the PNG.  [default: that of the file]",
-    group=FILES,
 )
-AS_JSON = option(
+_JSON = "Print one JSON document on stdout"
+AS_JSON_ONLY = _of_files("--json", "as_json", is_flag=True, help=f"{_JSON}.")
+AS_JSON = _of_files(
     "--json",
     "as_json",
     is_flag=True,
-    help="Print one JSON document on stdout; draw no picture unless --plot is given.",
-    group=FILES,
+    help=f"{_JSON}; draw no picture unless --plot is given.",
 )
-AS_JSON_ONLY = option(
-    "--json", "as_json", is_flag=True, help="Print one JSON document on stdout.", group=FILES
-)
-PLOT = option(
+PLOT = _of_files(
     "--plot/--no-plot",
     "plot",
     default=None,
     help="Draw pictures or not.  [default: --plot; with --json: --no-plot]",
-    group=FILES,
 )
-NO_PICTURE = option(
+NO_PICTURE = _of_files(
     "--plot/--no-plot",
     "plot",
     default=False,
     hidden=True,
     help="Accepted without effect, as scripts give it to every analysis.",
-    group=FILES,
 )
-FORMAT = option(
+FORMAT = _of_files(
     "--format",
     "picture_format",
     type=click.Choice(["png", "pdf", "svg"]),
     default="png",
     help="Format of pictures.",
-    group=FILES,
 )
-CSV = option(
+CSV = _of_files(
     "--csv",
     "as_csv",
     is_flag=True,
     help="Also write the numbers as CSV: a row per frequency, mode or point.",
-    group=FILES,
 )
-QUIET = option("-q", "--quiet", is_flag=True, help="Print only warnings on stderr.", group=FILES)
-VERBOSE = option("-v", "--verbose", is_flag=True, help="Print details on stderr.", group=FILES)
-FIDELITY = option(
+QUIET = _of_files("-q", "--quiet", is_flag=True, help="Print only warnings on stderr.")
+VERBOSE = _of_files("-v", "--verbose", is_flag=True, help="Print details on stderr.")
+FIDELITY = _of_model(
     "--fidelity",
     type=click.Choice(LEVELS),
     default=AUTO,
     help="Model of bodies and wires; auto takes the cheapest that is accurate enough.",
-    group=MODEL,
 )
-ACCURACY = option(
+ACCURACY = _of_model(
     "--tolerance",
     type=click.FloatRange(1e-12, 1.0),
     default=TOLERANCE,
     help="Largest relative error of the result that --fidelity auto accepts.",
-    group=MODEL,
 )
-ALLOW_UNSTABLE = option(
+ALLOW_UNSTABLE = _of_model(
     "--allow-unstable",
     is_flag=True,
     help="Continue with motion that grows (an unstable equilibrium, active elements).",
-    group=MODEL,
 )
 RESULTS = option(
     "--result",
@@ -268,29 +266,156 @@ COUPLING = (
 )
 """Options that define the cross-coupling."""
 SWEEP = (
-    option(
+    _of_batch(
         "--workers",
         type=click.IntRange(1, 4096),
         show_default="all cores, where that is faster",
         in_python=1,
         help="Number of processes.",
-        group=BATCH,
     ),
-    option(
+    _of_batch(
         "--scheduler",
         metavar="tls://HOST:PORT",
         help="Address of a Dask scheduler that computes instead (pendsus[cluster]).",
-        group=BATCH,
     ),
-    option(
+    _of_batch(
         "--chunk",
         type=click.IntRange(1, 1_000_000),
         default=512,
         help="Number of builds or points computed at once.",
-        group=BATCH,
     ),
-    option("--resume", is_flag=True, help="Continue an interrupted run.", group=BATCH),
+    _of_batch("--resume", is_flag=True, help="Continue an interrupted run."),
 )
 """Options of the computation of a sweep."""
 WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
+
+
+def default_values(parameters: Sequence[click.Parameter]) -> Settings:
+    """Default values of options."""
+    command = click.Command("", params=list(parameters))
+    return command.make_context("", [], resilient_parsing=True).params
+
+
+def from_arguments(command: str, parameters: Sequence[Option], arguments: Settings) -> Settings:
+    """Convert arguments of a Python function; one at its default value counts as not given."""
+    default, given = default_values(parameters), {}
+    for param in parameters:
+        name = str(param.name)
+        if name in arguments and (arguments[name] is not None or default[name] is not None):
+            value = convert(command, param, arguments[name])
+            if value != default[name]:
+                given[name] = value
+    return given
+
+
+def convert(command: str, param: Option, value: Any, *, in_file: bool = False) -> Any:
+    """Convert a value of Python, or of a table `in_file`, to that of an option.
+
+    Texts in files may be those of the command line. Raises `InputError` with the name of the option
+    if the value is of the wrong kind or out of bounds.
+    """
+    name, kind, remedy = str(param.name), param.python_type, f"see pendsus {command} --help"
+    is_text, texts = isinstance(value, str), None
+    if in_file and kind != "bool" and _holds_texts(value):
+        texts = (value,) if is_text else tuple(value)
+    elif kind == "Grid":
+        texts = (grid(value, name),)
+    elif "Mapping" in kind and (param.multiple or not is_text):
+        texts = _grids(value, name)
+    elif kind in ("Names", "Paths") and (param.multiple or not is_text):
+        texts = items(value, name)
+    if texts is None:
+        found = _single(param, value, remedy)
+    else:
+        found = texts if param.multiple else ",".join(texts) or None
+    try:
+        return param.type_cast_value(click.Context(click.Command(command)), found)
+    except click.BadParameter as error:
+        raise InputError.of(name, error.message.rstrip("."), remedy) from None
+
+
+def _holds_texts(value: Any) -> bool:
+    """Whether a value is a text, or a list of texts."""
+    values = value if isinstance(value, list) else [value]
+    return all(isinstance(one, str) for one in values)
+
+
+_WANTED = {"bool": "True or False", "int": "a whole number", "float": "a number"}
+
+
+def _single(param: Option, value: Any, remedy: str) -> Any:
+    """Convert one flag, number (also of numpy, or as text) or text."""
+    import numpy as np
+
+    kind, choices = param.python_type, getattr(param.type, "choices", ())
+    is_flag = isinstance(value, (bool, np.bool_))
+    if kind not in _WANTED and isinstance(value, str):
+        return value
+    if kind == "bool" and (is_flag or isinstance(value, int)):
+        return bool(value)
+    if kind in ("int", "float") and not is_flag and not np.ndim(value):
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            number = float(value)
+            if kind == "float":
+                return number
+            if number == math.floor(number):
+                return int(value)
+    wanted = f"must be {_WANTED.get(kind, 'a text')}"
+    wanted = f"is not one of {', '.join(map(repr, choices))}" if choices else wanted
+    raise InputError.of(str(param.name), wanted, remedy, shown(value))
+
+
+def grid(values: Any, name: str) -> str:
+    """Write a grid as its text; every number keeps all its digits."""
+    import numpy as np
+
+    if isinstance(values, (str, bool)):
+        return str(values)
+    if isinstance(values, (Iterator, range)):
+        values = list(values)
+    wanted, remedy = "must be real numbers", 'give numbers, or a text such as "1:10:50"'
+    try:
+        if values is None or isinstance(values, (bytes, Mapping, set)) or np.iscomplexobj(values):
+            raise TypeError
+        numbers = [float(value) for value in np.ravel(values)]
+    except (TypeError, ValueError):
+        raise InputError.of(name, wanted, remedy, shown(values)) from None
+    if not numbers:
+        raise InputError.of(name, "is empty", remedy)
+    return ",".join(map(repr, numbers))
+
+
+def _grids(values: Any, name: str) -> tuple[str, ...]:
+    """Write a dictionary of names and grids as ``NAME=GRID`` texts."""
+    if not isinstance(values, Mapping):
+        remedy = f'write for example {name}={{"stage.test.wires.d": [1e-3, 2e-3]}}'
+        raise InputError.of(name, "must be a dictionary", remedy, shown(values))
+    return tuple(f"{key}={grid(own, f'{name} {key}')}" for key, own in values.items())
+
+
+def items(values: Any, name: str) -> tuple[str, ...]:
+    """Convert one text or path, or several, to a tuple of texts; numbers of modes to texts."""
+    if isinstance(values, (str, os.PathLike, int)):
+        return (str(values),)
+    try:
+        if isinstance(values, bytes):
+            raise TypeError
+        return tuple(map(str, values))
+    except TypeError:
+        remedy = "leave it out for its default" if values is None else "give a text or a list"
+        raise InputError.of(name, "must be texts", remedy, shown(values)) from None
+
+
+def path(value: Any, name: str) -> str:
+    """Return a path as text; raises `InputError` for anything else."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise InputError.of(name, "must be a path", "give a text or a Path", shown(value))
+    return os.fsdecode(value)
+
+
+def shown(value: Any) -> str:
+    """Write a value of any type in one short line."""
+    if isinstance(value, (str, Path)):
+        return format_value(str(value))
+    return format_value(" ".join(repr(value).split())).strip('"')

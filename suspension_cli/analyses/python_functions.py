@@ -8,38 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import inspect
-import os
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol
+from inspect import Parameter
+from typing import Any
 
-import click
-
-from suspension_cli.analyses import options
-from suspension_cli.analyses.arguments import (
-    GRID,
-    Value,
-    default_values,
-    is_multiple,
-    shown,
-)
-from suspension_cli.design.reader import Source
+from suspension_cli.analyses.options import FILES, Input, Option, default_values
 from suspension_cli.errors import Fault, InputError, PendsusError
 
-
-class Declared(Protocol):
-    """What an analysis declares of its function, see `analysis.Analysis`."""
-
-    name: ClassVar[str]
-    inputs: ClassVar[tuple[options.Input, ...]]
-    returns: ClassVar[str]
-    parameters: ClassVar[tuple[click.Parameter, ...]]
-    fills_file: ClassVar[bool]
-
-
-PATHS = ("FILE", "[COORDINATES=]FILE", "[SIGNAL=]FILE")
-"""What help calls the value of an option that takes names of files."""
 WORDS = {
     "Design | PathLike": "Design",
     "Grid": "grid",
@@ -50,7 +27,7 @@ WORDS = {
     "str | Mapping[str, Grid]": "str or mapping",
 }
 """Types of arguments as docstrings call them."""
-FOLDER = options.Input(
+FOLDER = Input(
     "folder",
     "PathLike",
     "Folder of the results file; default: a temporary one, kept as long as the result.",
@@ -59,96 +36,58 @@ FOLDER = options.Input(
 """Argument of functions that fill a results file."""
 
 
-class Argument(NamedTuple):
-    """An argument of a function: annotation, default, and type and meaning in the docstring."""
-
-    name: str
-    annotation: str
-    default: Value
-    words: str
-    about: str
-    keyword: bool = True
-
-    @property
-    def parameter(self) -> inspect.Parameter:
-        """The argument as part of a signature."""
-        kind = inspect.Parameter.KEYWORD_ONLY
-        if not self.keyword:
-            starred = self.name.startswith("*")
-            kind = inspect.Parameter.VAR_POSITIONAL if starred else kind.POSITIONAL_OR_KEYWORD
-        name, annotation = self.name.lstrip("*"), self.annotation
-        annotation += " | None" if self.default is None else ""
-        return inspect.Parameter(name, kind, default=self.default, annotation=annotation)
-
-    @property
-    def description(self) -> str:
-        """The argument as part of a docstring."""
-        optional = ", optional" if self.default is None else ""
-        return f"{self.name} : {self.words}{optional}\n{self.about}"
-
-
-def arguments(analysis: Declared) -> list[Argument]:
-    """List the arguments of the function of an analysis."""
+def describe(function: Callable[..., Any], analysis: Any) -> None:
+    """Give the function of an `analysis.Analysis` its name, signature and docstring."""
     default = default_values(analysis.parameters)
-    found = [_of_input(one, keyword=False) for one in analysis.inputs]
+    listed = [_of_input(one, Parameter.POSITIONAL_OR_KEYWORD) for one in analysis.inputs]
     for param in analysis.parameters:
-        if isinstance(param, options.Option) and param.group != options.FILES:
+        if param.group != FILES:
             value = default[str(param.name)] if param.in_python is None else param.in_python
-            value = inspect.Parameter.empty if "[required]" in str(param.help) else value
-            kind, choices = _kind(param), getattr(param.type, "choices", ())
-            quoted = ", ".join(f'"{one}"' for one in choices)
-            words = f"{{{quoted}}}" if choices else WORDS.get(kind, kind)
-            about = _about(param, analysis.parameters)
-            found.append(Argument(str(param.name), kind, value, words, about))
-    return found + ([_of_input(FOLDER, keyword=True)] if analysis.fills_file else [])
-
-
-def _of_input(given: options.Input, *, keyword: bool) -> Argument:
-    kind = "Design | PathLike" if given.kind == "Design" else given.kind
-    default = None if given.optional else inspect.Parameter.empty
-    return Argument(given.name, kind, default, WORDS.get(kind, kind), _filled(given.about), keyword)
-
-
-def _kind(param: click.Parameter) -> str:
-    """Name the type of an argument, as `suspension_cli.api` defines it."""
-    metavar, multiple = str(param.metavar), is_multiple(param)
-    if metavar == GRID:
-        return "Grid"
-    if "=GRID" in metavar:
-        return "Mapping[str, Grid]" if multiple else "str | Mapping[str, Grid]"
-    if multiple or metavar.endswith(",..."):
-        return "Paths" if metavar in PATHS else "Names"
-    types = click.types
-    kinds = {types.BoolParamType: "bool", types.IntParamType: "int", types.FloatParamType: "float"}
-    return next((name for kind, name in kinds.items() if isinstance(param.type, kind)), "str")
-
-
-def _about(param: click.Parameter, parameters: Sequence[click.Parameter]) -> str:
-    """Describe an argument in the words of the option's help."""
-    about = " ".join(str(getattr(param, "help", "")).split())
-    for mark in (" (repeatable)", " [required]"):
-        about = about.replace(mark, "")
-    about = re.sub(r" *\[default: (.*)\]", r" Default: \1.", about)
-    return _filled(translate(about, parameters))
-
-
-def _filled(text: str) -> str:
-    return textwrap.fill(text, 95, initial_indent=4 * " ", subsequent_indent=4 * " ")
-
-
-def describe(function: Callable[..., Any], analysis: Declared) -> None:
-    """Give the function of an analysis its name, signature and docstring."""
-    listed = arguments(analysis)
-    parameters = [one.parameter for one in listed]
-    signature = inspect.Signature(parameters, return_annotation=analysis.returns)
+            listed.append(_of_option(param, value, analysis.parameters))
+    if analysis.fills_file:
+        listed.append(_of_input(FOLDER, Parameter.KEYWORD_ONLY))
+    signature = inspect.Signature([one for one, _ in listed], return_annotation=analysis.returns)
     annotations = {name: one.annotation for name, one in signature.parameters.items()}
     text = inspect.cleandoc(str(type(analysis).__doc__))
     head, sections = text.split("\n\n", 1)[0], text[text.index("\nReturns\n-") :]
-    described = "\n".join(one.description for one in listed)
+    described = "\n".join(description for _, description in listed)
     function.__doc__ = f"{head}\n\nParameters\n----------\n{described}\n{sections}\n"
     function.__name__ = function.__qualname__ = analysis.name
     function.__annotations__ = annotations | {"return": analysis.returns}
     vars(function)["__signature__"] = signature
+
+
+def _of_input(given: Input, how: Any) -> tuple[Parameter, str]:
+    """Argument and its description for what an analysis reads."""
+    kind = "Design | PathLike" if given.kind == "Design" else given.kind
+    default = None if given.optional else Parameter.empty
+    how = Parameter.VAR_POSITIONAL if given.name.startswith("*") else how
+    return _argument(given.name, how, kind, default, WORDS.get(kind, kind), given.about)
+
+
+def _of_option(param: Option, default: Any, all_of_command: Sequence[Option]) -> Any:
+    """Argument and its description for an option."""
+    about = " ".join(str(param.help).split())
+    default = Parameter.empty if "[required]" in about else default
+    for mark in (" (repeatable)", " [required]"):
+        about = about.replace(mark, "")
+    about = translate(re.sub(r" *\[default: (.*)\]", r" Default: \1.", about), all_of_command)
+    kind, choices = param.python_type, getattr(param.type, "choices", ())
+    quoted = ", ".join(f'"{one}"' for one in choices)
+    words = f"{{{quoted}}}" if choices else WORDS.get(kind, kind)
+    return _argument(str(param.name), Parameter.KEYWORD_ONLY, kind, default, words, about)
+
+
+def _argument(
+    name: str, how: Any, annotation: str, default: Any, words: str, about: str
+) -> tuple[Parameter, str]:
+    optional = default is None
+    annotation += " | None" if optional else ""
+    about = textwrap.fill(about, 95, initial_indent=4 * " ", subsequent_indent=4 * " ")
+    return (
+        Parameter(name.lstrip("*"), how, default=default, annotation=annotation),
+        f"{name} : {words}{', optional' if optional else ''}\n{about}",
+    )
 
 
 CALLS = (
@@ -167,7 +106,7 @@ CALLS = (
 """Commands and options with their values, as patterns, and the calls and arguments instead."""
 
 
-def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: str) -> str:
+def translate(text: str, parameters: Sequence[Option] = (), **names: str) -> str:
     """Replace commands and options in a message by functions and arguments.
 
     `parameters` are those of the command whose function was called; `names` are arguments of the
@@ -181,8 +120,7 @@ def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: st
     known = {}
     for param in parameters:
         name = str(param.name)
-        flag = isinstance(param, click.Option) and param.is_flag
-        known |= dict.fromkeys(param.opts, f"{name}=True" if flag else name)
+        known |= dict.fromkeys(param.opts, f"{name}=True" if param.is_flag else name)
         known |= dict.fromkeys(param.secondary_opts, f"{name}=False")
     known |= {f"--{option}": name for option, name in ({"out": "folder"} | names).items()}
 
@@ -195,7 +133,7 @@ def translate(text: str, parameters: Sequence[click.Parameter] = (), **names: st
 
 
 @contextlib.contextmanager
-def python_names(parameters: Sequence[click.Parameter] = (), **names: str) -> Iterator[None]:
+def python_names(parameters: Sequence[Option] = (), **names: str) -> Iterator[None]:
     """Report errors inside in terms of the Python API; arguments as of `translate`."""
 
     def reworded(text: str) -> str:
@@ -211,27 +149,3 @@ def python_names(parameters: Sequence[click.Parameter] = (), **names: str) -> It
             )
         error.args = (reworded(str(error)),)
         raise
-
-
-def text(value: Value, name: str, remedy: str) -> str:
-    """Return a text; raises `InputError` for anything else."""
-    if not isinstance(value, str):
-        raise InputError.of(name, "must be a text", remedy, shown(value))
-    return value
-
-
-def path(value: Value, name: str) -> str:
-    """Return a path as text; raises `InputError` for anything else."""
-    if not isinstance(value, (str, os.PathLike)):
-        raise InputError.of(name, "must be a path", "give a text or a Path", shown(value))
-    return os.fsdecode(value)
-
-
-def design(value: Value) -> Source:
-    """Return a design; raises `InputError` for anything else."""
-    if not isinstance(value, Source):
-        remedy = "give one of sus.read, sus.parse, sus.template or sus.example"
-        if isinstance(getattr(value, "source", None), Source):
-            remedy = "give the attribute source of the result"
-        raise InputError.of("design", "is no design", remedy, shown(value))
-    return value

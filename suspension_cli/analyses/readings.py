@@ -26,29 +26,28 @@ def parse(channels: Channels, measured: Measured, known: tuple[str, ...]) -> Sig
 
     Raises `InputError` with all names that are neither a signal nor a channel of the file.
     """
-    found, bad = ({}, {}), dict[Fault, None]()
-    for side, table in enumerate(TABLES):
+    sides: list[tuple[Signal, ...]] = []
+    bad = dict[Fault, None]()
+    for side, (table, role) in enumerate(zip(TABLES, ("output", "input"), strict=True)):
         given = [one.name for one in getattr(measured, table)]
-        parser = (parse_output, parse_input)[side]
+        found: dict[str, Signal] = {}
         for name, item in channels.transducer[side].items():
             for text in item.signals:
                 try:
-                    found[side][text] = parser(text, known)
+                    found[text] = (parse_input if side else parse_output)(text, known)
                 except InputError as error:
-                    fault, remedy = error.faults[0], error.faults[0].remedy
-                    where = f"{table}.{name}"
+                    fault, where, remedy = error.faults[0], f"{table}.{name}", ""
                     if name not in given:
-                        where = f"{('output', 'input')[side]} signal"
-                        also = f"name a [[{table}]] ({suggest(name, given)})" if given else ""
-                        remedy += f"; or {also or f'describe the channel by a [[{table}]]'}"
+                        where = f"{role} signal"
+                        remedy = f"; or describe the channel by a [[{table}]]"
+                        if given:
+                            remedy = f"; or name a [[{table}]] ({suggest(name, given)})"
+                    remedy = f"{fault.remedy}{remedy}"
                     bad[Fault(where, fault.problem, remedy, format_value(text))] = None
+        sides.append(tuple(found[text] for text in channels.signal[side] if text in found))
     if bad:
         raise InputError(list(bad))
-    outputs, inputs = (
-        tuple(side[text] for text in texts)
-        for side, texts in zip(found, channels.signal, strict=True)
-    )
-    return outputs, inputs
+    return sides[0], sides[1]
 
 
 def residues(

@@ -37,18 +37,14 @@ def loaded(file: h5py.File, name: str) -> Result:
     from suspension_cli.errors import Fault, InputError
     from suspension_cli.models.registry import Choice
 
-    text = str(file.attrs["design"])
     found = next((group for group in GROUPS if group in file), None)
     if found is None:
         remedy = f"name a file of pendsus {', '.join(n for n in ANALYSES if get(n).result_type)}"
         raise InputError([Fault("", "holds no result of an analysis", remedy)], name)
-    analysis = get(found)
-    choice = Choice(
-        str(file.attrs["fidelity"]),
-        str(file.attrs["fidelity_reason"]),
-        float(str(file.attrs["estimated_error"])),
-    )
-    source = Source(parse(text), text, name)
+    known = {key: str(file.attrs[key]) for key in ("design", "fidelity", "fidelity_reason")}
+    text, error = known["design"], float(str(file.attrs["estimated_error"]))
+    choice = Choice(known["fidelity"], known["fidelity_reason"], error)
+    analysis, source = get(found), Source(parse(text), text, name)
     data, command = analysis.load(file), str(file.attrs["command"])
     extra = dict(json.loads(str(file.attrs.get("extra", "{}"))))
     return Result(analysis, source, choice, data, extra, Path(file.filename), command)

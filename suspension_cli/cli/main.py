@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import os
 
 import click
 
-from suspension_cli.cli.commands import COMMANDS, PURPOSES, get, summary
-from suspension_cli.cli.endings import guard_streams, in_one_line
+from suspension_cli.cli.terminal import guard_streams, in_one_line
+from suspension_cli.conventions import ANALYSES
+from suspension_cli.errors import suggest
 from suspension_cli.version import __version__
 
 MANY = 50_000
@@ -20,6 +22,47 @@ a machine with other work a second thread that waits for a core makes some comma
 slower."""
 
 
+OTHERS = {
+    "new": ("new", "Start a design from a template or an example."),
+    "import": ("convert", "Convert a save of SUMCON (KAGRA's modeller) into a design."),
+    "schema": ("schema", "Print the JSON Schema of the design file."),
+    "plot": ("plot", "Redraw the pictures of results files, alone or together."),
+}
+"""Commands that are no analyses: their function in `file_commands`, and one line of help."""
+COMMANDS = (*ANALYSES, *OTHERS)
+"""Names of all commands."""
+ANALYSE = "Analyse, as in pendsus response my.toml --output test.x"
+PURPOSES = {
+    "Design, as in pendsus new triple my.toml": "new import check draw sweep sensitivity optimise"
+    " info schema",
+    ANALYSE: "modes response thermal budget damp compare tradeoff",
+    "Build and measure, as in pendsus fit my.toml measured.toml": "tolerance xcouple fit",
+    "Hand over, as in pendsus report my.toml": "report export plot",
+}
+"""Commands by purpose with an example, as help lists them; analyses that stand nowhere else are
+listed under `ANALYSE`."""
+
+
+def summary(name: str) -> str:
+    """Return one line of help; for an analysis the docstring of its folder."""
+    if name in OTHERS:
+        return OTHERS[name][1]
+    text = importlib.import_module(f"suspension_cli.analyses.{name}").__doc__ or ""
+    return " ".join(text.split("\n\n")[0].split())
+
+
+def get(name: str) -> click.Command:
+    """Import a command: that of an analysis, or another."""
+    if name in ANALYSES:
+        from suspension_cli.analyses import registry
+        from suspension_cli.cli.runner import command
+
+        return command(registry.get(name))
+    from suspension_cli.cli import file_commands
+
+    return getattr(file_commands, OTHERS[name][0])
+
+
 class LazyGroup(click.Group):
     """Commands that are imported when they are called, and whose errors are one line each."""
 
@@ -29,23 +72,22 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import one command."""
-        if cmd_name not in COMMANDS:
-            return None
-        return get(cmd_name)
+        return get(cmd_name) if cmd_name in COMMANDS else None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, or suggest a similar one."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from suspension_cli.design.faults import suggest
-
             ctx.fail(f"No such command {args[0]!r}; {suggest(args[0], list(COMMANDS))}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by purpose, without importing them."""
-        for purpose, names in PURPOSES.items():
+        listed = {purpose: names.split() for purpose, names in PURPOSES.items()}
+        known = " ".join(PURPOSES.values()).split()
+        listed[ANALYSE] += [name for name in ANALYSES if name not in known]
+        for purpose, names in listed.items():
             with formatter.section(purpose):
                 formatter.write_dl([(name, summary(name)) for name in names])
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import json
+import shlex
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +15,9 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import settings
-from suspension_cli.analyses.analysis import Analysis, Result, Run, demand_distinct_names
+from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.cli import terminal
-from suspension_cli.errors import InputError, collect, join_errors
+from suspension_cli.errors import Fault, InputError, collect, format_value, join_errors
 
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
@@ -24,14 +28,14 @@ class Command(click.Command):
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the options group by group."""
-        groups: dict[str, list[tuple[str, str]]] = {}
+        groups: dict[str, list[tuple[str, str]]] = {"Options": []}
         for param in self.get_params(ctx):
             record = param.get_help_record(ctx)
             if isinstance(param, click.Option) and record is not None:
                 groups.setdefault(getattr(param, "group", "Options"), []).append(record)
-        for title in sorted(groups, key=lambda name: name != "Options"):
+        for title, records in groups.items():
             with formatter.section(title):
-                formatter.write_dl(groups[title])
+                formatter.write_dl(records)
 
 
 def command(analysis: Analysis) -> click.Command:
@@ -59,12 +63,14 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     command_line = click.core.ParameterSource.COMMANDLINE
     typed = {n: given[n] for n in names if ctx.get_parameter_source(n) is command_line}
     files = {param.name: given[param.name] for param in analysis.arguments}
+    words = shlex.join(["pendsus", *sys.argv[1:]]).encode("utf-8", "backslashreplace").decode()
 
     def ask(file: str | Source, overrides: tuple[str, ...] = ()) -> Run:
-        source = file if isinstance(file, Source) else read(file, (*overrides, *given["overrides"]))
-        source = settings.named(source, given.get("stem"), given["overrides"])
+        changes = given["overrides"]
+        source = file if isinstance(file, Source) else read(file, (*overrides, *changes))
+        source = replace(source, given_stem=given.get("stem"), overrides=changes)
         setting, folder = settings.merge(analysis, source, typed), Path(given.get("out", ""))
-        return Run(source, setting, voice, folder, settings.command_line(sys.argv))
+        return Run(source, setting, voice, folder, words)
 
     def solve(one: Run) -> tuple[Run, Result]:
         with one.faults():
@@ -75,23 +81,37 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     each = [{"design": file} for file in files["designs"]] if "designs" in files else [files]
     runs = collect(partial(analysis.read, ask), each, errors)
     if analysis.has_file and not errors:
-        demand_distinct_names([one.source for one in runs])
+        _demand_distinct_names([one.source for one in runs])
     solved = [] if errors and analysis.has_file else collect(solve, runs, errors)
     if errors and (analysis.has_file or as_json):
         raise join_errors(errors)
     for number, (one, result) in enumerate(solved):
         if analysis.has_file:
-            write(one, result, voice)
+            _write(one, result, voice)
         if not as_json and (text := str(result)):
             terminal.put("\n" * (number > 0 and analysis.has_file) + text)
     if errors:
         raise join_errors(errors)
     if as_json:
-        terminal.put_documents([result for _, result in solved])
+        documents = [result.document() for _, result in solved]
+        click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
     ctx.exit(max(analysis.exit_code(result) for _, result in solved))
 
 
-def write(run: Run, result: Result, voice: terminal.Voice) -> None:
+def _demand_distinct_names(sources: Sequence[Source]) -> None:
+    """Raise `InputError` if files of two designs of a run would have the same names."""
+    names = [source.stem() for source in sources]
+    for n, (source, name) in enumerate(zip(sources, names, strict=True)):
+        if name in names[:n]:
+            key, own = "design.name", source.design.design.name
+            problem, remedy = "is the name of another design of this run", "give each its own name"
+            if source.given_stem:
+                key, own, remedy = "--name", name, "leave it out, or give one design"
+                problem = "would name the files of several designs"
+            raise InputError([Fault(key, problem, remedy, format_value(own))], source.file)
+
+
+def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
     """Write the files of a result: HDF5, CSV and pictures."""
     from suspension_cli.analyses import labelled
     from suspension_cli.files.atomic import write_bytes
@@ -106,6 +126,12 @@ def write(run: Run, result: Result, voice: terminal.Voice) -> None:
     others += labelled.write_csv(result, path) if setting.get("as_csv") else []
     for other in others:
         voice.say(f"wrote {other}")
+
+    def write(end: str, data: bytes) -> None:
+        target = path.with_name(f"{path.stem}{end}")
+        write_bytes(target, data)
+        voice.say(f"wrote {target}")
+
     pictures = setting.get("plot", False)
     if pictures or (pictures is None and not setting["as_json"]):
         from suspension_cli.drawing.style import encode
@@ -113,10 +139,6 @@ def write(run: Run, result: Result, voice: terminal.Voice) -> None:
         drawn = {str(param.name): setting[param.name] for param in analysis.drawn_with}
         form = setting.get("picture_format", "png")
         for end, figure in result.figures(**drawn).items():
-            picture = path.with_name(f"{path.stem}{end}.{form}")
-            write_bytes(picture, encode(figure, form))
-            voice.say(f"wrote {picture}")
+            write(f"{end}.{form}", encode(figure, form))
     for end, data in analysis.animations(result, setting):
-        moving = path.with_name(f"{path.stem}{end}")
-        write_bytes(moving, data)
-        voice.say(f"wrote {moving}")
+        write(end, data)

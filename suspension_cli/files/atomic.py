@@ -28,7 +28,9 @@ def replace_file(path: Path, data: bytes) -> None:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
         os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(OSError):
@@ -49,23 +51,9 @@ def is_regular(path: Path, *, follow: bool = False) -> bool:
         return True
 
 
-def _umask() -> int:
-    current = os.umask(0)
-    os.umask(current)
-    return current
-
-
 @contextlib.contextmanager
 def writing_to(path: str | Path, key: str = "--out") -> Iterator[None]:
-    """Turn a failure to write (no space, no permission) into an `InputError`.
-
-    Parameters
-    ----------
-    path
-        Named in the message.
-    key
-        Option that gave the path; ``""`` for none.
-    """
+    """Turn a failure to write to `path`, which the option `key` gave, into an `InputError`."""
     try:
         yield
     except OSError as error:

@@ -21,7 +21,6 @@ from suspension_cli.files import bounded
 if TYPE_CHECKING:
     import numpy as np
 
-COMMENTS = ("#", "%")
 WORDS = {
     "frequency": ("f", "freq", "frequency", "frequencies", "hz", "omega"),
     "real": ("re", "real"),
@@ -45,20 +44,9 @@ PER_HZ |= dict.fromkeys(("rad/s", "rad", "omega"), 2 * math.pi)
 class Columns:
     """Named columns of numbers of one file.
 
-    Attributes
-    ----------
-    names
-        Headings, or names of datasets; numbers from 1 where a text has no headings.
-    read
-        Returns the column of a position in `names`.
-    place
-        Name of a row (from 0) in messages: ``line 7``.
-    headed
-        Whether `names` are headings, from which columns can be recognised.
-    noun
-        Name of a column in messages; a ``column`` may be given by number.
-    averages
-        Number of averages of the measurement, if the file says.
+    `names` are headings if `headed`, else numbers from 1; of other files than texts those of
+    datasets, by which `noun` calls them. `read` returns the column of a position in `names`,
+    `place` the name of a row (from 0) in messages. `averages` is their number, if the file says.
     """
 
     names: Sequence[str]
@@ -104,19 +92,13 @@ class Columns:
             problem = f"the {self.noun} holds complex numbers"
             raise InputError.of(what, problem, "name it as value", name)
         values = values.astype(float)
-        good = np.isfinite(values) | np.full(values.shape, not finite)
-        if not good.all():
-            n = int(np.argmin(good))
+        for n in np.flatnonzero(~np.isfinite(values) & finite)[:1]:
             problem = f"{self.noun} {name} holds {values[n]}, which is not a number"
             raise InputError.of(self.place(n), problem, "remove the point or correct it")
-        outside = (values < low) | (values > high)
-        if outside.any():
-            n = int(np.argmax(outside))
+        for n in np.flatnonzero((values < low) | (values > high))[:1]:
             limit = f"below {low:g}" if values[n] < low else f"above {high:g}"
             raise InputError.of(self.place(n), f"the {what} {values[n]:.10g} is {limit}", remedy)
-        falls = np.diff(values) <= 0
-        if ascending and falls.any():
-            n = int(np.argmax(falls))
+        for n in np.flatnonzero((np.diff(values) <= 0) & ascending)[:1]:
             again = values[n + 1] == values[n]
             problem = "is given twice" if again else f"follows {values[n]:.10g}"
             remedy = "remove one of them" if again else f"sort by ascending {what}"
@@ -178,12 +160,8 @@ def read(
     """Read a table with or without a line of headings, with comments after # or %.
 
     Cells are separated by commas, semicolons, tabs or blanks. Comment lines before the first
-    numbers may hold the headings.
-
-    Raises
-    ------
-    InputError
-        With the line of a word among numbers, or of a wrong number of columns.
+    numbers may hold the headings. Raises `InputError` with the line of a word among numbers, or of
+    a wrong number of columns.
     """
     rows, above = _rows(bounded.read_text(path, most, kind))
     if not rows:
@@ -214,7 +192,7 @@ def _rows(text: str) -> tuple[Lines, Lines]:
     mark = None
     for line, raw in enumerate(text.splitlines(), 1):
         bare = raw.strip()
-        if bare.startswith(COMMENTS):
+        if bare.startswith(("#", "%")):
             comment = bare.lstrip("#% ")
             above += [] if rows else [(0, _split(comment, _delimiter(comment)))]
         elif bare:

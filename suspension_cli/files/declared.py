@@ -91,13 +91,22 @@ class Array:
         return Array(self.kinds, tuple(given[1].split()))
 
 
-ARRAYS = {"Float": "fiu", "Complex": "cf", "Inexact": "cf", "Int": "iu", "Bool": "b"}
-"""Kinds of dtypes by the name of jaxtyping's annotation."""
+_ARRAYS = {
+    name: Array(kinds)
+    for name, kinds in {
+        "Float": "fiu",
+        "Complex": "cf",
+        "Inexact": "cf",
+        "Int": "iu",
+        "Bool": "b",
+    }.items()
+}
+"""Types of arrays by the name of jaxtyping's annotation."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
-    """What one field or property declares."""
+    """What one field or property declares; `each`: it differs between the records of a list."""
 
     name: str
     key: str
@@ -106,25 +115,15 @@ class Item:
     unit: str
     optional: bool
     derived: bool
+    each: bool
     metadata: Mapping[str, Any]
-
-    @property
-    def each(self) -> bool:
-        """Whether it differs between the records of a list."""
-        return bool(self.metadata.get("each"))
 
     @property
     def is_scale(self) -> bool:
         """Whether it is the scale of a dimension."""
         return self.dims == (self.key,) and self.form == "array"
 
-    @property
-    def element(self) -> Any:
-        """Type of the elements of a tuple of any length; None for other types."""
-        arguments = get_args(self.type)
-        return arguments[0] if get_origin(self.type) is tuple and ... in arguments else None
-
-    @property
+    @cached_property
     def leaf(self) -> Any:
         """Type of the values of tuples, or of tuples in these."""
         kind = self.type
@@ -135,20 +134,17 @@ class Item:
     @property
     def kinds(self) -> str:
         """Kinds of the dtypes of its values."""
-        return getattr(self.type, "kinds", "") or KINDS[self.leaf]
+        return self.type.kinds if isinstance(self.type, Array) else KINDS[self.leaf]
 
     @cached_property
     def form(self) -> str:
         """How it is stored."""
         if "axes" in self.metadata:
             return "axes"
-        if isinstance(self.type, Array):
-            return "array"
-        if dataclasses.is_dataclass(self.leaf):
-            if self.element is None:
+        if not isinstance(self.leaf, Array) and dataclasses.is_dataclass(self.leaf):
+            if self.leaf is self.type:
                 return "record"
-            alone = all(item.type in KINDS for item in items(self.element))
-            return "columns" if alone else "records"
+            return "columns" if all(one.type in KINDS for one in items(self.leaf)) else "records"
         return "array" if self.dims else "attribute"
 
 
@@ -162,30 +158,27 @@ def items(kind: Any) -> tuple[Item, ...]:
             found.append(_item(one.name, str(one.type), owner.__module__, one.metadata, False))
     for name in dict.fromkeys(name for base in kind.__mro__[::-1] for name in vars(base)):
         member = getattr(kind, name, None)
-        function = member.func if isinstance(member, cached_property) else None
-        function = member.fget if isinstance(member, property) else function
-        if function is not None and hasattr(function, "declared"):
+        function: Any = getattr(member, "fget", None) or getattr(member, "func", None)
+        if hasattr(function, "declared"):
             text = function.__annotations__["return"].replace("list[str]", "tuple[str, ...]")
-            metadata = vars(function)["declared"]
-            found.append(_item(name, text, function.__module__, metadata, True))
+            found.append(_item(name, text, function.__module__, function.declared, True))
     return tuple(found)
 
 
 def _item(
     name: str, annotation: str, module: str, metadata: Mapping[str, Any], derived: bool
 ) -> Item:
-    text = annotation.replace(" | None", "")
-    known = vars(sys.modules[module]) | {key: Array(kinds) for key, kinds in ARRAYS.items()}
-    kind = eval(text, known)
+    kind = eval(annotation.replace(" | None", ""), vars(sys.modules[module]) | _ARRAYS)
     dims = metadata.get("dims") or getattr(kind, "dims", ())
     if not dims and kind == tuple[str, ...] and "attribute" not in metadata:
         dims = (name,)
-    if metadata.get("each"):
+    each = bool(metadata.get("each"))
+    if each:
         dims = (*dims[:1], OUTPUT, *dims[1:])
         kind = kind if isinstance(kind, Array) else tuple[kind, ...]
-    key, given = metadata.get("key") or name, metadata.get("unit", "")
+    key, unit = metadata.get("key") or name, metadata.get("unit", "")
     optional = annotation.endswith(" | None")
-    return Item(name, key, kind, dims, given, optional, derived, metadata)
+    return Item(name, key, kind, dims, unit, optional, derived, each, metadata)
 
 
 def common_unit(units: Iterable[Any], name: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,37 +16,35 @@ MARK, WIDTH = "#= ", 90
 def read_design(path: Path) -> str | None:
     """Read the text of the design from a result file; None if it is missing or not a result.
 
-    Parameters
-    ----------
-    path
-        Ending in ``.h5``, ``.mat``, ``.npz``, ``.txt`` or ``.json``; or a folder for gwinc.
+    A folder is a noise budget of gwinc.
     """
     path = path / "suspension.npz" if path.is_dir() else path
-    if not os.path.isfile(path):
+    if not path.is_file():
         return None
     try:
         match path.suffix:
             case ".h5":
                 with h5py.File(path, "r") as file:
-                    return str(file.attrs["design"])
+                    found = file.attrs["design"]
             case ".mat":
                 from scipy.io import loadmat
 
                 stored = loadmat(path, variable_names=["pendsus"], simplify_cells=True)
-                return str(stored["pendsus"]["design"])
+                found = stored["pendsus"]["design"]
             case ".npz":
                 import numpy as np
 
                 with np.load(path) as arrays:
-                    return str(arrays["design"])
+                    found = arrays["design"]
             case ".txt":
                 lines = path.read_text(encoding="utf-8").splitlines()
                 marked = (one.removeprefix(MARK) for one in lines if one.startswith(MARK))
-                return str(json.loads("".join(marked)))
+                found = json.loads("".join(marked))
             case _:
-                return str(json.loads(path.read_text(encoding="utf-8"))["design"])
+                found = json.loads(path.read_text(encoding="utf-8"))["design"]
     except Exception:  # whatever the failure, it is not a result
         return None
+    return str(found)
 
 
 def comment_design(text: str) -> list[str]:
@@ -58,15 +55,7 @@ def comment_design(text: str) -> list[str]:
 
 @contextlib.contextmanager
 def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Report that a results file was written, and whether it replaced that of another design.
-
-    Parameters
-    ----------
-    text
-        The design whose result is written.
-    say
-        Takes the message.
-    """
+    """Report that the result of a design (`text`) was written, and if it replaced another's."""
     before = read_design(path)
     yield
     replaced = before is not None and before != text

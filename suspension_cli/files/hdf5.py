@@ -33,20 +33,10 @@ FORMAT_VERSION = 3
 
 @dataclass(frozen=True)
 class Provenance:
-    """Origin of a result.
+    """Origin of a result: the whole design as TOML with overrides, the command line, the model.
 
-    Attributes
-    ----------
-    design
-        Whole design as TOML, overrides applied.
-    command
-        Command line.
-    fidelity
-        Name of the model.
-    reason
-        Why this model, and what it neglects.
-    error
-        Estimated relative error of the model; NaN where none was estimated.
+    `reason` says why this model, and what it neglects; `error` is its estimated relative error, NaN
+    where none was estimated.
     """
 
     design: str
@@ -57,15 +47,7 @@ class Provenance:
 
 
 def write(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> None:
-    """Write one HDF5 file, whole or not at all.
-
-    Parameters
-    ----------
-    origin
-        Written to the root attributes.
-    fill
-        Adds the group of the analysis to the open file.
-    """
+    """Write one HDF5 file, whole or not at all: its root attributes, and what `fill` adds."""
     with in_memory() as file:
         write_root_attributes(file, origin)
         fill(file)
@@ -81,14 +63,16 @@ def in_memory() -> h5py.File:
 
 def write_root_attributes(file: h5py.File, origin: Provenance) -> None:
     """Write the root attributes that every file has."""
-    file.attrs["format"] = "pendsus"
-    file.attrs["format_version"] = FORMAT_VERSION
-    file.attrs["pendsus_version"] = __version__
-    file.attrs["design"] = origin.design
-    file.attrs["command"] = origin.command
-    file.attrs["fidelity"] = origin.fidelity
-    file.attrs["fidelity_reason"] = origin.reason
-    file.attrs["estimated_error"] = origin.error
+    file.attrs.update(
+        format="pendsus",
+        format_version=FORMAT_VERSION,
+        pendsus_version=__version__,
+        design=origin.design,
+        command=origin.command,
+        fidelity=origin.fidelity,
+        fidelity_reason=origin.reason,
+        estimated_error=origin.error,
+    )
 
 
 def add_scale(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
@@ -116,15 +100,11 @@ def add_dataset(
 def open_results(path: str | Path) -> Iterator[h5py.File]:
     """Open a results file for reading; failures inside are reported as of `reporting_damage`.
 
-    Raises
-    ------
-    InputError
-        If it was not written by pendsus, refers to other files, or is damaged.
+    Raises `InputError` if pendsus did not write it, it refers to other files, or is damaged.
     """
     remedy = "name a file that this version of pendsus wrote"
     with reporting_damage(path, "run the analysis again"), _opened(path, remedy) as file:
-        problem = _foreign(file) or _unsafe(file, links=False)
-        if problem:
+        if problem := _foreign(file) or _unsafe(file, links=False):
             raise InputError.of("", problem, remedy)
         yield file
 
@@ -141,9 +121,9 @@ def open_data(path: str | Path) -> Iterator[h5py.File]:
 
 def is_results_file(path: str | Path) -> bool:
     """Whether a file holds results of pendsus."""
+    remedy = "name a whole file"
     if not h5py.is_hdf5(path):
         return False
-    remedy = "name a whole file"
     with reporting_damage(path, remedy), _opened(path, remedy) as file:
         return str(file.attrs.get("format")) == "pendsus"
 
@@ -164,11 +144,8 @@ def reporting_damage(path: str | Path, remedy: str) -> Iterator[None]:
 
 
 def _opened(path: str | Path, remedy: str) -> h5py.File:
-    if not os.path.exists(path):
-        problem = "is missing"
-    elif not Path(path).is_file():
-        problem = "is not a regular file"
-    else:
+    problem = "is not a regular file" if os.path.exists(path) else "is missing"
+    if os.path.isfile(path):
         try:
             return h5py.File(path, "r")
         except OSError:
@@ -178,11 +155,8 @@ def _opened(path: str | Path, remedy: str) -> h5py.File:
 
 def _foreign(file: h5py.File) -> str:
     """Why a file is not one of pendsus; empty if it is."""
-    try:
-        known, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
-    except (OSError, RuntimeError, TypeError):
-        return "is not in a known format (its attributes cannot be read)"
-    if not isinstance(known, str) or known != "pendsus":
+    version = file.attrs.get("format_version", 0)
+    if str(file.attrs.get("format")) != "pendsus":
         return "is not in a known format (not a pendsus file)"
     if not isinstance(version, np.integer) or version != FORMAT_VERSION:
         return f"is not in a known format (version {format_value(version)})"
@@ -207,16 +181,8 @@ def _unsafe(file: h5py.File, *, links: bool) -> str:
                     continue
                 return f"contains a link ({format_value(name)}), which is not followed"
             item: Stored = group[name]
-            if isinstance(item, h5py.Dataset):
-                if item.external or item.is_virtual:
-                    return f"keeps {format_value(item.name)} in another file, which is not opened"
-                if (item.size or 0) * item.id.get_type().get_size() > largest:
-                    return (
-                        f"is damaged: {format_value(item.name)} should have {item.size} values,"
-                        " more than the file can contain"
-                    )
-                if not links and not _has_sound_scales(item):
-                    return f"is damaged: the scales of {format_value(item.name)} cannot be read"
+            if isinstance(item, h5py.Dataset) and (problem := _damage(item, largest, links)):
+                return problem
             place = h5py.h5o.get_info(item.id).addr  # pyright: ignore[reportAttributeAccessIssue]
             if isinstance(item, h5py.Group) and place not in seen:
                 pending.append(item)
@@ -224,22 +190,23 @@ def _unsafe(file: h5py.File, *, links: bool) -> str:
     return ""
 
 
-def _has_sound_scales(item: h5py.Dataset) -> bool:
-    """Whether the attributes of scales have the types and sizes that HDF5 takes for granted."""
-    expected = {
-        "DIMENSION_LIST": ("O", (item.ndim,)),
-        "DIMENSION_LABELS": ("O", (item.ndim,)),
-        "REFERENCE_LIST": ("V", None),
-    }
-    for name, (kind, shape) in expected.items():
-        if name in item.attrs:
-            found = item.attrs.get_id(name)
+def _damage(item: h5py.Dataset, largest: int, foreign: bool) -> str:
+    """Why a dataset must not be read; the scales of `foreign` ones are not used."""
+    name = format_value(item.name)
+    if item.external or item.is_virtual:
+        return f"keeps {name} in another file, which is not opened"
+    if (item.size or 0) * item.id.get_type().get_size() > largest:
+        return f"is damaged: {name} should have {item.size} values, more than the file can contain"
+    scales = {"DIMENSION_LIST": "O", "DIMENSION_LABELS": "O", "REFERENCE_LIST": "V"}
+    for key, kind in () if foreign else scales.items():
+        if key in item.attrs:
+            found = item.attrs.get_id(key)
             is_text = h5py.check_string_dtype(found.dtype) is not None
-            if found.dtype.kind != kind or (shape or found.shape) != found.shape:
-                return False
-            if is_text != (name == "DIMENSION_LABELS"):
-                return False
-    return True
+            has_shape = key == "REFERENCE_LIST" or found.shape == (item.ndim,)
+            is_label = key == "DIMENSION_LABELS"
+            if found.dtype.kind != kind or not has_shape or is_text != is_label:
+                return f"is damaged: the scales of {name} cannot be read"
+    return ""
 
 
 LARGE = 1 << 26

@@ -32,11 +32,9 @@ def write(group: h5py.Group, record: Any) -> None:
     records = record if isinstance(record, list) else [record]
     given = {}
     for item in items(type(records[0])):
-        value = getattr(records[0], item.name)
-        if item.each:
-            values = [getattr(one, item.name) for one in records]
-            value = np.stack(values, axis=1) if isinstance(item.type, Array) else tuple(values)
-        given[item.name] = value
+        values = [getattr(one, item.name) for one in (records if item.each else records[:1])]
+        joined = np.stack(values, axis=1) if isinstance(item.type, Array) else tuple(values)
+        given[item.name] = joined if item.each else values[0]
     write_fields(group, type(records[0]), given)
 
 
@@ -104,17 +102,17 @@ class _Writer:
     def _write_attribute(self, item: Item, value: Any) -> None:
         self.group.attrs[item.key] = list(value) if isinstance(value, tuple) else value
 
-    def _write_record(self, item: Item, value: Any) -> None:
-        self._inside(item).write(type(value), partial(getattr, value))
+    def _write_record(self, item: Item, value: Any, number: str = "") -> None:
+        if value is not None:
+            self._inside(item, number).write(type(value), partial(getattr, value))
 
     def _write_records(self, item: Item, value: Any) -> None:
         for n, record in enumerate(value, 1):
-            if record is not None:
-                self._inside(item, f"{n}").write(type(record), partial(getattr, record))
+            self._write_record(item, record, f"{n}")
 
     def _write_columns(self, item: Item, value: Any) -> None:
         inside = self._inside(item)
-        for column in items(item.element):
+        for column in items(item.leaf):
             values = [getattr(record, column.name) for record in value]
             inside._add(column, item.dims or (item.key,), np.array(values, dtype=column.type))
 
@@ -122,14 +120,10 @@ class _Writer:
 def read(group: Stored, kind: type[Record]) -> Record:
     """Read a record from a group.
 
-    Raises
-    ------
-    KeyError
-        If something is missing.
-    ValueError
-        If a shape or type is not that which the class declares, or a scale is not finite.
+    Raises `KeyError` if something is missing, `ValueError` if a shape or type is not that which the
+    class declares, or a scale is not finite.
     """
-    return _Reader(group, {}).record(kind)
+    return kind(**_Reader(group, {}).fields(kind))
 
 
 def read_list(group: Stored, kind: type[Record]) -> list[Record]:
@@ -154,21 +148,20 @@ class _Reader:
     group: Stored
     sizes: dict[str, int]
 
-    def record(self, kind: Any) -> Any:
-        return kind(**self.fields(kind))
-
     def fields(self, kind: Any) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for item in items(kind):
-            self.sizes.pop(item.key if item.is_scale else "", None)
+            if item.is_scale:
+                self.sizes.pop(item.key, None)
         for item in items(kind):
+            stored = item.key in self.group or item.key in self.group.attrs
             if item.derived:
-                if item.form == "array" and item.key in self.group:
-                    self._checked(item)
-            elif item.optional and item.key not in self.group and item.key not in self.group.attrs:
-                found[item.name] = None
-            else:
+                if item.form == "array" and stored:
+                    self._checked(item, item.dims)
+            elif stored or not item.optional:
                 found[item.name] = getattr(self, f"_read_{item.form}")(item)
+            else:
+                found[item.name] = None
         return found
 
     def _inside(self, item: Item, number: str = "") -> _Reader:
@@ -189,9 +182,9 @@ class _Reader:
             raise KeyError(self._path(key))
         return home[key]
 
-    def _checked(self, item: Item, dims: tuple[str, ...] = ()) -> h5py.Dataset:
-        """Return a dataset whose type and shape are those declared."""
-        path, dims = self._path(item.key), dims or item.dims
+    def _checked(self, item: Item, dims: tuple[str, ...]) -> np.ndarray:
+        """Read a dataset whose type and shape are those declared."""
+        path = self._path(item.key)
         if dims[0].startswith("*"):
             names = self._get(self.group.attrs, "axes")
             dims = (*(dim_name(str(name)) for name in names), *dims[1:])
@@ -203,10 +196,10 @@ class _Reader:
         for dim, size in zip(dims, found.shape, strict=True):
             if self.sizes.setdefault(dim, size) != size:
                 raise ValueError(f"{path} has {size} values where {dim} has {self.sizes[dim]}")
-        return found
+        return read_values(found)
 
     def _read_array(self, item: Item) -> Any:
-        values = read_values(self._checked(item))
+        values = self._checked(item, item.dims)
         if item.is_scale and values.dtype.kind == "f" and not np.isfinite(values).all():
             raise ValueError(f"{self._path(item.key)} has values that are not finite")
         return values if isinstance(item.type, Array) else _tuples(values.tolist())
@@ -218,7 +211,7 @@ class _Reader:
             if values.ndim != 1 or values.dtype.kind != "f" or not np.isfinite(values).all():
                 raise ValueError(f"{self._path(dim_name(name))} is no list of finite numbers")
             self.sizes[dim_name(name)] = len(values)
-            found.append(item.element(name, tuple(values.tolist())))
+            found.append(item.leaf(name, tuple(values.tolist())))
         return tuple(found)
 
     def _read_attribute(self, item: Item) -> Any:
@@ -230,25 +223,24 @@ class _Reader:
             raise ValueError(f"{path} does not have {len(kinds)} values")
         return tuple(_plain(path, kinds[0], one) for one in np.ravel(value))
 
-    def _read_record(self, item: Item) -> Any:
-        return self._inside(item).record(item.type)
+    def _read_record(self, item: Item, number: str = "") -> Any:
+        return item.leaf(**self._inside(item, number).fields(item.leaf))
 
     def _read_records(self, item: Item) -> Any:
         home = self.group.get(item.key)
         numbers = set(map(int, home)) if isinstance(home, h5py.Group) else set()
         return tuple(
-            self._inside(item, str(n)).record(item.element) if n in numbers else None
+            self._read_record(item, str(n)) if n in numbers else None
             for n in range(1, max(numbers, default=0) + 1)
         )
 
     def _read_columns(self, item: Item) -> Any:
         inside, dims = self._inside(item), item.dims or (item.key,)
-        fields = [column for column in items(item.element) if not column.derived]
-        columns = [read_values(inside._checked(column, dims)).tolist() for column in fields]
+        fields = [column for column in items(item.leaf) if not column.derived]
+        columns = [inside._checked(column, dims).tolist() for column in fields]
         names = [column.name for column in fields]
-        return tuple(
-            item.element(**dict(zip(names, row, strict=True))) for row in zip(*columns, strict=True)
-        )
+        rows = zip(*columns, strict=True)
+        return tuple(item.leaf(**dict(zip(names, row, strict=True))) for row in rows)
 
 
 def _plain(path: str, kind: type, value: Any) -> Any:
@@ -297,16 +289,14 @@ def variables(group: Stored) -> dict[str, Variable]:
     def add(path: str, data: Stored) -> None:
         if isinstance(data, h5py.Group):
             return
-        scales = [axis[0] if len(axis) else None for axis in data.dims]
-        for size, scale in zip(data.shape, scales, strict=True):
+        dims = []
+        for n, (size, axis) in enumerate(zip(data.shape, data.dims, strict=True)):
+            scale = axis[0] if len(axis) else None
             if scale is not None and scale.size != size:
                 raise ValueError(f"{path} has {size} values where its axis has {scale.size}")
-        dims = [
-            f"{path}_{n}" if scale is None else str(scale.name)[start:]
-            for n, scale in enumerate(scales)
-        ]
+            dims.append(f"{path}_{n}" if scale is None else str(scale.name)[start:])
         unit = str(data.attrs.get("units", ""))
-        found[path] = Variable(tuple([path] if data.is_scale else dims), data, unit)
+        found[path] = Variable((path,) if data.is_scale else tuple(dims), data, unit)
 
     group.visititems(add)
     return found

@@ -21,6 +21,7 @@ import gzip
 import io
 import re
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -39,21 +40,19 @@ MAX_ELEMENTS, MAX_DEPTH = 1_000_000, 50
 """Of an XML file; that of a large measurement has thousands, six deep."""
 Pair = tuple[str, str]
 """Channels (input, output)."""
-COMPLEX = ("transfer", "cross")
-"""Contents with complex values."""
 CONTENTS = {
-    ("TransferFunction", 0): ("transfer", "none"),
-    ("TransferFunction", 3): ("transfer", "first"),
-    ("TransferFunction", 6): ("transfer", "double"),
-    ("TransferFunction", 2): ("coherence", "none"),
-    ("TransferFunction", 5): ("coherence", "first"),
-    ("TransferFunction", 7): ("coherence", "double"),
-    ("Spectrum", 1): ("amplitude", "none"),
-    ("Spectrum", 5): ("amplitude", "first"),
-    ("Spectrum", 2): ("cross", "none"),
-    ("Spectrum", 6): ("cross", "first"),
-    ("Spectrum", 3): ("coherence", "none"),
-    ("Spectrum", 7): ("coherence", "first"),
+    ("TransferFunction", "0"): ("transfer", "none"),
+    ("TransferFunction", "3"): ("transfer", "first"),
+    ("TransferFunction", "6"): ("transfer", "double"),
+    ("TransferFunction", "2"): ("coherence", "none"),
+    ("TransferFunction", "5"): ("coherence", "first"),
+    ("TransferFunction", "7"): ("coherence", "double"),
+    ("Spectrum", "1"): ("amplitude", "none"),
+    ("Spectrum", "5"): ("amplitude", "first"),
+    ("Spectrum", "2"): ("cross", "none"),
+    ("Spectrum", "6"): ("cross", "first"),
+    ("Spectrum", "3"): ("coherence", "none"),
+    ("Spectrum", "7"): ("coherence", "first"),
 }
 """Content of results by type and subtype, and where their frequencies are: nowhere, in the first
 row, or before the rows in double precision."""
@@ -77,15 +76,8 @@ class Dtt:
     def columns(self, into: str | None, out: str | None) -> Columns:
         """Return the transfer function between two channels, and its coherence.
 
-        Parameters
-        ----------
-        into, out
-            Names of the channels; None or "" if the other (or the file) determines it.
-
-        Raises
-        ------
-        InputError
-            If there is none, with the channels of the file.
+        A channel is None or "" if the other (or the file) determines it. Raises `InputError` with
+        the channels of the file if there is none, or several.
         """
         pair = self._pair(into, out)
         found = self.transfer[pair]
@@ -105,15 +97,13 @@ class Dtt:
         if not pairs:
             problem = "has no transfer function and no cross spectra with their power spectra"
             raise InputError.of("", problem, "measure a transfer function, or export it")
-        for n, (key, name) in enumerate((("input_channel", into), ("output_channel", out))):
+        for n, (role, name) in enumerate((("input", into), ("output", out))):
             known = sorted({pair[n] for pair in pairs})
             if name and name not in known:
-                role = ("input", "output")[n]
                 problem = f"is the {role} of no transfer function in the file"
-                raise InputError.of(key, problem, suggest(name, known), format_value(name))
-        fitting = [
-            pair for pair in pairs if (into or pair[0]) == pair[0] and (out or pair[1]) == pair[1]
-        ]
+                remedy = suggest(name, known)
+                raise InputError.of(f"{role}_channel", problem, remedy, format_value(name))
+        fitting = [(a, b) for a, b in pairs if a == (into or a) and b == (out or b)]
         if len(fitting) == 1:
             return fitting[0]
         if fitting:
@@ -145,12 +135,10 @@ def read(path: Path) -> Dtt:
         raise InputError.of("", problem, "save the measurement in diaggui, as XML")
     for node in stored:
         parameters = {one.get("Name", ""): (one.text or "").strip() for one in node.iter("Param")}
+        kind, place = CONTENTS.get((node.get("Type", ""), parameters.get("Subtype", "")), ("", ""))
         try:
-            content = CONTENTS.get((node.get("Type", ""), int(parameters.get("Subtype", ""))))
-            if content is not None:
-                kind, place = content
-                for pair, trace in _traces(node, parameters, kind, place).items():
-                    found[kind].setdefault(pair, trace)
+            for pair, trace in _traces(node, parameters, kind, place) if kind else ():
+                found[kind].setdefault(pair, trace)
         except (KeyError, ValueError, binascii.Error) as error:
             missing = f"{error} is missing" if isinstance(error, KeyError) else error
             fault = Fault(node.get("Name", ""), f"cannot be read ({missing})", AGAIN)
@@ -167,25 +155,23 @@ def read(path: Path) -> Dtt:
 
 def _traces(
     node: ElementTree.Element, parameters: dict[str, str], kind: str, place: str
-) -> dict[Pair, Trace]:
+) -> Iterator[tuple[Pair, Trace]]:
     """Read the traces of one result."""
     count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
-    frequency, values = _numbers(node, count, traces, kind in COMPLEX, place)
+    frequency, values = _numbers(node, count, traces, kind in ("transfer", "cross"), place)
     if frequency is None:
         frequency = float(parameters["f0"]) + np.arange(count) * float(parameters["df"])
     averages = float(parameters.get("Averages", 0)) or None
-    is_reference = node.get("Name", "").startswith("Reference")
-    suffix = f"(REF{node.get('Name', '')[10:-1]})" if is_reference else ""
+    name = node.get("Name", "")
+    suffix = f"(REF{name[10:-1]})" if name.startswith("Reference") else ""
     names = [name for name in parameters if re.fullmatch(r"ChannelB(\[\d+\])?", name)]
     names.sort(key=lambda name: int(re.sub(r"\D", "", name) or 0))
     seconds = [""] if kind == "amplitude" else [parameters[name] + suffix for name in names]
     if len(seconds) < traces:
         raise ValueError(f"{traces} traces, but {len(seconds)} channels B")
     first = parameters["ChannelA"] + suffix
-    return {
-        (first, second): Trace(frequency, row, averages)
-        for second, row in zip(seconds, values, strict=False)
-    }
+    for second, row in zip(seconds, values, strict=False):
+        yield (first, second), Trace(frequency, row, averages)
 
 
 def _numbers(
@@ -221,10 +207,9 @@ def _root(path: Path) -> ElementTree.Element:
     if data[:2] == b"\x1f\x8b":
         try:
             with gzip.open(io.BytesIO(data)) as stream:
-                data = stream.read(bounded.DATA + 1)
+                data = bounded.checked_size(stream.read(bounded.DATA + 1), bounded.DATA, kind)
         except (OSError, EOFError, zlib.error) as error:
             raise InputError.of("", f"is not whole gzip ({error})", AGAIN) from None
-        bounded.checked_size(data, bounded.DATA, kind)
     root = _parse(data)
     if root.tag != "LIGO_LW":
         problem = f"is XML of {format_value(root.tag)}, not of the diagnostics test tools (LIGO_LW)"

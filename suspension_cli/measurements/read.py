@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.measured import Measured, TransferFunction
-from suspension_cli.errors import InputError, attribute_faults_to, format_value, join_errors
+from suspension_cli.errors import InputError, attribute_faults_to, format_value, gather
 from suspension_cli.files import bounded, columns
 from suspension_cli.files.columns import WORDS, Columns
 from suspension_cli.files.hdf5 import is_results_file, open_data
@@ -44,43 +44,28 @@ def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
 
     Data files are named from the folder of `file`. Raises `InputError` with the faults of all.
     """
-    found, errors, opened = [], [], dict[Path, Columns | Dtt]()
-    for table, name in zip(measured.transfer_function, titles(measured), strict=True):
-        path = Path(file).parent / table.file
-        try:
-            with attribute_faults_to(str(path)):
-                source = opened[path] = opened.get(path) or _open(path)
-                values = _values(_columns(source, table), table)
-        except InputError as error:
-            errors.append(error)
-            continue
-        unit = unit_of_value(table, measured)
-        found.append(MeasuredResponse(name, table.input, table.output, *values, unit, str(path)))
-    if errors:
-        raise errors[0] if len(errors) == 1 else join_errors(errors)
-    return found
+    opened = dict[Path, Columns | Dtt]()
+    names = [one.name or Path(one.file).stem for one in measured.transfer_function]
+
+    def read(table: TransferFunction) -> MeasuredResponse:
+        path, name = Path(file).parent / table.file, table.name or Path(table.file).stem
+        with attribute_faults_to(str(path)):
+            source = opened[path] = opened.get(path) or _open(path)
+            values = _values(_columns(source, table), table)
+        if names.count(name) > 1:
+            name = f"{name} {table.output}/{table.input}"
+        unit = _unit_of_value(table, measured)
+        return MeasuredResponse(name, table.input, table.output, *values, unit, str(path))
+
+    return gather(read, measured.transfer_function)
 
 
 def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[MeasuredResponse]:
-    """Read a file of data without a file of measurements.
+    """Read a file of data without a file of measurements; one function, or all of a DTT file.
 
-    Parameters
-    ----------
-    path
-        CSV or text with headings such as ``f, re, im`` or ``frequency_hz, magnitude_db, phase``;
-        HDF5 with such datasets; DTT XML.
-    input, output
-        Signals of the design; default for DTT: the channels.
-
-    Returns
-    -------
-    list of MeasuredResponse
-        One of a CSV or HDF5 file; all of a DTT file.
-
-    Raises
-    ------
-    InputError
-        If the file is at fault, with its line or column.
+    Text has headings such as ``f, re, im`` or ``frequency_hz, magnitude_db, phase``, HDF5 such
+    datasets. `input` and `output` are signals of the design; default for DTT: the channels. Raises
+    `InputError` with the line or column at fault.
     """
     path = Path(path)
     table = TransferFunction(file=path.name, input=input, output=output)
@@ -96,18 +81,9 @@ def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[Me
             part = source if isinstance(source, Columns) else source.columns(into, out)
             name = f"{path.stem}: {out} / {into}" if len(pairs) > 1 else path.stem
             ends, values = (input or into, output or out), _values(part, table)
-            unit = unit_of_value(table, Measured())
+            unit = _unit_of_value(table, Measured())
             found.append(MeasuredResponse(name, *ends, *values, unit, str(path)))
         return found
-
-
-def titles(measured: Measured) -> list[str]:
-    """Name all transfer functions distinctly: as given, else by the stem of the file."""
-    plain = [one.name or Path(one.file).stem for one in measured.transfer_function]
-    return [
-        f"{name} {table.output}/{table.input}" if plain.count(name) > 1 else name
-        for name, table in zip(plain, measured.transfer_function, strict=True)
-    ]
 
 
 def _open(path: Path) -> Columns | Dtt:
@@ -115,7 +91,7 @@ def _open(path: Path) -> Columns | Dtt:
     if not begin.strip():
         raise InputError.of("", "is empty", "give a frequency and a value per line")
     if begin.startswith(b"\x89HDF") or path.suffix.lower() in (".h5", ".hdf5", ".hdf"):
-        return read_hdf5(path)
+        return _read_hdf5(path)
     xml = begin.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<")
     if xml or begin.startswith(b"\x1f\x8b") or path.suffix.lower() == ".xml":
         return dtt.read(path)
@@ -134,48 +110,49 @@ def _columns(source: Columns | Dtt, table: TransferFunction) -> Columns:
     return source
 
 
-def read_hdf5(path: Path) -> Columns:
+def _read_hdf5(path: Path) -> Columns:
     """List the one-dimensional datasets of numbers of a file, by their paths.
 
     Complex numbers are compounds of two numbers, as h5py and MATLAB write them. A series with
     attributes ``x0`` and ``dx``, as gwpy writes a FrequencySeries, also gives a column
-    ``frequency`` and, if it is the only dataset, ``value``. Raises `InputError` if the file is not
-    HDF5 or has no such dataset.
+    ``frequency`` and, if it is the only dataset, ``value``.
     """
     import h5py
 
-    names: list[str] = []
+    stored: dict[str, str] = {}  # the dataset of each name
     series: list[tuple[str, float, float]] = []
 
     def visit(name: str, item: Stored) -> None:
         if isinstance(item, h5py.Dataset) and item.size and max(item.shape, default=0) == item.size:
-            names.append(name)
+            stored[name] = name
             if {"x0", "dx"} <= set(item.attrs):
                 start, step = (_attribute(name, key, item.attrs[key]) for key in ("x0", "dx"))
                 series.append((name, start, step))
 
     with open_data(path) as file:
         file.visititems(visit)
-    if not names:
+    if not stored:
         problem = "has no one-dimensional dataset"
         raise InputError.of("", problem, "write frequency and value as datasets")
-
-    stored = list(names)
-    if series and "frequency" not in names:
-        names += ["frequency", "value"] if len(stored) == 1 else ["frequency"]
-        stored += [series[0][0]] * (len(names) - len(stored))
+    has_grid = bool(series) and "frequency" not in stored
+    if has_grid:
+        if len(stored) == 1:
+            stored["value"] = series[0][0]
+        stored["frequency"] = series[0][0]
+    names = [*stored]
 
     def column(position: int) -> np.ndarray:
+        name = names[position]
         with open_data(path) as file:
-            values = np.asarray(file[stored[position]]).ravel()
-        if names[position] == "frequency" and stored[position] != "frequency":
+            values = np.asarray(file[stored[name]]).ravel()
+        if has_grid and name == "frequency":
             return series[0][1] + series[0][2] * np.arange(len(values))
         if values.dtype.names and len(values.dtype.names) == 2:
             first, second = values.dtype.names
             values = values[first] + 1j * values[second]
         if values.dtype.kind not in "iufc":
             problem = f"dataset holds {values.dtype}, not numbers"
-            raise InputError.of("", problem, "name another", format_value(names[position]))
+            raise InputError.of("", problem, "name another", format_value(name))
         return values
 
     return Columns(names, column, lambda n: f"element {n}", noun="dataset")
@@ -197,9 +174,7 @@ def _choose(source: Columns, table: TransferFunction) -> tuple[dict[str, int], t
     """
     named = {role: getattr(table, role) for role in WORDS}
     chosen = {
-        role: source.find(role, one)
-        for role, one in named.items()
-        if one is not None and not isinstance(one, float)
+        role: source.find(role, one) for role, one in named.items() if isinstance(one, (str, int))
     }
     known = columns.recognise(source.names if source.headed else [])
     known = {role: n for role, n in known.items() if n not in chosen.values()} | chosen
@@ -212,17 +187,17 @@ def _choose(source: Columns, table: TransferFunction) -> tuple[dict[str, int], t
     there = f"found here: {', '.join(source.names)}" if source.headed else "it has no headings"
     example = "frequency, real, imaginary" if source.headed else "frequency = 1, real = 2, ..."
     naming = f"name the {source.noun}s in a [[transfer_function]]: {example}"
+    here = [role for role in form if role in known]
     if "frequency" not in known:
         problem = f"no {source.noun} of frequencies is recognised ({there})"
         raise InputError.of("frequency", problem, naming)
-    if not any(role in known for role in form):
+    if not here:
         problem = f"no {source.noun}s of values are recognised ({there})"
         raise InputError.of("real", problem, naming)
-    for missing in [role for role in form if role not in known]:
-        [here] = [role for role in form if role in known]
+    for missing in set(form) - {*here}:
         problem = f"a transfer function needs the {missing}, too"
         remedy = f"name its {source.noun}: {missing} = ... ({there})"
-        raise InputError.of(here, problem, remedy, format_value(source.names[known[here]]))
+        raise InputError.of(here[0], problem, remedy, format_value(source.names[known[here[0]]]))
     used = ("frequency", *form, "coherence", "uncertainty")
     return {role: known[role] for role in used if role in known}, form
 
@@ -256,7 +231,7 @@ def _values(
             chosen["uncertainty"], "standard deviation", 0.0, finite=False
         )
     elif averages is not None:
-        sigma = np.abs(value) * relative_uncertainty(coherence, averages)
+        sigma = np.abs(value) * _relative_uncertainty(coherence, averages)
     low, high = table.band or (0.0, np.inf)
     kept = (frequency >= low) & (frequency <= high)
     if not len(frequency):
@@ -265,9 +240,7 @@ def _values(
         problem = f"no point lies in the band {low:g} to {high:g} Hz"
         remedy = f"the file has {frequency[0]:.4g} to {frequency[-1]:.4g} Hz"
         raise InputError.of("band", problem, remedy)
-    wrong = kept & ~(np.abs(value) < LARGEST)  # so of NaN, too
-    if wrong.any():
-        n = int(np.argmax(wrong))
+    for n in np.flatnonzero(kept & ~(np.abs(value) < LARGEST))[:1]:  # so of NaN, too
         problem = f"the value at {frequency[n]:.6g} Hz is no number below {LARGEST:g}"
         raise InputError.of(source.place(n), problem, 'correct it, or leave it out with a "band"')
     return frequency[kept], table.gain * value[kept], abs(table.gain) * sigma[kept], coherence[kept]
@@ -285,50 +258,31 @@ def _complex_value(
         return np.asarray(source.read(chosen["value"]), dtype=complex), 1.0
     if "real" in form:
         return read("real") + 1j * read("imaginary"), 1.0
-    headings = {
-        role: columns.words(source.names[chosen[role]]) if source.headed else []
-        for role in ("magnitude", "phase")
-    }
-    named = "rad" if {"rad", "radians"} & {*headings["phase"]} else "deg"
+    headings = [columns.words(source.names[chosen[role]]) * source.headed for role in form]
+    is_db, in_rad = "db" in headings[0], not {"rad", "radians"}.isdisjoint(headings[1])
     phase = read("phase", -LARGEST_PHASE, LARGEST_PHASE, "name the column of the phase")
-    phase = phase if (table.phase_unit or named) == "rad" else np.deg2rad(phase)
-    if (table.magnitude_unit or ("dB" if "db" in headings["magnitude"] else "1")) == "dB":
+    phase = (
+        phase if (table.phase_unit or ("rad" if in_rad else "deg")) == "rad" else np.deg2rad(phase)
+    )
+    if (table.magnitude_unit or ("dB" if is_db else "1")) == "dB":
         size = 10.0 ** (read("magnitude") / 20)
         return size * np.exp(1j * phase), size * np.log(10) / 20
     remedy = 'write magnitude_unit = "dB" if it is in decibels'
     return read("magnitude", 0.0, np.inf, remedy) * np.exp(1j * phase), 1.0
 
 
-def relative_uncertainty(
-    coherence: Float[np.ndarray, " frequency"], averages: float
-) -> Float[np.ndarray, " frequency"]:
+def _relative_uncertainty(coherence: Values, averages: float) -> Values:
     """Standard deviation of real and imaginary part relative to the magnitude.
 
-    Parameters
-    ----------
-    coherence : (f,) array
-        g^2, from 0 to 1.
-    averages
-        Number of independent averages.
-
-    Returns
-    -------
-    (f,) array
-        sqrt((1 - g^2)/(2 n g^2)); infinite without coherence, NaN for a coherence of 1 to single
-        precision: the noise is unknown.
-
-    Examples
-    --------
-    >>> relative_uncertainty([0.5], 50).tolist()
-    [0.1]
+    Infinite without coherence; NaN for a coherence of 1 to single precision, where the noise is
+    unknown.
     """
-    square = np.asarray(coherence, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        sigma = np.sqrt((1 - square) / (2 * averages * square))
-    return np.where(square < 1 - 1e-7, sigma, np.nan)
+        sigma = np.sqrt((1 - coherence) / (2 * averages * coherence))
+    return np.where(coherence < 1 - 1e-7, sigma, np.nan)
 
 
-def unit_of_value(table: TransferFunction, measured: Measured) -> str:
+def _unit_of_value(table: TransferFunction, measured: Measured) -> str:
     """Unit of the value; "" if a signal is unknown."""
     units = []
     for name, among in ((table.output, measured.sensor), (table.input, measured.actuator)):

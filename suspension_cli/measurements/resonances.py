@@ -33,16 +33,9 @@ ASSUMED = 1e-3
 
 @dataclass(frozen=True)
 class Peak:
-    """One resonance of one measured function.
+    """One resonance of one measured function: residue / (w0^2 - w^2 + i w b) beside it.
 
-    Attributes
-    ----------
-    frequency, sigma
-        Hz, and its standard deviation.
-    damping
-        1/Q.
-    residue
-        n0: H is residue / (w0^2 - w^2 + i w b) beside it.
+    Its frequency with standard deviation `sigma`, both Hz; `damping` is 1/Q.
     """
 
     frequency: float

@@ -22,6 +22,8 @@ from suspension_cli.files.declared import in_unit
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
+Side = dict[str, Transducer]
+"""Sensors, or actuators, by name."""
 TABLES = ("sensor", "actuator")
 """Their tables in files of measurements."""
 GAIN, DELAY, MIX = "gain", "delay", "mix"
@@ -31,27 +33,13 @@ STEP = 1e-3
 
 @dataclass(frozen=True)
 class MeasuredResponse:
-    """A measured transfer function with its uncertainty.
+    """A measured transfer function with its uncertainty, at ascending frequencies.
 
-    Attributes
-    ----------
-    name
-        Given, or the stem of the file.
-    input, output
-        Signals of the design (``"upper.force_x"``, ``"upper.x"``), or the actuator and the sensor
-        of the file of measurements; "" if unknown (a bare CSV).
-    frequency : (f,) array
-        Hz, ascending.
-    value : (f,) complex array
-        Output over input, in the unit `unit`.
-    uncertainty : (f,) array
-        Standard deviation of real and imaginary part, in the unit of `value`; NaN where unknown.
-    coherence : (f,) array
-        From 0 to 1; NaN where not measured.
-    unit
-        Of `value`: "m/N" once all calibration is applied.
-    file
-        Where it was read, for errors.
+    `input` and `output` are signals of the design (``"upper.force_x"``, ``"upper.x"``), or actuator
+    and sensor of the file of measurements; "" if unknown (a bare CSV). `value` is output over input
+    in the unit `unit`: "m/N" once all calibration is applied. `uncertainty` is the standard
+    deviation of real and imaginary part, NaN where unknown; `coherence`, from 0 to 1, is NaN where
+    not measured. `file` is where it was read, for errors.
     """
 
     name: str
@@ -88,18 +76,12 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Channels:
-    """Sensors and actuators of measured functions.
+    """Sensors and actuators of measured functions, by name, and their signals of the design.
 
-    Attributes
-    ----------
-    transducer
-        Sensors, then actuators, by name. A signal that is measured directly has a transducer of its
-        own name.
-    signal
-        Names of the signals of the design in sensors and in actuators.
+    A signal that is measured directly has a transducer of its own name.
     """
 
-    transducer: tuple[dict[str, Transducer], dict[str, Transducer]] = ({}, {})
+    transducer: tuple[Side, Side] = ({}, {})
     signal: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
     function: tuple[MeasuredResponse, ...] = ()
 
@@ -107,25 +89,22 @@ class Channels:
     def of(measured: Measured, functions: Sequence[MeasuredResponse]) -> Channels:
         """List the sensors and actuators of measured functions, and their signals.
 
-        Examples
-        --------
         >>> osem = Transducer(name="osem", signal="upper.x", mix={"upper.yaw": 0.1})
         >>> one = MeasuredResponse("a", "upper.force_x", "osem", *4 * (np.ones(1),))
         >>> Channels.of(Measured(sensor=[osem]), [one]).signal
         (('upper.x', 'upper.yaw'), ('upper.force_x',))
         """
-        used: list[dict[str, Transducer]] = [
-            {name: find_transducer(name, among) for name in names}
-            for names, among in (
-                ([one.output for one in functions], measured.sensor),
-                ([one.input for one in functions], measured.actuator),
-            )
-        ]
-        outputs, inputs = (
-            tuple(dict.fromkeys(text for item in side.values() for text in item.signals))
-            for side in used
-        )
-        return Channels((used[0], used[1]), (outputs, inputs), tuple(functions))
+
+        def used(names: list[str], among: list[Transducer]) -> Side:
+            return {name: find_transducer(name, among) for name in names}
+
+        def signals(side: Side) -> tuple[str, ...]:
+            return tuple(dict.fromkeys(text for item in side.values() for text in item.signals))
+
+        sensors = used([one.output for one in functions], measured.sensor)
+        actuators = used([one.input for one in functions], measured.actuator)
+        names = signals(sensors), signals(actuators)
+        return Channels((sensors, actuators), names, tuple(functions))
 
     @cached_property
     def nuisances(self) -> tuple[Nuisance, ...]:
@@ -223,16 +202,14 @@ class Channels:
         values: np.ndarray,
     ) -> Complex[np.ndarray, "nuisance frequency sensor actuator"]:
         """Differentiate readings per drive by the nuisances at these values."""
-        rows = []
-        for n, one in enumerate(self.nuisances):
-            step = STEP * one.sigma * np.eye(len(values))[n]
-            above, below = (
-                self.with_values(values + move).combine(response, frequency)
-                for move in (step, -step)
-            )
-            rows.append((above - below) / (2 * step[n]))
         size = (len(frequency), len(self.names(0)), len(self.names(1)))
-        return np.array(rows, dtype=complex).reshape(-1, *size)
+        result = np.zeros((len(values), *size), dtype=complex)
+        for n, one in enumerate(self.nuisances):
+            move = STEP * one.sigma * np.eye(len(values))[n]
+            above = self.with_values(values + move).combine(response, frequency)
+            below = self.with_values(values - move).combine(response, frequency)
+            result[n] = (above - below) / (2 * move[n])
+        return result
 
 
 def find_transducer(name: str, among: Sequence[Transducer]) -> Transducer:

@@ -15,8 +15,7 @@ import h5py
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.cli.commands import COMMANDS, summary
-from suspension_cli.cli.main import main
+from suspension_cli.cli.main import COMMANDS, main, summary
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.version import __version__

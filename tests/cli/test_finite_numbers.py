@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 import pytest
 
-from suspension_cli.cli.commands import COMMANDS, get
+from suspension_cli.cli.main import COMMANDS, get
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
 

@@ -8,17 +8,17 @@ import shlex
 import pytest
 
 from suspension_cli.analyses import registry
-from suspension_cli.cli import new
+from suspension_cli.cli import file_commands
 from suspension_cli.design import reader
 from tests.support.commandline import assert_refused, run, written
 from tests.support.designs import TEXTS
 
 
 def test_kinds_are_the_templates():
-    assert new.KINDS == reader.TEMPLATES
+    assert file_commands.KINDS == reader.TEMPLATES
 
 
-@pytest.mark.parametrize("kind", new.KINDS)
+@pytest.mark.parametrize("kind", file_commands.KINDS)
 def test_templates_raise_no_warning(kind, tmp_path):
     file = tmp_path / "mine.toml"
     assert run("new", kind, file).exit_code == 0
@@ -48,7 +48,7 @@ def test_examples(tmp_path):
     assert "did you mean 'quadruple'" in run("new", "--from", "quadrupel").stderr
 
 
-@pytest.mark.parametrize("name", new.DETECTORS)
+@pytest.mark.parametrize("name", file_commands.DETECTORS)
 def test_suspensions_of_detectors(name, tmp_path):
     file = tmp_path / "mine.toml"
     assert run("new", "--from", name, file).exit_code == 0

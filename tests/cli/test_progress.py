@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from suspension_cli.cli import progress
+from suspension_cli.cli import terminal as messages
 from tests.support.commandline import run
 from tests.support.couplings import FILE
 
@@ -35,8 +35,8 @@ def drawn(monkeypatch, screen, times, enabled=True):
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setattr(progress, "time", type("Clock", (), {"monotonic": lambda: next(clock)}))
-    with progress.Bar(enabled=enabled) as bar:
+    monkeypatch.setattr(messages, "time", type("Clock", (), {"monotonic": lambda: next(clock)}))
+    with messages.Bar(enabled=enabled) as bar:
         for n in range(1, len(times) + 1):
             bar(1000 * n, 1000 * len(times), 500.0)
     return re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
@@ -65,17 +65,17 @@ def test_not_in_a_log(monkeypatch):
 
 
 def test_before_anything_is_known(monkeypatch):
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(messages, "PATIENCE", 0.0)
     screen = Screen(True)
     monkeypatch.setattr(sys, "stderr", screen)
-    with progress.Bar(enabled=True) as bar:
+    with messages.Bar(enabled=True) as bar:
         bar(0, 10, 0.0)
     assert "0 of 10  0/s" in screen.getvalue()
 
 
 def test_of_a_run(monkeypatch, tmp_path):
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress.Bar, "__init__", _on_any_stderr(progress.Bar.__init__))
+    monkeypatch.setattr(messages, "PATIENCE", 0.0)
+    monkeypatch.setattr(messages.Bar, "__init__", _on_any_stderr(messages.Bar.__init__))
     shown = run("xcouple", FILE, *GRID, "--out", tmp_path)
     assert "1,640 of 1,640" in shown.stderr
     assert "1,640 of" not in shown.stdout

@@ -16,8 +16,7 @@ import pytest
 from suspension_cli.analyses.budget import ground
 from suspension_cli.analyses.export import file as export
 from suspension_cli.analyses.modes import animation
-from suspension_cli.cli.commands import COMMANDS
-from suspension_cli.cli.main import main
+from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import goals, imperfections, materials, measured, schema, wires
 from suspension_cli.models import registry

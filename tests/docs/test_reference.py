@@ -7,7 +7,7 @@ from typing import get_type_hints
 
 import pytest
 
-from suspension_cli.cli.commands import COMMANDS
+from suspension_cli.cli.main import COMMANDS
 from tests.support.golden import ROOT
 from tools import links, reference
 

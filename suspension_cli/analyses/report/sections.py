@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.analyses import options, registry, settings, tables
 from suspension_cli.analyses.analysis import RelayedLog, Result, Run
-from suspension_cli.analyses.arguments import default_values
+from suspension_cli.analyses.options import default_values
 from suspension_cli.analyses.report import page
 from suspension_cli.analyses.report.page import Block, Paragraph
 from suspension_cli.design import reader

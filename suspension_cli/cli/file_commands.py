@@ -1,0 +1,259 @@
+"""Commands for files of designs and of results: `new`, `import`, `schema`, `plot`."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from suspension_cli.analyses import options, registry, settings
+from suspension_cli.cli import terminal
+from suspension_cli.cli.runner import Command
+from suspension_cli.design import DETECTORS
+from suspension_cli.errors import Fault, InputError, format_value
+
+if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.design.reader import Source
+
+KINDS = ("single", "double", "triple", "quad", "blades")
+"""As `design.reader.TEMPLATES`, which is not imported just to print help."""
+NAMED = click.option(
+    "--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]"
+)
+FORCED = click.option("--force", is_flag=True, help="Replace FILE if it exists.")
+
+
+@click.command(
+    "new",
+    epilog="\n".join(
+        ["\b", "Suspensions of detectors for --from:"]
+        + [f"  {name:14}{text}" for name, (_, text) in DETECTORS.items()]
+    ),
+)
+@click.argument("words", nargs=-1, metavar=f"[{'|'.join(KINDS)}] [FILE]")
+@click.option(
+    "--from",
+    "example",
+    metavar="EXAMPLE",
+    help="Start from a design that comes with the program instead, for example ligo-quad.",
+)
+@click.option("--examples", "listing", is_flag=True, help="List these designs.")
+@NAMED
+@FORCED
+def new(
+    words: tuple[str, ...], example: str | None, listing: bool, name: str | None, force: bool
+) -> None:
+    """Start a design: write it to FILE, or to stdout without FILE.
+
+    Example: pendsus new quad my.toml
+    """
+    from suspension_cli.design import reader
+
+    if listing:
+        terminal.put("\n".join(reader.examples()))
+        return
+    most = 2 if example is None else 1
+    if (not words and example is None) or len(words) > most:
+        problem = f"takes a kind of design ({', '.join(KINDS)}) or --from, then at most one file"
+        raise InputError.of("new", problem, "write for example pendsus new triple my.toml")
+    if example is not None and words and words[0] in KINDS:
+        problem, remedy = "is a kind of design, beside --from", "give one of both, then a file"
+        raise InputError.of("new", problem, remedy, format_value(words[0]))
+    kind, files = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
+    file = files[0] if files else None
+    name = _design_name(name, Path(file).stem if file else kind, kind)
+    text = reader.template(kind, name) if example is None else reader.example_text(example, name)
+    reader.parse(text)
+    _put_design(file, text, force)
+
+
+@click.command("import")
+@click.argument("save", metavar="SAVE.m")
+@click.argument("file", required=False)
+@NAMED
+@click.option("--reference", metavar="TEXT", default="", help="Where the save comes from.")
+@click.option(
+    "--tables",
+    metavar="DIR",
+    help="Stiffness tables of heat links.  [default: HeatLink near SAVE.m]",
+)
+@click.option("--bending-points", is_flag=True, help="End wires at SUMCON's hinges, not at clamps.")
+@FORCED
+def convert(
+    save: str,
+    file: str | None,
+    name: str | None,
+    reference: str,
+    tables: str | None,
+    bending_points: bool,
+    force: bool,
+) -> None:
+    """Convert a save of SUMCON (KAGRA) into a design: write FILE, or stdout without FILE.
+
+    What the design has otherwise than the save is listed on stderr and in the file.
+
+    Example: pendsus import sumcon_PR3.m pr3.toml
+    """
+    from suspension_cli.importing.convert import read
+
+    own = _design_name(name, Path(file or save).stem, "imported")
+    folder = Path(tables) if tables else None
+    found = read(Path(save), own, reference, tables=folder, bending_points=bending_points)
+    if file is None and found.files:
+        problem = "has stiffness tables, which stand in files of their own"
+        raise InputError.of("", problem, "name a file to write", save)
+    for note in found.notes:
+        terminal.tell(f"{save}: {note}")
+    for table, text in found.files.items():
+        _write_new(Path(file or "").parent / table, text, force)
+    _put_design(file, found.text, force, " --fidelity string")
+
+
+@click.command("schema")
+@click.option(
+    "--measured",
+    is_flag=True,
+    help="Print the schema of files of measurements (docs/measurements.md).",
+)
+def schema(measured: bool) -> None:
+    """Print the JSON Schema of the design file, for editors that complete and check TOML."""
+    if measured:
+        from suspension_cli.design.measured import json_schema
+    else:
+        from suspension_cli.design.schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=2))
+
+
+def _design_name(given: str | None, stem: str, default: str) -> str:
+    """Check the name that is given for a design, or make one from the stem of a file."""
+    from suspension_cli.design import reader
+
+    if given is None:
+        return reader.make_name(stem, default)
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{,99}", given):
+        remedy = "give letters, digits, . _ and -"
+        raise InputError.of("--name", "is no name of a design", remedy, format_value(given))
+    return given
+
+
+def _put_design(file: str | None, text: str, force: bool, options: str = "") -> None:
+    """Write a design to a new file, or to stdout without one."""
+    if file is None:
+        click.echo(text, nl=False)
+        return
+    _write_new(Path(file), text, force)
+    terminal.tell(f"wrote {file}; next: pendsus modes {file}{options}")
+
+
+def _write_new(path: Path, text: str, force: bool) -> None:
+    """Write a file that does not exist yet, unless `force`; raises `InputError`."""
+    from suspension_cli.files.atomic import write_bytes
+
+    if path.exists() and not force:
+        problem, remedy = "exists already", "name another file, or give --force"
+        raise InputError([Fault("", problem, remedy)], str(path))
+    write_bytes(path, text.encode(), key="")
+
+
+LIMITS = [
+    options.option(
+        "--x",
+        "x_limits",
+        metavar="LOW:HIGH",
+        help="Limits of the first horizontal axis, in its unit, and of all with the same label.",
+    ),
+    options.option(
+        "--y",
+        "y_limits",
+        metavar="LOW:HIGH",
+        help="Limits of the uppermost vertical axis, in its unit.",
+    ),
+]
+TOGETHER = options.option(
+    "--together",
+    is_flag=True,
+    help="Draw modes, responses or thermal noises of all files in one picture, as compare does.",
+)
+FILES = options.argument("files", nargs=-1, required=True, metavar="FILE.h5...")
+FORM = (options.FORMAT, options.CSV, options.BESIDE, options.QUIET)
+
+
+@click.command("plot", cls=Command, params=[FILES, TOGETHER, *LIMITS, *FORM])
+def plot(
+    files: tuple[str, ...],
+    together: bool,
+    x_limits: str | None,
+    y_limits: str | None,
+    picture_format: str,
+    as_csv: bool,
+    out: str | None,
+    quiet: bool,
+) -> None:
+    """Redraw the pictures of each results FILE, from the file alone.
+
+    Example: pendsus plot results/my-response.h5 --x 0.5:5 --format pdf
+    """
+    from suspension_cli.analyses import labelled
+    from suspension_cli.drawing.panels import limited
+    from suspension_cli.drawing.style import encode
+    from suspension_cli.files.atomic import write_bytes
+    from suspension_cli.files.hdf5 import open_results, reporting_damage
+
+    limits = _limits("--x", x_limits), _limits("--y", y_limits)
+    folder = settings.folder(out) if out else None
+    if together:
+        results = [_compared(files)]
+        paths = [results[0].analysis.path(results[0], folder or Path(files[0]).parent)]
+    else:
+        results, paths = [], [(folder or Path(file).parent) / Path(file).name for file in files]
+        for file in files:
+            with open_results(file) as stored:
+                results.append(registry.loaded(stored, file))
+    for result, path in zip(results, paths, strict=True):
+        with reporting_damage(result.source.file, "run the analysis again"):
+            with limited(*limits):
+                figures = result.figures() or {"": result.plot()}  # refused if there is none
+            for figure in figures.values():
+                if any(limits) and not any(axes.axison for axes in figure.axes):
+                    option = "--x" if limits[0] else "--y"
+                    raise InputError.of(option, "this picture has no axes", "leave it out")
+            pictures = {end: encode(figure, picture_format) for end, figure in figures.items()}
+        # first, as it refuses damaged numbers that the picture leaves out
+        written = labelled.write_csv(result, path) if as_csv else []
+        for end, picture in pictures.items():
+            written.append(path.with_name(f"{path.stem}{end}.{picture_format}"))
+            write_bytes(written[-1], picture, key="--out" if out else "")
+        for one in [] if quiet else written:
+            terminal.tell(f"wrote {one}")
+
+
+def _compared(files: tuple[str, ...]) -> Result:
+    """Compare stored results."""
+    from suspension_cli.analyses.analysis import Log, Run
+
+    analysis = registry.get("compare")
+
+    def ask(source: Source, _overrides: tuple[str, ...] = ()) -> Run:
+        return Run(source, settings.defaults(analysis, {}), Log(), Path(), "pendsus plot")
+
+    return analysis.solve(analysis.read(ask, {"items": files}))
+
+
+def _limits(option: str, text: str | None) -> tuple[float, float] | None:
+    """Parse ``LOW:HIGH``."""
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        low, high = 1.0, 0.0
+    if not -math.inf < low < high < math.inf:
+        problem, remedy = "is not LOW:HIGH, two ascending numbers", "write for example 0.1:10"
+        raise InputError.of(option, problem, remedy, format_value(text))
+    return low, high
