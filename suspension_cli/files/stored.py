@@ -32,9 +32,12 @@ def write(group: h5py.Group, record: Any) -> None:
     records = record if isinstance(record, list) else [record]
     given = {}
     for item in items(type(records[0])):
-        values = [getattr(one, item.name) for one in (records if item.each else records[:1])]
-        joined = np.stack(values, axis=1) if isinstance(item.type, Array) else tuple(values)
-        given[item.name] = joined if item.each else values[0]
+        values = [getattr(one, item.name) for one in records]
+        if item.each:
+            stack = isinstance(item.type, Array)
+            given[item.name] = np.stack(values, axis=1) if stack else tuple(values)
+        else:
+            given[item.name] = values[0]
     write_fields(group, type(records[0]), given)
 
 
