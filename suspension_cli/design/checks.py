@@ -20,7 +20,6 @@ from typing import Any
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design import faults, foton, materials, units
-from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
 from suspension_cli.design.derive import (
     add_keystones,
     com_positions,
@@ -32,7 +31,16 @@ from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.losses import MECHANISMS
-from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.design.schema import (
+    Body,
+    Design,
+    Spring,
+    Stage,
+    body_mass,
+    half_sides,
+    second_moments,
+    volume,
+)
 from suspension_cli.design.tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.towers import SUFFIX, leg_count
 from suspension_cli.design.units import OSMIUM

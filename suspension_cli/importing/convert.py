@@ -17,21 +17,22 @@ from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError, attribute_faults_to
 from suspension_cli.files import bounded
-from suspension_cli.importing.bodies import (
+from suspension_cli.importing.save import (
     GRAVITY,
     Body,
+    Tables,
     Wire,
     hinge_notes,
     names_of,
     order,
     plain,
     read_bodies,
+    read_tables,
     symmetric,
     turned,
     turned_matrix,
     word,
 )
-from suspension_cli.importing.save import Tables, read_tables
 
 RIGID = 1e9
 """Stiffness of what SUMCON takes as rigid, N/m or N m/rad."""

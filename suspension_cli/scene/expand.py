@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     Keystone,
     blade_stiffness,
@@ -28,7 +27,7 @@ from suspension_cli.design.derive import (
     wire_mass_moments,
     wire_stiffness,
 )
-from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.schema import Design, Stage, body_inertia, body_mass
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.rotations import cross
