@@ -27,7 +27,7 @@ from suspension_cli.design.derive import (
     wire_mass_moments,
     wire_stiffness,
 )
-from suspension_cli.design.schema import Design, Stage, body_inertia, body_mass
+from suspension_cli.design.schema import Body, Design, Stage, body_inertia, body_mass
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.rotations import cross
@@ -102,6 +102,11 @@ class Members:
         )
 
     @property
+    def bodies(self) -> list[Body]:
+        """Tables of the bodies of all stages."""
+        return [stage.body for stage in self.design.stage]
+
+    @property
     def topology(self) -> Hashable:
         """What designs have in common whose scenes can be one batch."""
         wires, blades = chain.from_iterable(self.wires), [*chain.from_iterable(self.blades)]
@@ -154,10 +159,8 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     springs = gather(Springs, [members.springs for members in each])
     bodies = Bodies(
         name=tuple(stage.name for stage in design.stage),
-        mass=np.array([[body_mass(stage.body) for stage in own.design.stage] for own in each]),
-        inertia=np.array(
-            [[body_inertia(stage.body) for stage in own.design.stage] for own in each]
-        ),
+        mass=np.array([[body_mass(body) for body in own.bodies] for own in each]),
+        inertia=np.array([[body_inertia(body) for body in own.bodies] for own in each]),
         position=np.array([own.places.position for own in each]),
     )
     loads = _weights(gravity, bodies, wires, blades, bars)
@@ -169,10 +172,10 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     for n in range(len(design.stage), 0, -1):
         loads[:, parent[n]] += move_wrench(loads[:, n], offset[:, n, None])
     loaded = [_loaded_springs(own, loads[n], gravity) for n, own in enumerate(each)]
-    faults = {n: wrong for n, (_, _, wrong) in enumerate(loaded) if wrong}
-    natural, fixed = (
-        np.array([row[key] for row in wire_rows[0]], dtype=bool) for key in ("natural", "fixed")
-    )
+    every, inertias, faulty = zip(*loaded, strict=True)
+    faults = {n: wrong for n, wrong in enumerate(faulty) if wrong}
+    natural = np.array([row["natural"] for row in wire_rows[0]], dtype=bool)
+    fixed = np.array([row["fixed"] for row in wire_rows[0]], dtype=bool)
     tension, thrust = wires.tension.copy(), -struts.tension
     for n, stage in enumerate(design.stage, 1):
         load = loads[:, n, 0]
@@ -195,13 +198,9 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         bodies=bodies,
         wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
-        springs=gather(
-            Springs, [rows + own.springs for own, (rows, _, _) in zip(each, loaded, strict=True)]
-        ),
+        springs=gather(Springs, every),
         struts=replace(struts, tension=-thrust),
-        bars=gather(
-            Bars, [own.bars + rows for own, (_, rows, _) in zip(each, loaded, strict=True)]
-        ),
+        bars=gather(Bars, inertias),
         field=field and Field(*map(np.array, field)),
         solves_pose=gives_natural_lengths(design),
     )
@@ -309,12 +308,12 @@ def _weights(
 def _loaded_springs(
     own: Members, loads: Array, gravity: float
 ) -> tuple[list[Row], list[Row], list[Fault]]:
-    """List the springs that depend on loads, of legs and of filters, and the inertia of these.
+    """List all springs and bars of a design under its loads (1 + body, 2, 6), and their faults.
 
-    `loads` (1 + body, 2, 6) are those of one design. Also lists faults of filters.
+    Those of legs and of filters depend on the loads.
     """
     springs: list[Row] = []
-    bars: list[Row] = []
+    bars = [*own.bars]
     faults: list[Fault] = []
     design, places = own.design, own.places
     for n, stage in enumerate(design.stage, 1):
@@ -329,7 +328,7 @@ def _loaded_springs(
                 inertia = (-coupling, coupling, -coupling)
                 bars.append({"label": row["label"], "inertia": inertia} | ends)
         springs += [{"upper": above, "lower": n} | row for row in rows]
-    return links.between(springs, places), bars, faults
+    return links.between(springs, places) + own.springs, bars, faults
 
 
 def _blade_loads(
@@ -352,51 +351,42 @@ def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
-    least = BALANCE * np.abs(loads[:, 1]).max(-1)
-    wrong = (np.abs(left_over).max(-1) > least) | ~(force > 0).all(-1)
-    return {
-        k: _imbalance(stage, loads[k], left_over[k]) or _loose(stage, lines, own, force[k])
-        for k in np.flatnonzero(wrong).tolist()
-    }
-
-
-def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:
-    """Report the forces and torques that are left over of a load, as a fault."""
     key, remedy = ".spring", "give the springs a preload that carries the body"
+    loose, what = (".wire" if stage.wire else ".wires"), "wire {} would be slack"
+    name, better = "tension", "move its ends, or remove the wire"
     if stage.inverted_pendulum is not None:
-        key = ".inverted_pendulum"
+        key = loose = ".inverted_pendulum"
         remedy = "hang the load at the height of the legs' circle, or below its centre"
+        what, name, better = "leg {} would be pulled", "thrust", "place the load between the legs"
     elif stage.wire_tables:
         key, remedy = "", "move the attachments or the COM, or give wires a natural_length"
         remedy += " to have the pose solved for"
-    size = np.abs(left_over)
-    least = max(BALANCE * np.abs(loads[1]).max(), 1e-3 * size.max())
-    found = [
-        f"{left_over[axis]:.3g} "
-        + (f"N of force along {DOFS[axis]}" if axis < 3 else f"N m of {DOFS[axis]} torque")
-        for axis in np.argsort(-size)
-        if size[axis] > least
-    ]
-    problem = f"cannot balance in the nominal pose: {', '.join(found[:3])} left over"
-    return [Fault(f"stage.{stage.name}{key}", problem, remedy)] if found else []
-
-
-def _loose(stage: Stage, lines: Wires, own: Index, force: Array) -> list[Fault]:
-    """Report wires that would be slack, or legs that would be pulled."""
-    key, what, name = "wire" if stage.wire else "wires", "wire {} would be slack", "tension"
-    remedy = "move its ends, or remove the wire"
-    if stage.inverted_pendulum is not None:
-        key, what, name = "inverted_pendulum", "leg {} would be pulled", "thrust"
-        remedy = "place the load between the legs"
-    return [
-        Fault(
-            f"stage.{stage.name}.{key}",
-            f"{what.format(lines.label[n])} in the nominal pose ({name} {value:.3g} N)",
-            remedy,
+    sizes, least = np.abs(left_over), BALANCE * np.abs(loads[:, 1]).max(-1)
+    wrong = (sizes.max(-1) > least) | ~(force > 0).all(-1)
+    found: dict[int, list[Fault]] = {}
+    for k in np.flatnonzero(wrong).tolist():
+        size = sizes[k]
+        rest = [
+            f"{left_over[k, axis]:.3g} "
+            + (f"N of force along {DOFS[axis]}" if axis < 3 else f"N m of {DOFS[axis]} torque")
+            for axis in np.argsort(-size)
+            if size[axis] > max(least[k], 1e-3 * size.max())
+        ]
+        problem = f"cannot balance in the nominal pose: {', '.join(rest[:3])} left over"
+        found[k] = (
+            [Fault(f"stage.{stage.name}{key}", problem, remedy)]
+            if rest
+            else [
+                Fault(
+                    f"stage.{stage.name}{loose}",
+                    f"{what.format(lines.label[n])} in the nominal pose ({name} {value:.3g} N)",
+                    better,
+                )
+                for n, value in zip(own, force[k], strict=True)
+                if not value > 0
+            ]
         )
-        for n, value in zip(own, force, strict=True)
-        if not value > 0
-    ]
+    return found
 
 
 # Tensions.
