@@ -30,7 +30,7 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
-from suspension_cli.design.losses import MECHANISMS
+from suspension_cli.design.materials import MECHANISMS
 from suspension_cli.design.schema import (
     Body,
     Design,

@@ -15,7 +15,7 @@ from suspension_cli.design.control import Control
 from suspension_cli.design.imperfections import Distribution as Distribution
 from suspension_cli.design.imperfections import Perturbation, Tolerance
 from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
-from suspension_cli.design.losses import MaterialLoss
+from suspension_cli.design.materials import Material
 from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
@@ -63,24 +63,6 @@ class Constants(Table, frozen=True):
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-
-
-class Material(Table, frozen=True):
-    """A material of wires or blades; defaults are those of the built-in one of the same name."""
-
-    youngs_modulus: units.Modulus | None = key("Young's modulus in Pa")
-    poisson_ratio: float | None = key("for twisting; 0.3 if not given", unit="1", gt=-1, lt=0.5)
-    density: units.Density | None = None
-    thermal_expansion: units.Expansion | None = None
-    modulus_slope: units.ModulusSlope | None = None
-    specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
-    thermal_conductivity: float | None = key("in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6)
-    tensile_strength: units.Strength | None = key(
-        "stress in Pa at which it breaks (blades: yields)"
-    )
-    loss_angle: units.LossAngle | None = key("constant loss angle in rad, short for loss.angle")
-    loss: MaterialLoss | None = None
-    source: str = key("where the numbers come from", "")
 
 
 class Gas(Table, frozen=True):

@@ -247,8 +247,8 @@ def spectrum_of(design: Design, link: Link) -> Spectrum:
     assert table is not None
     rows = zip(_static(link).items(), table.real, table.imaginary, strict=True)
     axes = tuple(
-        (axis, *(tuple(value / static for value in part) for part in parts))
-        for (axis, static), *parts in rows
+        (axis, tuple(one / static for one in real), tuple(one / static for one in imaginary))
+        for (axis, static), real, imaginary in rows
         if static != 0
     )
     return Spectrum(design.constants.temperature, tuple(table.frequency), axes)
