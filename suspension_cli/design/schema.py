@@ -7,7 +7,7 @@ across tables are in `checks.py`.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from suspension_cli.conventions import AVOGADRO, DOFS
 from suspension_cli.design import tables, units
@@ -284,64 +284,50 @@ def body_mass(body: Body) -> float:
     return body.density * volume(body)
 
 
-def volume(body: Body) -> float:
+def volume(body: Any) -> float:
     """Compute the volume of a shape in m^3."""
     if body.shape == "box":
-        assert body.size is not None
-        return body.size[0] * body.size[1] * body.size[2]
-    assert body.radius is not None and body.length is not None
+        return math.prod(body.size)
     return math.pi * (body.radius**2 - (body.inner_radius or 0.0) ** 2) * body.length
 
 
-def body_inertia(body: Body) -> Rows:
+def body_inertia(body: Any) -> Rows:
     """Compute the inertia tensor about the COM in kg m^2, given or of a homogeneous shape.
 
     A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a
     box m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
     """
-    if body.inertia is not None:
-        if isinstance(body.inertia[0], list):
-            return tuple(tuple(row) for row in body.inertia)  # type: ignore[return-value, arg-type]
-        return _diagonal(*body.inertia)  # type: ignore[arg-type]
-    mass = body_mass(body)
+    mass, moments = body_mass(body), body.inertia
+    if moments is not None and isinstance(moments[0], list):
+        return tuple(map(tuple, moments))
     if body.shape == "box":
-        assert body.size is not None
         a, b, c = (side**2 for side in body.size)
-        return _diagonal(mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12)
-    assert body.radius is not None and body.length is not None
-    radii = body.radius**2 + (body.inner_radius or 0.0) ** 2
-    along, across = mass * radii / 2, mass * (3 * radii + body.length**2) / 12
-    moments = [across, across, across]
-    moments["xyz".index(body.axis or "x")] = along
-    return _diagonal(*moments)
-
-
-def _diagonal(a: float, b: float, c: float) -> Rows:
+        moments = [mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12]
+    elif body.shape == "cylinder":
+        radii = body.radius**2 + (body.inner_radius or 0.0) ** 2
+        moments = [mass * (3 * radii + body.length**2) / 12] * 3
+        moments["xyz".index(body.axis or "x")] = mass * radii / 2
+    a, b, c = moments
     return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
 
 
 def second_moments(body: Body) -> tuple[float, float, float]:
     """Integrate x^2, y^2, z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
     rows = body_inertia(body)
-    moments = [rows[n][n] for n in range(3)]
-    x, y, z = (sum(moments) / 2 - moment for moment in moments)
-    return x, y, z
+    half = (rows[0][0] + rows[1][1] + rows[2][2]) / 2
+    return half - rows[0][0], half - rows[1][1], half - rows[2][2]
 
 
-def half_sides(body: Body) -> tuple[float, float, float]:
+def half_sides(body: Any) -> list[float]:
     """Compute half the size of a body along x, y, z, m; else that of the box of its inertia."""
     if body.shape == "box":
-        assert body.size is not None
-        x, y, z = (side / 2 for side in body.size)
-    elif body.shape == "cylinder":
-        assert body.radius is not None and body.length is not None
+        return [side / 2 for side in body.size]
+    if body.shape == "cylinder":
         halves = [body.radius] * 3
         halves["xyz".index(body.axis or "x")] = body.length / 2
-        x, y, z = halves
-    else:
-        mass = body_mass(body)
-        x, y, z = (math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body))
-    return x, y, z
+        return halves
+    mass = body_mass(body)
+    return [math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body)]
 
 
 def json_schema() -> Schema:
