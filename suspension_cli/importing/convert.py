@@ -129,15 +129,10 @@ def _convert(
         lines += _damper(row, bodies, notes)
     for row in tables["HL"]:
         lines += _link(row, bodies, columns, files, notes)
-    first = [
-        "# Converted by `pendsus import` from a save of SUMCON, whose x, y, z are y, z, x here."
-    ]
-    if notes:
-        first += [
-            "# Otherwise than in SUMCON, or not taken over:",
-            *(f"#   {one}" for one in notes),
-        ]
-    return Imported("\n".join([*first, *table("design", head), *lines, ""]), notes, files)
+    first = "# Converted by `pendsus import` from a save of SUMCON, whose x, y, z are y, z, x here."
+    others = ["# Otherwise than in SUMCON, or not taken over:"] if notes else []
+    others += [f"#   {note}" for note in notes]
+    return Imported("\n".join([first, *others, *table("design", head), *lines, ""]), notes, files)
 
 
 def _material(row: list[Any]) -> list[str]:

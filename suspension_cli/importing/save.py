@@ -214,9 +214,9 @@ class Wire:
     @property
     def elastic(self) -> tuple[float, ...]:
         """What wires of a set have in common."""
-        one = (self.material, self.natural, self.diameter, self.end_length, self.end_diameter)
-        spring = self.spring or [0.0] * 9
-        return (*one, self.k, self.torsion, *(spring[n] for n in (2, 3, 5, 8)))
+        ends = self.end_length, self.end_diameter
+        spring = [(self.spring or [0.0] * 9)[n] for n in (2, 3, 5, 8)]
+        return (self.material, self.natural, self.diameter, *ends, self.k, self.torsion, *spring)
 
 
 @dataclass
@@ -324,9 +324,8 @@ def _hang(body: Body, bodies: list[Body], tables: Tables, notes: list[str]) -> N
     elif wires and not body.ground:
         body.above = bodies[max(tension, key=lambda n: tension[n])]
         body.wires = [wire for wire in wires if wire.upper == body.above.number]
-    kept = {id(wire) for wire in body.wires}
     for wire in wires:
-        if id(wire) not in kept:
+        if not any(wire is one for one in body.wires):
             notes.append(f"wire {wire.name} is left out: {body.name} is held by another body")
     if body.above is not None:
         body.above.below.append(body)

@@ -15,18 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.derive import (
-    Keystone,
-    blade_stiffness,
-    gives_natural_lengths,
-    gravity_field,
-    gravity_strength,
-    part_loss,
-    set_geometry,
-    wire_loss,
-    wire_mass_moments,
-    wire_stiffness,
-)
+from suspension_cli.design import derive
 from suspension_cli.design.schema import Body, Design, Stage, body_inertia, body_mass
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
@@ -150,7 +139,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     """
     one = each[0]
     design, parent = one.design, one.places.parent
-    gravity, field, count = gravity_strength(design), gravity_field(design), len(each)
+    gravity, field, count = derive.gravity_strength(design), derive.gravity_field(design), len(each)
     wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
     blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
     wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
@@ -188,7 +177,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
             tension[:, own], left_over = carry(wires, own, blades, load, fixed[own])
         else:
             left_over = load
-        if not (isinstance(stage, Keystone) or (lines is wires and natural[own].any())):
+        if not (isinstance(stage, derive.Keystone) or (lines is wires and natural[own].any())):
             wrong = _find_unbalanced(stage, loads[:, n], left_over, lines, own, force[:, own])
             faults |= {k: faults.get(k, []) + one for k, one in wrong.items()}
     given = np.array([[row["given"] for row in rows] for rows in blade_rows]).reshape(count, -1)
@@ -202,7 +191,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         struts=replace(struts, tension=-thrust),
         bars=gather(Bars, inertias),
         field=field and Field(*map(np.array, field)),
-        solves_pose=gives_natural_lengths(design),
+        solves_pose=derive.gives_natural_lengths(design),
     )
     return scene, faults
 
@@ -222,7 +211,7 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
             tip = np.mean([row["upper_point"] for row in wires if row["blade"] == number], axis=0)
         if stage.blades is not None and stage.blades.count == 1:
             tip[:2] = 0.0  # exactly, also on a ring
-        vertical = blade_stiffness(design, table, body_mass(stage.body), len(tables))
+        vertical = derive.blade_stiffness(design, table, body_mass(stage.body), len(tables))
         stiffness = np.array([*(table.lateral_stiffness or (0.0, 0.0)), vertical])
         blades.append(
             {
@@ -232,7 +221,7 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
                 "tip": tip,
                 "stiffness": stiffness,
                 "tip_mass": table.tip_mass,
-                "loss": part_loss(design, table),
+                "loss": derive.part_loss(design, table),
                 "given": math.nan if table.load is None else table.load,
             }
         )
@@ -269,7 +258,7 @@ def _ends_of(stage: Stage) -> Iterator[tuple[WireSet | Wire, Array, Array, int]]
         blade = -1 if wire.blade is None else names.index(wire.blade)
         yield wire, np.array(wire.upper), np.array(wire.lower), blade
     if stage.wires is not None:
-        shape, count = set_geometry(stage.wires), stage.blades.count if stage.blades else 0
+        shape, count = derive.set_geometry(stage.wires), stage.blades.count if stage.blades else 0
         for number, (upper, lower) in enumerate(shape.ends):
             # one blade for all, two for the sides of y, or one for each
             blade = number if count == shape.count else int(count == 2 and upper[1] < 0)
@@ -279,10 +268,10 @@ def _ends_of(stage: Stage) -> Iterator[tuple[WireSet | Wire, Array, Array, int]]
 
 def _elastic(design: Design, table: WireSet | Wire, length: float) -> Row:
     return {
-        "stiffness": wire_stiffness(design, table, length),
+        "stiffness": derive.wire_stiffness(design, table, length),
         "torsion": table.torsion or 0.0,
-        "loss": wire_loss(design, table, length),
-        "mass": wire_mass_moments(design, table, length),
+        "loss": derive.wire_loss(design, table, length),
+        "mass": derive.wire_mass_moments(design, table, length),
     }
 
 
@@ -319,7 +308,7 @@ def _loaded_springs(
     for n, stage in enumerate(design.stage, 1):
         load, hung, above = loads[n, 0], -loads[n, 1, 2], places.parent[n]
         rows = links.flexures(stage, load, hung, gravity)
-        if isinstance(stage, Keystone):
+        if isinstance(stage, derive.Keystone):
             row, coupling, wrong = links.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)
             faults += wrong

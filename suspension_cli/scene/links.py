@@ -47,24 +47,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS, GROUND
-from suspension_cli.design import materials
-from suspension_cli.design.derive import (
-    Keystone,
-    com_offset,
-    com_positions,
-    gravity_strength,
-    part_loss,
-    with_bodies_above,
-)
+from suspension_cli.design import derive, materials, towers
 from suspension_cli.design.links import Damper, EddyCurrent, Link, Strands
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.towers import (
-    ROUND_ROD,
-    filter_statics,
-    leg_inertia,
-    leg_statics,
-    tops,
-)
 from suspension_cli.errors import Fault
 from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene.arrays import Array, Row
@@ -96,10 +81,10 @@ class Places:
     @classmethod
     def of(cls, design: Design) -> Places:
         """The places of the bodies of a design."""
-        position = com_positions(design)
+        position = derive.com_positions(design)
         number = {name: n for n, name in enumerate(position)} | {GROUND: 0}
-        parent = [0, *(number[above] for _, above in with_bodies_above(design))]
-        offset = np.array([(0.0, 0.0, 0.0), *map(com_offset, design.stage)])
+        parent = [0, *(number[above] for _, above in derive.with_bodies_above(design))]
+        offset = np.array([(0.0, 0.0, 0.0), *map(derive.com_offset, design.stage)])
         return cls(number, parent, offset, np.array([*position.values()]))
 
     def between(self, upper: int, lower: int) -> Float[np.ndarray, " 3"]:
@@ -120,7 +105,7 @@ def of_stages(design: Design, places: Places) -> list[Row]:
             "stiffness": matrix(spring.stiffness),
             "damping": matrix(spring.damping),
             "preload": np.array(spring.preload),
-            "loss": part_loss(design, spring),
+            "loss": derive.part_loss(design, spring),
         }
         for n, stage in enumerate(design.stage, 1)
         for number, spring in enumerate(stage.spring, 1)
@@ -155,7 +140,7 @@ def of_links(design: Design, places: Places) -> list[Row]:
             "stiffness": link_stiffness(design, link, *ends),
             "damping": matrix(link.damping),
             "preload": np.array(link.preload) if first > second else -np.array(link.preload),
-            "loss": part_loss(design, link) if spectrum is None else 0.0,
+            "loss": derive.part_loss(design, link) if spectrum is None else 0.0,
             "spectrum": spectrum,
         }
         rows.append(row)
@@ -228,7 +213,7 @@ def wire_of(design: Design, given: Strands) -> RoundWire:
     made = materials.resolve(design, given.material)
     poisson = 0.3 if made.poisson_ratio is None else made.poisson_ratio
     assert made.youngs_modulus is not None
-    weight = gravity_strength(design) * (made.density or 0.0)
+    weight = derive.gravity_strength(design) * (made.density or 0.0)
     return RoundWire.of(given.diameter, made.youngs_modulus, poisson, weight)
 
 
@@ -262,7 +247,7 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
         if (table := stage.inverted_pendulum) is None:
             continue
         above, span = places.parent[n], np.array([0.0, 0.0, table.length])
-        for number, top in enumerate(tops(table), 1):
+        for number, top in enumerate(towers.tops(table), 1):
             foot, label = places.offset[n] + top - span, {"label": f"{stage.name}.leg{number}"}
             strut = {
                 "upper": above,
@@ -275,8 +260,8 @@ def legs(design: Design, places: Places) -> tuple[list[Row], list[Row]]:
             }
             struts.append(label | strut)
             if table.leg_mass or table.counterweight is not None:
-                bar = {"body": (above, n), "point": (foot, top), "inertia": leg_inertia(table)}
-                bars.append(label | bar)
+                ends = {"body": (above, n), "point": (foot, top)}
+                bars.append(label | ends | {"inertia": towers.leg_inertia(table)})
     return struts, bars
 
 
@@ -292,22 +277,22 @@ def flexures(stage: Stage, load: Array, hung: float, gravity: float) -> list[Row
     table = stage.inverted_pendulum
     if table is None:
         return []
-    numbers = leg_statics(table, -load[2], hung, gravity)
+    numbers = towers.leg_statics(table, -load[2], hung, gravity)
     length, tilt = table.length, table.top_stiffness
     across = (numbers.flexure + tilt) / length**2
-    yaw = numbers.flexure / ROUND_ROD if table.yaw_stiffness is None else table.yaw_stiffness
+    yaw = numbers.flexure / towers.ROUND_ROD if table.yaw_stiffness is None else table.yaw_stiffness
     stiffness = np.diag([across, across, 0.0, tilt, tilt, yaw])
     stiffness[0, 4] = stiffness[4, 0] = -tilt / length
     stiffness[1, 3] = stiffness[3, 1] = tilt / length
     own = {"stiffness": stiffness, "loss": numbers.loss, "leg": length}
     return [
         {"label": f"{stage.name}.leg{number}", "lower_point": top} | own
-        for number, top in enumerate(tops(table), 1)
+        for number, top in enumerate(towers.tops(table), 1)
     ]
 
 
 def filter_blades(
-    design: Design, keystone: Keystone, load: Array, hung: float, gravity: float
+    design: Design, keystone: derive.Keystone, load: Array, hung: float, gravity: float
 ) -> tuple[Row, float, list[Fault]]:
     """Spring of the blades of a filter under a load (6,) on its keystone, about the COM.
 
@@ -317,7 +302,7 @@ def filter_blades(
     """
     table = next(one.filter for one in design.stage if one.name == keystone.blades_of)
     assert table is not None
-    numbers = filter_statics(table, -load[2], hung, gravity)
+    numbers = towers.filter_statics(table, -load[2], hung, gravity)
     lateral, tilt = table.lateral_stiffness, table.tilt_stiffness
     lift = -load[2] if table.load is None else numbers.load
     row = {
