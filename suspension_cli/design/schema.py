@@ -297,9 +297,10 @@ def body_inertia(body: Any) -> Rows:
     A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a
     box m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
     """
-    mass, moments = body_mass(body), body.inertia
+    mass: float = body_mass(body)
+    moments: Any = body.inertia
     if moments is not None and isinstance(moments[0], list):
-        return tuple(map(tuple, moments))
+        return (*moments[0],), (*moments[1],), (*moments[2],)
     if body.shape == "box":
         a, b, c = (side**2 for side in body.size)
         moments = [mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12]

@@ -425,7 +425,8 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
         own = scale * (rest if piece.length is None else piece.length)
         shapes = cross_sections(piece)
         if isinstance(piece.radius, list):
-            shapes = taper(*piece.radius, piece.steps or STEPS)
+            upper, lower = piece.radius
+            shapes = taper(upper, lower, piece.steps or STEPS)
         name = piece.material or wire.material
         found += [Stretch(own / len(shapes), name, shape) for shape in shapes]
     return found
