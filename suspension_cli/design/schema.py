@@ -308,6 +308,7 @@ def body_inertia(body: Any) -> Rows:
         radii = body.radius**2 + (body.inner_radius or 0.0) ** 2
         moments = [mass * (3 * radii + body.length**2) / 12] * 3
         moments["xyz".index(body.axis or "x")] = mass * radii / 2
+    assert moments is not None
     a, b, c = moments
     return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
 
