@@ -29,9 +29,9 @@ from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Setting
 from suspension_cli.analyses.python_functions import describe, python_names
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
-from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.reader import Source
+from suspension_cli.design.schema import body_mass
 from suspension_cli.errors import InputError, PendsusWarning
 
 Grid = str | float | Sequence[float] | np.ndarray

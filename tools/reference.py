@@ -25,9 +25,9 @@ from suspension_cli import errors
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
+    control,
     imperfections,
     links,
-    losses,
     materials,
     schema,
     towers,
@@ -40,7 +40,7 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, imperfections, wires, links, towers, losses)
+MODULES = (schema, control, imperfections, wires, links, towers, materials)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))

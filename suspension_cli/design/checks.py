@@ -19,8 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import faults, foton, materials, units
-from suspension_cli.design.bodies import Body, body_mass, half_sides, second_moments, volume
+from suspension_cli.design import faults, foton, materials, schema, units
 from suspension_cli.design.derive import (
     add_keystones,
     com_positions,
@@ -31,8 +30,8 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
-from suspension_cli.design.losses import MECHANISMS
-from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.design.materials import MECHANISMS
+from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.towers import SUFFIX, leg_count
 from suspension_cli.design.units import OSMIUM
@@ -275,10 +274,8 @@ def _check_links(design: Design) -> Problems:
 
 def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Problems:
     """Check that wires reach from end to end in their shape."""
-    position = com_positions(add_keystones(design)) | dict.fromkeys(
-        (SUPPORT, GROUND), (0.0, 0.0, 0.0)
-    )
-    first, second = (position[name] for name in link.between)
+    position = com_positions(add_keystones(design))
+    first, second = (position[SUPPORT if name == GROUND else name] for name in link.between)
     x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
     width = math.hypot(x, y)
     if given.shape == "points":
@@ -319,16 +316,14 @@ def find_active(
         if angle and (problem := _negative(part.stiffness)):
             problem = f"is that of a stiffness that {problem}, so it drives the motion"
             yield part, fault_of(part, path, "loss_angle", problem, "give loss_angle = 0.0")
-        table = part.table if isinstance(part, Link) else None
-        for n, row in enumerate(table.imaginary if table is not None else ()):
-            if table is not None and min(row) < 0:
-                at = table.frequency[row.index(min(row))]
-                problem = (
-                    f"is negative along {table.axis or DOFS[n]} at {at:g} Hz, so it drives the"
-                    " motion instead of damping it"
-                )
+        if (table := getattr(part, "table", None)) is None:
+            continue
+        for n, row in enumerate(table.imaginary):
+            if (least := min(row)) < 0:
+                at = f"along {table.axis or DOFS[n]} at {table.frequency[row.index(least)]:g} Hz"
+                problem = f"is negative {at}, so it drives the motion instead of damping it"
                 where = f"{path}.table.imaginary"
-                yield part, Fault(where, problem, "make it positive", f"{min(row):g}")
+                yield part, Fault(where, problem, "make it positive", f"{least:g}")
 
 
 def _negative(given: units.Matrix6 | None) -> str:
@@ -393,14 +388,11 @@ def _check_planes(design: Design) -> Iterator[Row]:
             given = getattr(loop, key) or ""
             text = given if isinstance(given, str) else given.design or ""
             if factors := foton.find_without_plane(text):
-                problem = (
-                    f"{' and '.join(factors)} without a plane: in rad/s by Foton's rule, not in Hz,"
-                    " with another gain at 0 Hz than 1"
-                )
-                bare = factors[0][:-1]
-                remedy = (
-                    f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is meant'
-                )
+                what, bare = " and ".join(factors), factors[0][:-1]
+                problem = f"{what} without a plane: in rad/s by Foton's rule, not in Hz,"
+                problem += " with another gain at 0 Hz than 1"
+                remedy = f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is'
+                remedy += " meant"
                 yield f"control.loop.{loop.name}.{key}", problem, remedy, format_value(text), True
 
 
@@ -418,7 +410,7 @@ def _check_density(body: Body) -> Iterator[Row]:
     of the homogeneous ellipsoid, whose half axes have the squares 5 S_i / m with the second moments
     S_i of the mass m: the most compact body of these moments, so a lower bound.
     """
-    mass, moments = body_mass(body), second_moments(body)
+    mass, moments = schema.body_mass(body), schema.second_moments(body)
     if min(moments) < -1e-6 * max(moments):
         problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
         remedy, shown = "check the three moments, in kg m^2", format_value(body.inertia)
@@ -427,7 +419,8 @@ def _check_density(body: Body) -> Iterator[Row]:
     if body.density is not None or min(moments) <= 1e-6 * max(moments):
         return  # a density that is given has its own range; a plate or rod has no volume
     axes = math.prod(5 * moment / mass for moment in moments)
-    density = mass / (4 * math.pi / 3 * math.sqrt(axes) if body.shape is None else volume(body))
+    ellipsoid = 4 * math.pi / 3 * math.sqrt(axes)
+    density = mass / (ellipsoid if body.shape is None else schema.volume(body))
     if AIR <= density <= OSMIUM:
         return
     key, units = ("inertia", OF_INERTIA) if body.shape is None else ("mass", OF_SHAPE)
@@ -466,7 +459,7 @@ def _check_point(body: Body | None, point: Span, keys: list[str], what: str) -> 
     """Report the coordinate of a point of a body that lies furthest outside it."""
     if body is None:
         return
-    halves = half_sides(body)
+    halves = schema.half_sides(body)
     inferred = 1.0 if body.shape is not None else INFERRED
     limits = [inferred * half + BEYOND * max(halves) for half in halves]
     far = [abs(value) / limit for value, limit in zip(point, limits, strict=True)]

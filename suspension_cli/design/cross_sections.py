@@ -179,7 +179,7 @@ def _decays(ratio: float) -> list[tuple[int, float]]:
 
 
 def relaxation(phase: Frequencies, order: float) -> Spectrum:
-    """Thermoelastic loss angle of bending over its strength Delta (see `losses`).
+    """Thermoelastic loss angle of bending over its strength Delta (see `materials`).
 
     Stretched material cools and compressed material warms; in a bent wire, heat flows from the
     compressed to the stretched side and back (Zener, Phys. Rev. 53, 90 (1938)). With theta the

@@ -153,11 +153,9 @@ class Measured(Table, frozen=True):
     @property
     def modes(self) -> tuple[list[Mode], ...]:
         """Measured modes of each experiment."""
-        return (
-            (self.mode or [],)
-            if self.experiment is None
-            else tuple(item.mode for item in self.experiment)
-        )
+        if self.experiment is None:
+            return (self.mode or [],)
+        return tuple(item.mode for item in self.experiment)
 
     def where(self, n: int) -> str:
         """Key path of an experiment, as prefix for its modes."""

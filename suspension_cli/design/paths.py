@@ -128,11 +128,8 @@ def twins(path: str) -> tuple[str, ...]:
     ('stage.test.body.inertia.1.2', 'stage.test.body.inertia.2.1')
     """
     *head, row, column = path.split(".") if path.count(".") > 1 else ("", "", path)
-    return (
-        (path, ".".join([*head, column, row]))
-        if row.isdigit() and column.isdigit() and row != column
-        else (path,)
-    )
+    mirrored = row.isdigit() and column.isdigit() and row != column
+    return (path, ".".join([*head, column, row])) if mirrored else (path,)
 
 
 def settings(values: Mapping[str, float]) -> tuple[str, ...]:

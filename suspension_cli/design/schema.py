@@ -1,4 +1,4 @@
-"""Design file format as frozen types: keys, units and bounds.
+"""Design file format as frozen types: keys, units and bounds; mass and inertia of bodies.
 
 `pendsus schema` prints these types as JSON Schema; `faults.py` checks files against it. Rules
 across tables are in `checks.py`.
@@ -7,23 +7,33 @@ across tables are in `checks.py`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Annotated
-
-from msgspec import Meta
+from typing import Annotated, Any, Literal
 
 from suspension_cli.conventions import AVOGADRO, DOFS
-from suspension_cli.design import foton, tables, units
-from suspension_cli.design.bodies import Body
+from suspension_cli.design import tables, units
+from suspension_cli.design.control import Control
 from suspension_cli.design.imperfections import Distribution as Distribution
 from suspension_cli.design.imperfections import Perturbation, Tolerance
 from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
-from suspension_cli.design.losses import MaterialLoss
-from suspension_cli.design.sensors import NoiseSpectrum, Osem, Reference, SpectralDensity
+from suspension_cli.design.materials import Material
 from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
+
+LEAST_INERTIA = 1e-30
+"""Smallest moment of inertia, kg m^2: that of a microgram of less than a nanometre."""
+THINNEST = 1e-12
+"""Smallest ratio of two moments of inertia: that of a rod a millionth as thick as long."""
+MOST_MASS = 1e9
+"""Largest mass that follows from a density, kg: that of a given mass."""
+KEYS = {
+    None: (["mass", "inertia"], []),
+    "cylinder": (["radius", "length"], ["axis", "inner_radius", "mass", "density"]),
+    "box": (["size"], ["mass", "density"]),
+}
+"""Keys that a body without a shape, and each shape, needs, and others that it takes."""
+
+Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
 class Header(Table, frozen=True):
@@ -53,24 +63,6 @@ class Constants(Table, frozen=True):
         if isinstance(self.gravity, list) and not self.gravity[2] < 0:
             remedy = "give [x, y, z] with z below 0: [0.0, 0.0, -9.81]"
             yield "gravity", "does not point down, so that nothing hangs", remedy
-
-
-class Material(Table, frozen=True):
-    """A material of wires or blades; defaults are those of the built-in one of the same name."""
-
-    youngs_modulus: units.Modulus | None = key("Young's modulus in Pa")
-    poisson_ratio: float | None = key("for twisting; 0.3 if not given", unit="1", gt=-1, lt=0.5)
-    density: units.Density | None = None
-    thermal_expansion: units.Expansion | None = None
-    modulus_slope: units.ModulusSlope | None = None
-    specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
-    thermal_conductivity: float | None = key("in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6)
-    tensile_strength: units.Strength | None = key(
-        "stress in Pa at which it breaks (blades: yields)"
-    )
-    loss_angle: units.LossAngle | None = key("constant loss angle in rad, short for loss.angle")
-    loss: MaterialLoss | None = None
-    source: str = key("where the numbers come from", "")
 
 
 class Gas(Table, frozen=True):
@@ -163,6 +155,48 @@ class Support(Table, frozen=True):
                 yield f"damping.{dof}", "damps a rigid direction", remedy
 
 
+class Body(Table, frozen=True):
+    """A rigid body: mass and inertia, or a homogeneous shape with a mass or a density."""
+
+    mass: units.Mass | None = None
+    inertia: list[units.Inertia | units.Row3] | None = key(
+        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2", count=3
+    )
+    shape: Literal["cylinder", "box"] | None = key("homogeneous shape, instead of inertia")
+    axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
+    radius: units.BodySize | None = key("radius of a cylinder, m")
+    inner_radius: units.BodySize | None = key("inner radius of a hollow cylinder, m")
+    length: units.BodySize | None = key("length of a cylinder, m")
+    size: tuple[units.BodySize, units.BodySize, units.BodySize] | None = key(
+        "sides of a box along x, y and z, m"
+    )
+    density: units.Density | None = key("density of a shape in kg/m^3, instead of a mass")
+
+    def check(self) -> Problems:
+        """Check that a rigid body can have this mass and inertia."""
+        import numpy as np
+
+        mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
+        if not tables.LEAST_MASS <= mass <= MOST_MASS:
+            problem = f"the body has {mass:.3g} kg, not {tables.LEAST_MASS:g} to {MOST_MASS:g} kg"
+            yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
+        elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
+            key, remedy = "", "check the sizes, in m"
+            if self.shape is None:
+                key, remedy = "inertia", "give moments in kg m^2, products with the right signs"
+            problem = (
+                f"has a moment of inertia of {moments[0]:.3g} kg m^2, not positive or too small"
+            )
+            yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
+
+    rules = (
+        tables.by_kind("shape", KEYS),
+        tables.symmetric("inertia", tolerance=1e-12),
+        tables.exactly_one("mass", "density", when=lambda body: body.shape is not None),
+        tables.ordered("inner_radius", "radius", "give a smaller hole"),
+    )
+
+
 class Stage(Table, frozen=True):
     """A body and what it hangs on."""
 
@@ -212,165 +246,6 @@ class Stage(Table, frozen=True):
         return [*([self.blades] if self.blades is not None else []), *self.blade]
 
 
-Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
-Root = Annotated[
-    list[Hertz | Annotated[list[Hertz], doc(count=2)]],
-    doc("roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
-]
-
-
-class GainAt(Table, frozen=True):
-    """Magnitude of a filter at one frequency, which sets its gain."""
-
-    frequency: units.Frequency
-    magnitude: units.Number = key("|H| there, N/m (N m/rad); if negative, reverses the sign of H")
-
-
-FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
-
-
-class DigitalFilter(Table, frozen=True):
-    """A digital filter: sections of a Foton filter file, or a design with a sample rate."""
-
-    file: str | None = key("Foton filter file (.txt) of a front end, from this file's folder")
-    module: str | None = key("name of the filter module in the file: M0_DAMP_L")
-    sections: list[Annotated[int, Meta(ge=1, le=10)]] = key("sections that are on: 1 is FM1", [])
-    design: str | None = key(f"{FOTON}, made digital as Foton does; of a file, its sections")
-    rate: float | None = key("sample rate in Hz of the design", unit="Hz", gt=0, le=1e9)
-    gain: float = key("factor on the filter", 1.0, unit="1", ge=-1e12, le=1e12)
-    source: str = key("where the design comes from; filled in for a file", "")
-
-    rules = (
-        tables.exactly_one("file", "design"),
-        tables.needs("file", "module"),
-        tables.needs("file", "sections"),
-        tables.together("design", "rate"),
-    )
-
-    def check(self) -> Problems:
-        """Check that a file was read."""
-        if self.file is not None:
-            remedy = "read the design from its file, or give design and rate"
-            yield "file", "is read only with a design file, not with its text alone", remedy
-
-
-def make_response(given: str | DigitalFilter) -> foton.Filter:
-    """Make the filter that a key gives; raises `FotonError`."""
-    if isinstance(given, str):
-        return foton.parse(given)
-    made = foton.parse(given.design or "gain(1)", given.rate or 0.0)
-    return replace(made, gain=made.gain * given.gain)
-
-
-class Loop(Table, frozen=True):
-    """One local control loop from a sensor y to an actuator u = -H(f) R(f) exp(-2 pi i f T) y.
-
-    H is a velocity damper, or gain times the product of (i f + z) over zeros z divided by that of
-    (i f + p) over poles p, or a Foton string; R the response of the sensor, T a delay.
-    """
-
-    name: units.Name
-    sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
-    actuator: str = key("a force or torque on a stage: upper.force_x")
-    reference: Reference = key(
-        '"support": between body and support structure; "inertial": inertial space',
-        "support",
-    )
-    damper: float | None = key("force per velocity, N s/m (N m s/rad)", ge=-1e12, le=1e12)
-    gain: units.Number | None = key(
-        "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-        " times Hz^(number of poles - number of zeros)"
-    )
-    zeros: Root = []
-    poles: Root = []
-    filter: str | DigitalFilter | None = key(
-        f"H in N/m (N m/rad) as {FOTON}; or a digital filter: sections of a Foton filter file"
-    )
-    gain_at: GainAt | None = key("sets the gain of zeros and poles, or of filter")
-    delay: float = key("delay of the loop in s, exp(-2 pi i f delay)", 0.0, unit="s", ge=0, le=10.0)
-    sensor_response: str | DigitalFilter | None = key(
-        f"reading over motion of the sensor: {FOTON}; or a digital filter"
-    )
-    sensor_noise: SpectralDensity | NoiseSpectrum = key(
-        "as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, {asd, corner} or {frequency, asd}", 0.0
-    )
-    actuator_noise: float = key("flat, N/sqrt(Hz) or N m/sqrt(Hz)", 0.0, ge=0, le=1e3)
-
-    rules = (
-        tables.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
-        tables.excludes("gain_at", "damper", "gain"),
-        tables.excludes(
-            "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
-        ),
-        tables.excludes(
-            "damper", "zeros", "poles", problem="conflicts with damper, which has none"
-        ),
-    )
-
-    def check(self) -> Problems:
-        """Check that the gain can be set, and does not grow without bound."""
-        for name in given(self, "filter", "sensor_response"):
-            try:
-                make_response(getattr(self, name))
-            except foton.FotonError as error:
-                yield name, error.problem, error.remedy
-                return
-        if self.gain_at is not None:
-            size = abs(self.without_gain_at.at(self.gain_at.frequency))
-            if not 0 < size < math.inf or self.gain_at.magnitude == 0:
-                problem = "the gain cannot be set where the filter is 0 or infinite, or to 0"
-                yield "gain_at", problem, "give another frequency or magnitude"
-                return
-        whole = self.controller_and_sensor.continuous
-        zeros, poles = len(whole.zeros), len(whole.poles)
-        if zeros <= poles or (self.damper is not None and self.sensor_response is None):
-            return  # a damper acts on the velocity, which is known
-        key = given(self, "filter", "sensor_response", "zeros")[0]
-        what = "a filter" if self.sensor_response is None else "a filter and sensor"
-        problem = f"{what} with more zeros ({zeros}) than poles ({poles}) cannot be built"
-        yield key, problem, "add poles, or its gain grows with frequency without bound"
-
-    @property
-    def without_gain_at(self) -> foton.Filter:
-        """The filter H before `gain_at` is applied, without sensor and delay."""
-        if self.damper is not None:
-            return foton.Filter(2 * math.pi * self.damper, (0j,))
-        if self.filter is not None:
-            return make_response(self.filter)
-        gain = (1.0 if self.gain_at is not None else 0.0) if self.gain is None else self.gain
-        return foton.Filter(gain, expand_roots(self.zeros), expand_roots(self.poles))
-
-    @property
-    def controller(self) -> foton.Filter:
-        """The filter H, without sensor and delay."""
-        bare = self.without_gain_at
-        if self.gain_at is None:
-            return bare
-        size = abs(bare.at(self.gain_at.frequency))
-        return replace(bare, gain=bare.gain * self.gain_at.magnitude / size)
-
-    @property
-    def controller_and_sensor(self) -> foton.Filter:
-        """The filter from motion to force: controller and sensor, without the delay."""
-        made = self.controller
-        return made if self.sensor_response is None else made * make_response(self.sensor_response)
-
-
-def expand_roots(given: Sequence[float | list[float]]) -> tuple[complex, ...]:
-    """List roots in Hz as complex numbers; a pair [re, im] stands for both conjugates."""
-    pairs = ((one, [one[0], -one[1]]) if isinstance(one, list) else ([one],) for one in given)
-    return tuple(complex(*root) for pair in pairs for root in pair)
-
-
-class Control(Table, frozen=True):
-    """Local control."""
-
-    loop: list[Loop] = key(min_length=1)
-    osem: list[Osem] = key("sensors and coils at points of stages", [])
-
-    rules = (tables.unique("loop", "osem"),)
-
-
 class Design(Table, frozen=True):
     """A whole design file."""
 
@@ -399,6 +274,62 @@ class Design(Table, frozen=True):
         """All elements between two bodies, each behind the name of its kind of table."""
         kinds = ("link", "damper", "cavity")
         return [(kind, row) for kind in kinds for row in getattr(self, kind)]
+
+
+def body_mass(body: Body) -> float:
+    """Compute the mass of a body in kg, given or from density and shape."""
+    if body.mass is not None:
+        return body.mass
+    assert body.density is not None
+    return body.density * volume(body)
+
+
+def volume(body: Any) -> float:
+    """Compute the volume of a shape in m^3."""
+    if body.shape == "box":
+        return math.prod(body.size)
+    return math.pi * (body.radius**2 - (body.inner_radius or 0.0) ** 2) * body.length
+
+
+def body_inertia(body: Any) -> Rows:
+    """Compute the inertia tensor about the COM in kg m^2, given or of a homogeneous shape.
+
+    A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a
+    box m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
+    """
+    mass: float = body_mass(body)
+    moments: Any = body.inertia
+    if moments is not None and isinstance(moments[0], list):
+        return (*moments[0],), (*moments[1],), (*moments[2],)
+    if body.shape == "box":
+        a, b, c = (side**2 for side in body.size)
+        moments = [mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12]
+    elif body.shape == "cylinder":
+        radii = body.radius**2 + (body.inner_radius or 0.0) ** 2
+        moments = [mass * (3 * radii + body.length**2) / 12] * 3
+        moments["xyz".index(body.axis or "x")] = mass * radii / 2
+    assert moments is not None
+    a, b, c = moments
+    return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
+
+
+def second_moments(body: Body) -> tuple[float, float, float]:
+    """Integrate x^2, y^2, z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
+    rows = body_inertia(body)
+    half = (rows[0][0] + rows[1][1] + rows[2][2]) / 2
+    return half - rows[0][0], half - rows[1][1], half - rows[2][2]
+
+
+def half_sides(body: Any) -> list[float]:
+    """Compute half the size of a body along x, y, z, m; else that of the box of its inertia."""
+    if body.shape == "box":
+        return [side / 2 for side in body.size]
+    if body.shape == "cylinder":
+        halves = [body.radius] * 3
+        halves["xyz".index(body.axis or "x")] = body.length / 2
+        return halves
+    mass = body_mass(body)
+    return [math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body)]
 
 
 def json_schema() -> Schema:

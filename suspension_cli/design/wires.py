@@ -404,11 +404,9 @@ def thinnest(wire: WireSet | Wire | WireSection) -> float | None:
     """Find the smallest cross-section of a wire, m^2, where stress is largest; None if unknown."""
     if not isinstance(wire, WireSection) and isinstance(wire.profile, Profile):
         return math.pi * min(wire.profile.diameter) ** 2 / 4
-    given = None if isinstance(wire, WireSection) else given_sections(wire)
-    tables = given or [wire]
-    return min(
-        (shape.least_area for table in tables for shape in cross_sections(table)), default=None
-    )
+    tables = (None if isinstance(wire, WireSection) else given_sections(wire)) or [wire]
+    areas = (shape.least_area for table in tables for shape in cross_sections(table))
+    return min(areas, default=None)
 
 
 def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
@@ -422,20 +420,13 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
     given = sum(piece.length or 0.0 for piece in sections)
     rest = length - given if any(piece.length is None for piece in sections) else 0.0
     scale = 1.0 if rest.real > 0 else length / given
-    return [
-        one
-        for piece in sections
-        for one in _steps(
-            piece, scale * (rest if piece.length is None else piece.length), wire.material
-        )
-    ]
-
-
-def _steps(piece: WireSection, length: float, material: str | None) -> list[Stretch]:
-    name = piece.material or material
-    if isinstance(piece.radius, list):
-        upper, lower = piece.radius
-        shapes = taper(upper, lower, STEPS if piece.steps is None else piece.steps)
-    else:
+    found: list[Stretch] = []
+    for piece in sections:
+        own = scale * (rest if piece.length is None else piece.length)
         shapes = cross_sections(piece)
-    return [Stretch(length / len(shapes), name, shape) for shape in shapes]
+        if isinstance(piece.radius, list):
+            upper, lower = piece.radius
+            shapes = taper(upper, lower, piece.steps or STEPS)
+        name = piece.material or wire.material
+        found += [Stretch(own / len(shapes), name, shape) for shape in shapes]
+    return found

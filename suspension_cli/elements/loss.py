@@ -1,7 +1,7 @@
 """Loss angles of wires and blades against frequency, and the drag of a thin gas.
 
-Loss angles are sums over the mechanisms of `design.losses`, finite at zero frequency. `omega` is in
-rad/s, not negative, or complex (of a damped mode).
+Loss angles are sums over the mechanisms of `design.materials`, finite at zero frequency. `omega` is
+in rad/s, not negative, or complex (of a damped mode).
 
 The gas is so thin that its molecules do not collide with each other. They leave a surface in random
 directions (diffuse reflection, at the temperature of the gas). m is the mass of a molecule, n their

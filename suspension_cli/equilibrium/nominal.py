@@ -27,7 +27,6 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import apply
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import expand as scene_expand
-from suspension_cli.scene import tensions
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose, layout
 from suspension_cli.scene.scene import Scene
@@ -159,12 +158,12 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
     result = (to_body[blades.body] @ weight[..., None])[..., 0]
     for body in sorted(set(wires.lower[wires.blade >= 0].tolist())):
         own = np.flatnonzero(wires.lower == body)
-        wrenches = tensions.wire_wrenches(now.direction[own], now.lower_arm[own])
+        wrenches = scene_expand.wire_wrenches(now.direction[own], now.lower_arm[own])
         along = (to_body[wires.upper[own]] @ now.direction[own][..., None])[..., 0]
-        strain = tensions.strains(
+        strain = scene_expand.strains(
             wires.stiffness[own], along, wires.blade[own], blades.axes, blades.stiffness
         )
-        tension, _ = tensions.least_energy(wrenches, -(wrenches.T @ now.tension[own]), strain)
+        tension, _ = scene_expand.least_energy(wrenches, -(wrenches.T @ now.tension[own]), strain)
         for n, wire in enumerate(own):
             if wires.blade[wire] >= 0:
                 result[wires.blade[wire]] -= tension[n] * along[n]

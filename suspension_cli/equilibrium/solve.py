@@ -21,8 +21,7 @@ from suspension_cli.equilibrium.tree import residual_scale
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.pose import Layout, Pose, layout, nominal_pose
-from suspension_cli.scene.scene import Scene
-from suspension_cli.scene.stack import scale_imperfections, select_scenes
+from suspension_cli.scene.scene import Scene, scale_imperfections, select_scenes
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact

@@ -17,21 +17,22 @@ from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError, attribute_faults_to
 from suspension_cli.files import bounded
-from suspension_cli.importing.bodies import (
+from suspension_cli.importing.save import (
     GRAVITY,
     Body,
+    Tables,
     Wire,
     hinge_notes,
     names_of,
     order,
     plain,
     read_bodies,
+    read_tables,
     symmetric,
     turned,
     turned_matrix,
     word,
 )
-from suspension_cli.importing.save import Tables, read_tables
 
 RIGID = 1e9
 """Stiffness of what SUMCON takes as rigid, N/m or N m/rad."""
@@ -96,21 +97,15 @@ def read_columns(folder: Path, name: str) -> np.ndarray:
     key = f"stiffness table {plain(name)}"
     file = folder / f"{name}.txt"
     if not re.fullmatch(r"\w{1,60}", name, re.ASCII) or not file.exists():
-        problem, remedy = (
-            "is not in a folder HeatLink near the save",
-            "name its folder with --tables",
-        )
-        raise InputError.of(key, problem, remedy)
+        problem = "is not in a folder HeatLink near the save"
+        raise InputError.of(key, problem, "name its folder with --tables")
     lines = bounded.read_text(file, bounded.TOML, "a stiffness table").splitlines()
     try:
         columns = np.array([line.split() for line in lines if line.strip()], dtype=float).T
     except ValueError:
         columns = np.empty((0, 0))
-    if (
-        columns.shape[0] != 3
-        or not np.isfinite(columns).all()
-        or np.diff(columns[0], prepend=0).min() <= 0
-    ):
+    good = columns.shape[0] == 3 and np.isfinite(columns).all()
+    if not good or np.diff(columns[0], prepend=0).min() <= 0:
         remedy = "give lines of frequency (ascending), real and imaginary part"
         raise InputError.of(key, "is not a table of three columns", remedy)
     return columns
@@ -134,15 +129,10 @@ def _convert(
         lines += _damper(row, bodies, notes)
     for row in tables["HL"]:
         lines += _link(row, bodies, columns, files, notes)
-    first = [
-        "# Converted by `pendsus import` from a save of SUMCON, whose x, y, z are y, z, x here."
-    ]
-    if notes:
-        first += [
-            "# Otherwise than in SUMCON, or not taken over:",
-            *(f"#   {one}" for one in notes),
-        ]
-    return Imported("\n".join([*first, *table("design", head), *lines, ""]), notes, files)
+    first = "# Converted by `pendsus import` from a save of SUMCON, whose x, y, z are y, z, x here."
+    others = ["# Otherwise than in SUMCON, or not taken over:"] if notes else []
+    others += [f"#   {note}" for note in notes]
+    return Imported("\n".join([first, *others, *table("design", head), *lines, ""]), notes, files)
 
 
 def _material(row: list[Any]) -> list[str]:
@@ -196,8 +186,7 @@ def _wire_set(body: Body, on_keystone: bool, tables: Tables) -> Iterator[str]:
     if on_keystone:
         shape.pop("d_upper", None)
     keys = {"count": count, "l": body.length} | shape | _elastic(wire, tables)
-    doubt = _doubt(body.wires[0], tables)
-    yield from table("stage.wires", keys, f"SUMCON: {names_of(body.wires)}", k=doubt)
+    yield from table("stage.wires", keys, f"SUMCON: {names_of(body.wires)}")
     if wire.spring is not None and not on_keystone:
         names = ", ".join(plain(one.spring[7]) for one in body.wires if one.spring)
         keys = {"count": count} | _blade(wire.spring, body)
@@ -211,7 +200,7 @@ def _wire(wire: Wire, start: np.ndarray, body: Body, tables: Tables) -> Iterator
     if wire.spring is not None:
         keys["blade"] = word(wire.spring[7], "blade")
     keys |= _elastic(wire, tables)
-    yield from table("[stage.wire]", keys, f"SUMCON: {wire.name}", k=_doubt(wire, tables))
+    yield from table("[stage.wire]", keys, f"SUMCON: {wire.name}")
     if wire.spring is not None:
         yield from table("[stage.blade]", {"name": keys["blade"]} | _blade(wire.spring, body))
 
@@ -225,18 +214,6 @@ def _elastic(wire: Wire, tables: Tables) -> dict[str, Any]:
         keys["radius"] = wire.diameter / 2
     bends = {"clamp": "bending-point"} if wire.bend else {"bending": "hinged"}
     return keys | {"k": wire.k, "torsion": wire.torsion} | bends
-
-
-def _doubt(wire: Wire, tables: Tables) -> str:
-    """Comment on a spring constant that is not that of the material and the cross-section."""
-    whole, own = wire.natural + 2 * wire.bend, (wire.diameter, wire.end_diameter)
-    ends = min(2 * wire.end_length, whole) if own[0] != own[1] else 0.0
-    if min(own) <= 0:
-        return ""
-    softness = (whole - ends) / own[0] ** 2 + ends / own[1] ** 2
-    usual = tables["mat"][wire.material][2] * 1e9 * math.pi / 4 / softness
-    differs = abs(wire.k - usual) > 0.01 * usual
-    return f"material and cross-section give {usual:.5g} N/m" if differs else ""
 
 
 def _blade(spring: list[Any], body: Body) -> dict[str, float]:
@@ -343,11 +320,9 @@ def _joined(
         return None
     point, other = (ends[0] + ends[1]) / 2, second.name
     if first.ground or second.ground:
-        body, point, ground = (second, ends[1], first) if first.ground else (first, ends[0], second)
-        first, other = (
-            body,
-            "support" if ground is next(one for one in bodies if one.ground) else "ground",
-        )
+        ground, body, point = (first, second, ends[1]) if first.ground else (second, first, ends[0])
+        is_first = ground is next(one for one in bodies if one.ground)
+        first, other = body, "support" if is_first else "ground"
     if (apart := math.dist(*ends)) > 1e-3:
         notes.append(f"{kind} {name} acts at one point; its two in SUMCON are {apart:.3g} m apart")
     return {"name": name, "between": [first.name, other], "at": point - first.place}
@@ -383,10 +358,8 @@ def _link(
         return []
     along = math.atan(-span[2] / span[0]) if span[0] else math.copysign(math.pi / 2, -span[2])
     if any(map(any, names)):
-        own = [
-            columns(names[n][n]) if names[n][n] else matrix[n, n] * (1 + 1j * loss)
-            for n in range(6)
-        ]
+        file_of, constant = np.diag(np.array(names, object)), matrix.diagonal() * (1 + 1j * loss)
+        own = [columns(a) if a else b for a, b in zip(file_of, constant, strict=True)]
         if any(names[a][b] for a in range(6) for b in range(6) if a != b):
             notes.append(f"heat link {name}: tables beside the diagonal are left out")
         if abs(math.sin(2 * along)) > 1e-9 and names[0][0] != names[2][2]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.design.losses import Bulk
+from suspension_cli.design.materials import Bulk
 from suspension_cli.elements.dynamic_wire import PARTS
 from suspension_cli.linear.frequency_terms import (
     EvaluatedWires,

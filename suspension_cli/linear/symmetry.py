@@ -27,8 +27,7 @@ from suspension_cli.conventions import PARITY_X, PARITY_Y
 from suspension_cli.elimination import connected_groups
 from suspension_cli.scene.arrays import frames, inner_axes, signed
 from suspension_cli.scene.pose import Layout
-from suspension_cli.scene.scene import Scene
-from suspension_cli.scene.stack import select_scenes
+from suspension_cli.scene.scene import Scene, select_scenes
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

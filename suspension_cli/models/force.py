@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.bodies import body_inertia, body_mass
 from suspension_cli.design.derive import (
     beyond_symmetric_chains,
     blade_stiffness,
@@ -40,7 +39,7 @@ from suspension_cli.design.derive import (
     wire_signs,
     wire_stiffness,
 )
-from suspension_cli.design.schema import Design
+from suspension_cli.design.schema import Design, body_inertia, body_mass
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.models.surroundings import surroundings_key

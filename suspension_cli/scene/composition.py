@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from suspension_cli.design.cross_sections import CrossSection
-from suspension_cli.design.losses import Mechanism
+from suspension_cli.design.materials import Mechanism
 from suspension_cli.design.schema import Gas
 from suspension_cli.scene.arrays import Array
 

@@ -15,29 +15,34 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.bodies import body_inertia, body_mass
-from suspension_cli.design.derive import (
-    Keystone,
-    blade_stiffness,
-    gives_natural_lengths,
-    gravity_field,
-    gravity_strength,
-    part_loss,
-    set_geometry,
-    wire_loss,
-    wire_mass_moments,
-    wire_stiffness,
-)
-from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design import derive
+from suspension_cli.design.schema import Body, Design, Stage, body_inertia, body_mass
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.scene import links, stack, tensions
+from suspension_cli.rotations import cross
+from suspension_cli.scene import links
 from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
 from suspension_cli.scene.links import Places
-from suspension_cli.scene.scene import Bars, Blades, Bodies, Field, Scene, Springs, Wires
+from suspension_cli.scene.scene import (
+    Bars,
+    Blades,
+    Bodies,
+    Field,
+    Scene,
+    Springs,
+    Wires,
+    select_scenes,
+)
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float, Inexact
+
+BALANCE = 1e-9
+"""Residual force, over the weight, and torque, over the weight times 1 m, that count as 0."""
+TORQUES = 1e-3
+"""Weight (1/m) of torques relative to forces in a load that cannot be balanced."""
+ROUNDING = 1e-12
+"""Relative difference of tensions that are equal but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,11 @@ class Members:
         )
 
     @property
+    def bodies(self) -> list[Body]:
+        """Tables of the bodies of all stages."""
+        return [stage.body for stage in self.design.stage]
+
+    @property
     def topology(self) -> Hashable:
         """What designs have in common whose scenes can be one batch."""
         wires, blades = chain.from_iterable(self.wires), [*chain.from_iterable(self.blades)]
@@ -117,7 +127,7 @@ def expand_as_drawn(design: Design) -> Scene:
     scene, faults = balance_as_drawn([Members.of(design)])
     if faults:
         raise InputError(faults[0])
-    return stack.select_scenes(scene, 0)
+    return select_scenes(scene, 0)
 
 
 def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fault]]]:
@@ -129,7 +139,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     """
     one = each[0]
     design, parent = one.design, one.places.parent
-    gravity, field, count = gravity_strength(design), gravity_field(design), len(each)
+    gravity, field, count = derive.gravity_strength(design), derive.gravity_field(design), len(each)
     wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
     blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
     wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
@@ -138,38 +148,36 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     springs = gather(Springs, [members.springs for members in each])
     bodies = Bodies(
         name=tuple(stage.name for stage in design.stage),
-        mass=np.array([[body_mass(stage.body) for stage in own.design.stage] for own in each]),
-        inertia=np.array(
-            [[body_inertia(stage.body) for stage in own.design.stage] for own in each]
-        ),
+        mass=np.array([[body_mass(body) for body in own.bodies] for own in each]),
+        inertia=np.array([[body_inertia(body) for body in own.bodies] for own in each]),
         position=np.array([own.places.position for own in each]),
     )
     loads = _weights(gravity, bodies, wires, blades, bars)
     for n, (upper, lower) in enumerate(zip(springs.upper, springs.lower, strict=True)):
         preload = springs.preload[:, n]
-        loads[:, lower, 0] += tensions.move_wrench(preload, springs.lower_point[:, n])
-        loads[:, upper, 0] -= tensions.move_wrench(preload, springs.upper_point[:, n])
+        loads[:, lower, 0] += move_wrench(preload, springs.lower_point[:, n])
+        loads[:, upper, 0] -= move_wrench(preload, springs.upper_point[:, n])
     offset = np.array([own.places.offset for own in each])
     for n in range(len(design.stage), 0, -1):
-        loads[:, parent[n]] += tensions.move_wrench(loads[:, n], offset[:, n, None])
+        loads[:, parent[n]] += move_wrench(loads[:, n], offset[:, n, None])
     loaded = [_loaded_springs(own, loads[n], gravity) for n, own in enumerate(each)]
-    faults = {n: wrong for n, (_, _, wrong) in enumerate(loaded) if wrong}
-    natural, fixed = (
-        np.array([row[key] for row in wire_rows[0]], dtype=bool) for key in ("natural", "fixed")
-    )
+    every, inertias, faulty = zip(*loaded, strict=True)
+    faults = {n: wrong for n, wrong in enumerate(faulty) if wrong}
+    natural = np.array([row["natural"] for row in wire_rows[0]], dtype=bool)
+    fixed = np.array([row["fixed"] for row in wire_rows[0]], dtype=bool)
     tension, thrust = wires.tension.copy(), -struts.tension
     for n, stage in enumerate(design.stage, 1):
         load = loads[:, n, 0]
         lines, force = (wires, tension) if stage.inverted_pendulum is None else (struts, thrust)
         own = np.flatnonzero(lines.lower == n)
         if lines is struts:
-            pull, left_over = tensions.carry(struts, own, blades, load)
+            pull, left_over = carry(struts, own, blades, load)
             thrust[:, own] = -pull
         elif len(own):
-            tension[:, own], left_over = tensions.carry(wires, own, blades, load, fixed[own])
+            tension[:, own], left_over = carry(wires, own, blades, load, fixed[own])
         else:
             left_over = load
-        if not (isinstance(stage, Keystone) or (lines is wires and natural[own].any())):
+        if not (isinstance(stage, derive.Keystone) or (lines is wires and natural[own].any())):
             wrong = _find_unbalanced(stage, loads[:, n], left_over, lines, own, force[:, own])
             faults |= {k: faults.get(k, []) + one for k, one in wrong.items()}
     given = np.array([[row["given"] for row in rows] for rows in blade_rows]).reshape(count, -1)
@@ -179,15 +187,11 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         bodies=bodies,
         wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
-        springs=gather(
-            Springs, [rows + own.springs for own, (rows, _, _) in zip(each, loaded, strict=True)]
-        ),
+        springs=gather(Springs, every),
         struts=replace(struts, tension=-thrust),
-        bars=gather(
-            Bars, [own.bars + rows for own, (_, rows, _) in zip(each, loaded, strict=True)]
-        ),
+        bars=gather(Bars, inertias),
         field=field and Field(*map(np.array, field)),
-        solves_pose=gives_natural_lengths(design),
+        solves_pose=derive.gives_natural_lengths(design),
     )
     return scene, faults
 
@@ -207,7 +211,7 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
             tip = np.mean([row["upper_point"] for row in wires if row["blade"] == number], axis=0)
         if stage.blades is not None and stage.blades.count == 1:
             tip[:2] = 0.0  # exactly, also on a ring
-        vertical = blade_stiffness(design, table, body_mass(stage.body), len(tables))
+        vertical = derive.blade_stiffness(design, table, body_mass(stage.body), len(tables))
         stiffness = np.array([*(table.lateral_stiffness or (0.0, 0.0)), vertical])
         blades.append(
             {
@@ -217,7 +221,7 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
                 "tip": tip,
                 "stiffness": stiffness,
                 "tip_mass": table.tip_mass,
-                "loss": part_loss(design, table),
+                "loss": derive.part_loss(design, table),
                 "given": math.nan if table.load is None else table.load,
             }
         )
@@ -254,7 +258,7 @@ def _ends_of(stage: Stage) -> Iterator[tuple[WireSet | Wire, Array, Array, int]]
         blade = -1 if wire.blade is None else names.index(wire.blade)
         yield wire, np.array(wire.upper), np.array(wire.lower), blade
     if stage.wires is not None:
-        shape, count = set_geometry(stage.wires), stage.blades.count if stage.blades else 0
+        shape, count = derive.set_geometry(stage.wires), stage.blades.count if stage.blades else 0
         for number, (upper, lower) in enumerate(shape.ends):
             # one blade for all, two for the sides of y, or one for each
             blade = number if count == shape.count else int(count == 2 and upper[1] < 0)
@@ -264,10 +268,10 @@ def _ends_of(stage: Stage) -> Iterator[tuple[WireSet | Wire, Array, Array, int]]
 
 def _elastic(design: Design, table: WireSet | Wire, length: float) -> Row:
     return {
-        "stiffness": wire_stiffness(design, table, length),
+        "stiffness": derive.wire_stiffness(design, table, length),
         "torsion": table.torsion or 0.0,
-        "loss": wire_loss(design, table, length),
-        "mass": wire_mass_moments(design, table, length),
+        "loss": derive.wire_loss(design, table, length),
+        "mass": derive.wire_mass_moments(design, table, length),
     }
 
 
@@ -286,25 +290,25 @@ def _weights(
     ):
         weight = mass[..., None] * np.array([0.0, 0.0, -gravity, 0.0, 0.0, 0.0])
         for n in np.flatnonzero(mass.any(0)):
-            loads[:, body[n]] += tensions.move_wrench(weight[:, n], point[:, n])[:, None]
+            loads[:, body[n]] += move_wrench(weight[:, n], point[:, n])[:, None]
     return loads
 
 
 def _loaded_springs(
     own: Members, loads: Array, gravity: float
 ) -> tuple[list[Row], list[Row], list[Fault]]:
-    """List the springs that depend on loads, of legs and of filters, and the inertia of these.
+    """List all springs and bars of a design under its loads (1 + body, 2, 6), and their faults.
 
-    `loads` (1 + body, 2, 6) are those of one design. Also lists faults of filters.
+    Those of legs and of filters depend on the loads.
     """
     springs: list[Row] = []
-    bars: list[Row] = []
+    bars = [*own.bars]
     faults: list[Fault] = []
     design, places = own.design, own.places
     for n, stage in enumerate(design.stage, 1):
         load, hung, above = loads[n, 0], -loads[n, 1, 2], places.parent[n]
         rows = links.flexures(stage, load, hung, gravity)
-        if isinstance(stage, Keystone):
+        if isinstance(stage, derive.Keystone):
             row, coupling, wrong = links.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)
             faults += wrong
@@ -313,7 +317,7 @@ def _loaded_springs(
                 inertia = (-coupling, coupling, -coupling)
                 bars.append({"label": row["label"], "inertia": inertia} | ends)
         springs += [{"upper": above, "lower": n} | row for row in rows]
-    return links.between(springs, places), bars, faults
+    return links.between(springs, places) + own.springs, bars, faults
 
 
 def _blade_loads(
@@ -336,48 +340,142 @@ def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
-    least = tensions.BALANCE * np.abs(loads[:, 1]).max(-1)
-    wrong = (np.abs(left_over).max(-1) > least) | ~(force > 0).all(-1)
-    return {
-        k: _imbalance(stage, loads[k], left_over[k]) or _loose(stage, lines, own, force[k])
-        for k in np.flatnonzero(wrong).tolist()
-    }
-
-
-def _imbalance(stage: Stage, loads: Array, left_over: Array) -> list[Fault]:
-    """Report the forces and torques that are left over of a load, as a fault."""
     key, remedy = ".spring", "give the springs a preload that carries the body"
+    loose, what = (".wire" if stage.wire else ".wires"), "wire {} would be slack"
+    name, better = "tension", "move its ends, or remove the wire"
     if stage.inverted_pendulum is not None:
-        key = ".inverted_pendulum"
+        key = loose = ".inverted_pendulum"
         remedy = "hang the load at the height of the legs' circle, or below its centre"
+        what, name, better = "leg {} would be pulled", "thrust", "place the load between the legs"
     elif stage.wire_tables:
         key, remedy = "", "move the attachments or the COM, or give wires a natural_length"
         remedy += " to have the pose solved for"
-    size = np.abs(left_over)
-    least = max(tensions.BALANCE * np.abs(loads[1]).max(), 1e-3 * size.max())
-    found = [
-        f"{left_over[axis]:.3g} "
-        + (f"N of force along {DOFS[axis]}" if axis < 3 else f"N m of {DOFS[axis]} torque")
-        for axis in np.argsort(-size)
-        if size[axis] > least
-    ]
-    problem = f"cannot balance in the nominal pose: {', '.join(found[:3])} left over"
-    return [Fault(f"stage.{stage.name}{key}", problem, remedy)] if found else []
-
-
-def _loose(stage: Stage, lines: Wires, own: Index, force: Array) -> list[Fault]:
-    """Report wires that would be slack, or legs that would be pulled."""
-    key, what, name = "wire" if stage.wire else "wires", "wire {} would be slack", "tension"
-    remedy = "move its ends, or remove the wire"
-    if stage.inverted_pendulum is not None:
-        key, what, name = "inverted_pendulum", "leg {} would be pulled", "thrust"
-        remedy = "place the load between the legs"
-    return [
-        Fault(
-            f"stage.{stage.name}.{key}",
-            f"{what.format(lines.label[n])} in the nominal pose ({name} {value:.3g} N)",
-            remedy,
+    sizes, least = np.abs(left_over), BALANCE * np.abs(loads[:, 1]).max(-1)
+    wrong = (sizes.max(-1) > least) | ~(force > 0).all(-1)
+    found: dict[int, list[Fault]] = {}
+    for k in np.flatnonzero(wrong).tolist():
+        size = sizes[k]
+        rest = [
+            f"{left_over[k, axis]:.3g} "
+            + (f"N of force along {DOFS[axis]}" if axis < 3 else f"N m of {DOFS[axis]} torque")
+            for axis in np.argsort(-size)
+            if size[axis] > max(least[k], 1e-3 * size.max())
+        ]
+        problem = f"cannot balance in the nominal pose: {', '.join(rest[:3])} left over"
+        found[k] = (
+            [Fault(f"stage.{stage.name}{key}", problem, remedy)]
+            if rest
+            else [
+                Fault(
+                    f"stage.{stage.name}{loose}",
+                    f"{what.format(lines.label[n])} in the nominal pose ({name} {value:.3g} N)",
+                    better,
+                )
+                for n, value in zip(own, force[k], strict=True)
+                if not value > 0
+            ]
         )
-        for n, value in zip(own, force, strict=True)
-        if not value > 0
-    ]
+    return found
+
+
+# Tensions.
+
+
+def move_wrench(wrench: Array, offset: Array) -> Array:
+    """Transform a wrench (..., 6) to a point that lies at -offset (..., 3) from its own, m."""
+    torque = wrench[..., 3:] + cross(offset, wrench[..., :3])
+    force = np.broadcast_to(wrench[..., :3], torque.shape)
+    return np.concatenate([force, torque], axis=-1)
+
+
+def wire_wrenches(direction: Array, point: Array) -> Array:
+    """Compute force and torque (..., w, 6) of a unit tension in each wire on the lower body.
+
+    From unit vectors to the lower ends and the places of these from the COM, m.
+    """
+    return np.concatenate([-direction, cross(point, -direction)], axis=-1)
+
+
+def least_energy(
+    wrenches: Inexact[np.ndarray, "*batch wire 6"],
+    load: Inexact[np.ndarray, "*batch 6"],
+    strain: Inexact[np.ndarray, "*batch part wire"],
+    given: Inexact[np.ndarray, "*batch part"] | float = 0.0,
+) -> tuple[Inexact[np.ndarray, "*batch wire"], Inexact[np.ndarray, "*batch 6"]]:
+    """Find the tensions of least elastic energy that balance a load.
+
+    Minimise |S T + g|^2 / 2 subject to sum_i T_i w_i + load = 0 (least squares if that has no
+    solution). With S = Q R and y = R T + Q^T g the energy is y^2 / 2 but for a constant.
+
+    The w_i are the `wrenches` of unit tensions, S are `strains`, g is due to tensions that are
+    given, sqrt(J); the load (N and N m) is all else that acts on the body. Returns the tensions (N)
+    and the wrench that is left over.
+    """
+    orthogonal, triangle = np.linalg.qr(strain)
+    root = np.linalg.inv(triangle)
+    start = _product(orthogonal.swapaxes(-1, -2), given + np.zeros(strain.shape[:-1]))
+    act = wrenches.swapaxes(-1, -2)
+    rest = load - _product(act, _product(root, start))
+
+    def fit(weight: Array) -> Array:
+        inverse = np.linalg.pinv(weight[:, None] * (act @ root), rcond=1e-10)
+        return _product(root, _product(inverse, -weight * rest) - start)
+
+    # where not all can be balanced, forces are balanced first: what is left over reads better
+    forces_first = fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))
+    return fit(np.ones(6)), _product(act, forces_first) + load
+
+
+def _product(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def strains(
+    stiffness: Inexact[np.ndarray, "*batch wire"],
+    direction: Inexact[np.ndarray, "*batch wire 3"],
+    blade: Index,
+    axes: Bool[np.ndarray, "blade 3"] | Float[np.ndarray, "0 3"],
+    blade_stiffness: Inexact[np.ndarray, "*batch blade 3"],
+) -> Inexact[np.ndarray, "*batch part wire"]:
+    """Compute the matrix S such that |S T|^2 / 2 is the energy of tensions T of wires and blades.
+
+    One row per wire and per axis of a blade, in 1/sqrt(N/m).
+    """
+    rows = np.eye(len(blade)) / np.sqrt(stiffness)[..., None]
+    for number in sorted(set(blade[blade >= 0].tolist())):
+        pull = np.where((blade == number)[:, None], direction, 0.0)[..., axes[number]]
+        soft = np.sqrt(blade_stiffness[..., number, :][..., axes[number]])
+        rows = np.concatenate([rows, pull.swapaxes(-1, -2) / soft[..., None]], axis=-2)
+    return rows
+
+
+def carry(
+    lines: Wires,
+    own: Index,
+    blades: Blades,
+    load: Inexact[np.ndarray, "*batch 6"],
+    fixed: Bool[np.ndarray, " own"] | None = None,
+) -> tuple[Inexact[np.ndarray, "*batch own"], Inexact[np.ndarray, "*batch 6"]]:
+    """Distribute a load on a body about its COM over its wires or legs, in the nominal pose.
+
+    `own` are their numbers. Returns their tensions, of which those that are `fixed` are the lines'
+    own, and the wrench left over.
+    """
+    free = np.ones(len(own), dtype=bool) if fixed is None else ~fixed
+    direction = lines.span[..., own, :] / lines.length[..., own, None]
+    wrenches = wire_wrenches(direction, lines.lower_point[..., own, :])
+    tension = np.where(free, 0.0, lines.tension[..., own])
+    left_over = load + _product(wrenches.swapaxes(-1, -2), tension)
+    if free.any():
+        strain = strains(
+            lines.stiffness[..., own], direction, lines.blade[own], blades.axes, blades.stiffness
+        )
+        given = _product(strain, tension)
+        tension[..., free], left_over = least_energy(
+            wrenches[..., free, :], left_over, strain[..., free], given
+        )
+        # those of a symmetric set are equal, and so are exact
+        equal = (load[..., 2] / direction[..., 2].sum(-1))[..., None]
+        even = np.abs(tension - equal).max(-1, keepdims=True) <= ROUNDING * np.abs(equal)
+        tension = np.where(even, equal, tension)
+    return tension, left_over

@@ -12,8 +12,8 @@ from suspension_cli.design import materials
 from suspension_cli.design.cross_sections import circle
 from suspension_cli.design.derive import gravity_strength, part_loss, wire_signs
 from suspension_cli.design.links import Link
-from suspension_cli.design.losses import Bulk, Mechanism, mechanisms_of
-from suspension_cli.design.schema import Design, Material, Spring
+from suspension_cli.design.materials import Bulk, Material, Mechanism, mechanisms_of
+from suspension_cli.design.schema import Design, Spring
 from suspension_cli.design.wires import (
     AnyBlade,
     Clamp,

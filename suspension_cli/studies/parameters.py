@@ -10,8 +10,9 @@ import msgspec
 
 from suspension_cli.design import materials, paths, reader
 from suspension_cli.design.derive import add_keystones, drop_keystones
+from suspension_cli.design.materials import Material
 from suspension_cli.design.paths import DISPLAYED, twins, unit_of
-from suspension_cli.design.schema import Design, Material
+from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import CROSS_SECTIONS, stretches
 from suspension_cli.models import registry
 

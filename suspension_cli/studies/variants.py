@@ -22,10 +22,9 @@ from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.surroundings import nominal_positions, surrounded, surroundings_key
-from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.expand import Members, balance_as_drawn
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, select_scenes, stack_scenes
 from suspension_cli.studies import builds
 from suspension_cli.studies.builds import Builds
 
@@ -52,7 +51,7 @@ def scenes(
         place[numbers] = np.arange(len(numbers))
         number = place[pick.ravel()]
         here = np.flatnonzero(number >= 0)
-        yield stack.select_scenes(scene, number[here]), design, here
+        yield select_scenes(scene, number[here]), design, here
 
 
 def designs_at(
@@ -94,10 +93,10 @@ def alike(
         scene, faults = balance_as_drawn([members for _, members in group])
         good = [n for n in range(len(group)) if n not in faults]
         if good:
-            scene = stack.select_scenes(scene, np.array(good)) if faults else scene
+            scene = select_scenes(scene, np.array(good)) if faults else scene
             yield [group[n][0] for n in good], scene, group[good[0]][1].design
     for found in others.values():
-        scene = stack.stack_scenes([scene for _, scene, _ in found])
+        scene = stack_scenes([scene for _, scene, _ in found])
         yield [n for n, _, _ in found], scene, found[0][2]
 
 
@@ -127,7 +126,7 @@ def balanced(
         flags = is_mirror_symmetric(scene)
         for mirrors in np.unique(flags, axis=0):
             some = (flags == mirrors).all(-1)
-            part = stack.select_scenes(scene, some)
+            part = select_scenes(scene, some)
             found = builds.balance(
                 part, design, level=level, allow_unstable=allow_unstable, split=True
             )

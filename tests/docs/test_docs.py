@@ -18,7 +18,7 @@ from suspension_cli.analyses.export import file as export
 from suspension_cli.analyses.modes import animation
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
-from suspension_cli.design import goals, imperfections, materials, measured, schema, wires
+from suspension_cli.design import control, goals, imperfections, materials, measured, schema, wires
 from suspension_cli.models import registry
 from tests.support.commandline import run
 from tests.support.optima import EXAMPLE
@@ -40,7 +40,7 @@ TABLES = {
     "[constants]": [schema.Constants],
     "[gas]": [schema.Gas],
     "[materials.NAME]": [schema.Material],
-    "[materials.NAME.loss]": [schema.MaterialLoss],
+    "[materials.NAME.loss]": [materials.MaterialLoss],
     "[[stage]]": [schema.Stage],
     "body": [schema.Body],
     "[stage.wires]": [schema.WireSet],
@@ -53,8 +53,8 @@ TABLES = {
     "[[stage.spring]]": [schema.Spring],
     "[stage.damping]": [schema.Damping],
     "[support]": [schema.Support],
-    "[[control.loop]]": [schema.Loop, schema.DigitalFilter],
-    "[[control.osem]]": [schema.Osem],
+    "[[control.loop]]": [control.Loop, control.DigitalFilter],
+    "[[control.osem]]": [control.Osem],
     "[[perturbation]]": [imperfections.Perturbation],
     "[[tolerance.wire]]": [
         imperfections.WireTolerance,
@@ -433,7 +433,7 @@ def test_built_in_losses_are_those_of_the_table():
     assert {row[0] for row in cells} == set(materials.BUILT_IN)
     for name, *values in cells:
         made = materials.BUILT_IN[name]
-        loss = made.loss or schema.MaterialLoss()
+        loss = made.loss or materials.MaterialLoss()
         known = (
             loss.angle,
             loss.surface_depth,

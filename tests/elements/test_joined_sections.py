@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.design.cross_sections import circle, rectangle
-from suspension_cli.design.losses import Bulk
+from suspension_cli.design.materials import Bulk
 from suspension_cli.elements import joined_sections, resting
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.scene.composition import Fibre, Section

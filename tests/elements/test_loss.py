@@ -19,7 +19,7 @@ from suspension_cli.design.cross_sections import (
     rectangle_torsion,
     relaxation,
 )
-from suspension_cli.design.losses import Bulk, Mechanism, Thermoelastic
+from suspension_cli.design.materials import Bulk, Mechanism, Thermoelastic
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Section
 from tests.support.commandline import run, strict_json, written

@@ -13,7 +13,7 @@ import tomli_w
 
 import suspension_cli as sus
 from suspension_cli.design.cross_sections import circle
-from suspension_cli.design.losses import Bulk
+from suspension_cli.design.materials import Bulk
 from suspension_cli.design.reader import convert
 from suspension_cli.errors import InputError
 from suspension_cli.models import registry

@@ -22,7 +22,7 @@ from suspension_cli.models import registry as models
 from suspension_cli.scene import imperfections
 from suspension_cli.scene.arrays import inner
 from suspension_cli.scene.pose import layout
-from suspension_cli.scene.stack import stack_scenes
+from suspension_cli.scene.scene import stack_scenes
 from suspension_cli.studies import builds
 from tests.support import scenes
 

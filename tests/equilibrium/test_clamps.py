@@ -12,7 +12,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
 from suspension_cli.linear.signals import parse_input, parse_output
 from suspension_cli.models import registry
-from suspension_cli.scene.stack import stack_scenes
+from suspension_cli.scene.scene import stack_scenes
 from suspension_cli.studies import builds
 from tests.support.scenes import design_of
 

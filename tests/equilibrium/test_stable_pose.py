@@ -13,7 +13,7 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.pose import displace, layout, nominal_pose
-from suspension_cli.scene.stack import stack_scenes
+from suspension_cli.scene.scene import stack_scenes
 from tests.support import scenes
 from tests.support.derivatives import complex_gradient, hessian
 from tests.support.energies import energy

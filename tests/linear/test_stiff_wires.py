@@ -16,7 +16,7 @@ from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
-from suspension_cli.scene.stack import stack_scenes
+from suspension_cli.scene.scene import stack_scenes
 from suspension_cli.studies import builds
 from suspension_cli.studies import job as jobs
 from tests.support.golden import ROOT

@@ -13,7 +13,7 @@ from scipy import integrate
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections import circle, rectangle_torsion
 from suspension_cli.design.derive import part_loss, wire_loss, wire_stiffness
-from suspension_cli.design.losses import Bulk, Thermoelastic
+from suspension_cli.design.materials import Bulk, Thermoelastic
 from suspension_cli.design.reader import convert
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.scene.fibres import compose, explain_unsuitable

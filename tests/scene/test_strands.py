@@ -11,9 +11,9 @@ from scipy.integrate import quad
 
 from suspension_cli.design.links import EddyCurrent
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene import links, strands
+from suspension_cli.scene import links
 
-WIRE = strands.RoundWire.of(1.2e-3, 7e10, 0.33, 2.6e4)
+WIRE = links.RoundWire.of(1.2e-3, 7e10, 0.33, 2.6e4)
 END = np.array([0.08, 0.03, 0.05])
 
 
@@ -39,7 +39,7 @@ def _frame(points: Any) -> Any:
     return total
 
 
-def _points(curve: strands.Curve) -> Any:
+def _points(curve: links.Curve) -> Any:
     return np.vstack([np.zeros(3), curve.point, curve.end])
 
 
@@ -68,9 +68,9 @@ def _dense(kind: str, length: float, count: int) -> Any:
 @pytest.mark.parametrize("kind", ["u", "catenary"])
 def test_stiffness_of_curves_against_frames_of_beams(kind: str) -> None:
     length = 0.4
-    curve = strands.u_shape(END, length) if kind == "u" else strands.catenary(END, length)
+    curve = links.u_shape(END, length) if kind == "u" else links.catenary(END, length)
     assert curve.length == pytest.approx(length, rel=1e-12)
-    found = strands.compliance(curve, WIRE)
+    found = links.curve_compliance(curve, WIRE)
     coarse, fine = (_frame(_dense(kind, length, n)) for n in (1001, 2001))
     expected = fine + (fine - coarse) / 3  # Richardson
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
@@ -79,7 +79,7 @@ def test_stiffness_of_curves_against_frames_of_beams(kind: str) -> None:
 
 def test_straight_wire_is_a_beam_and_a_polyline_a_frame() -> None:
     length = 0.3
-    k = strands.stiffness(strands.polyline(np.array([[0, 0, 0], [length, 0, 0]])), WIRE)
+    k = links.curve_stiffness(links.polyline(np.array([[0, 0, 0], [length, 0, 0]])), WIRE)
     b = WIRE.bending
     assert np.diag(k) == pytest.approx(
         [
@@ -93,15 +93,15 @@ def test_straight_wire_is_a_beam_and_a_polyline_a_frame() -> None:
         rel=1e-12,
     )
     points = np.array([[0, 0, 0], [0.1, 0.02, -0.2], [0.2, 0.1, -0.1], [0.3, 0.0, 0.1]])
-    found = strands.compliance(strands.polyline(points), WIRE)
+    found = links.curve_compliance(links.polyline(points), WIRE)
     np.testing.assert_allclose(found, _frame(points), rtol=1e-11, atol=1e-12)
 
 
 def test_sag_of_a_straight_wire() -> None:
     """A horizontal beam clamped at both ends descends by w L^4 / 384 EI in its middle."""
     length = 0.2
-    curve = strands.polyline(np.array([[0, 0, 0], [length, 0, 0]]))
-    descent, reaction = strands.sag(curve, WIRE)
+    curve = links.polyline(np.array([[0, 0, 0], [length, 0, 0]]))
+    descent, reaction = links.sag(curve, WIRE)
     assert descent == pytest.approx(WIRE.weight * length**4 / (384 * WIRE.bending), rel=5e-3)
     assert reaction[2] == pytest.approx(-WIRE.weight * length / 2, rel=1e-9)
     assert reaction[4] == pytest.approx(WIRE.weight * length**2 / 12, rel=5e-3)

@@ -23,7 +23,7 @@ from suspension_cli.analyses.damp.control import Plant
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.thermal.solve import compute_densities
 from suspension_cli.conventions import GROUND, SUPPORT
-from suspension_cli.design.sensors import Osem
+from suspension_cli.design.control import Osem
 from suspension_cli.files.declared import EACH, along, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal

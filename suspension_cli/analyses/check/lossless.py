@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import materials
-from suspension_cli.design.losses import mechanisms_of
+from suspension_cli.design.materials import mechanisms_of
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import AnyWire
 from suspension_cli.models import registry

@@ -46,7 +46,7 @@ from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.models.cavity import angular_stiffness, optical_spring
 from suspension_cli.models.string import STRING
 from suspension_cli.rotations import rotation_vector
-from suspension_cli.scene import links, strands
+from suspension_cli.scene import links
 from suspension_cli.scene.links import Places
 from suspension_cli.scene.scene import Scene
 
@@ -224,7 +224,7 @@ def _links(design: Design) -> Iterator[LinkLoad]:
         )
         if link.strands is not None:
             curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
-            weight, sag = link.strands.count * curve.length * wire.weight, strands.sag(curve, wire)
+            weight, sag = link.strands.count * curve.length * wire.weight, links.sag(curve, wire)
             found = replace(found, length=curve.length, weight=weight, sag=sag[0])
         yield found
     for damper in design.damper:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.design.schema import Loop
+from suspension_cli.design.control import Loop
 from suspension_cli.elimination import connected_groups
 from suspension_cli.linear import poles, quality, roots, signals, statespace
 from suspension_cli.linear.pencil import Pencil

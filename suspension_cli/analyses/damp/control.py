@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.schema import Design, Loop
-from suspension_cli.design.sensors import SENSORS, NoiseSpectrum, Osem
+from suspension_cli.design.control import SENSORS, Loop, NoiseSpectrum, Osem
+from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import derived, in_unit
 from suspension_cli.linear import response, signals

@@ -18,8 +18,8 @@ from suspension_cli.analyses.export.gwinc_budget import Table, interpolate
 from suspension_cli.analyses.export.solve import FAINT
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import SUPPORT
-from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.derive import main_chain
+from suspension_cli.design.schema import body_mass
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.atomic import write_bytes, writing_to
 from suspension_cli.files.hdf5 import Provenance

@@ -38,9 +38,8 @@ from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.choice import has_wire_mass
-from suspension_cli.scene import stack
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Scene, select_scenes
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
 
@@ -323,5 +322,5 @@ class Results:
             for n in np.flatnonzero(found.converged & (found.tension > 0).all(-1)).tolist():
                 design = self.designs[places[n]]
                 assert design is not None
-                known.append((places[n], design, stack.select_scenes(scene, n), found.select(n)))
+                known.append((places[n], design, select_scenes(scene, n), found.select(n)))
         return known

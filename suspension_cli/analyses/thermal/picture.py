@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.thermal.solve import Thermal
-from suspension_cli.design.losses import MECHANISMS
+from suspension_cli.design.materials import MECHANISMS
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Line, Panel

@@ -17,7 +17,7 @@ from suspension_cli.design.reader import convert
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
-from suspension_cli.scene import stack
+from suspension_cli.scene.scene import stack_scenes
 from tests.design.test_parts import TOWER
 from tests.support.commandline import run, written
 from tests.support.golden import CONFIGS, configs
@@ -37,7 +37,7 @@ def test_tensions_of_an_imperfect_build_are_those_of_beams():
     raw["perturbation"] = [{"wire": "test.1", "length_change": -1e-4}]
     design = reader.parse(reader.write_toml(raw))
     beam = registry.scene_model("beam")
-    scene = stack.stack_scenes([beam.completed(expand(design), design)])
+    scene = stack_scenes([beam.completed(expand(design), design)])
     _, found = beam.in_equilibrium(scene, design)
     tensions = [load.tension for load in statics.solve(design).wires]
     np.testing.assert_allclose(tensions, found.tension[0], rtol=1e-5)

@@ -9,8 +9,8 @@ import pytest
 from suspension_cli.analyses.damp import closed_loop_poles, control
 from suspension_cli.analyses.damp.closed_loop_poles import build_closed_loop
 from suspension_cli.conventions import DOFS
+from suspension_cli.design.control import expand_roots
 from suspension_cli.design.derive import com_positions
-from suspension_cli.design.schema import expand_roots
 from suspension_cli.errors import InputError
 from suspension_cli.linear import poles
 from suspension_cli.models import registry

@@ -13,7 +13,7 @@ from suspension_cli.analyses.budget.solve import Noises
 from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.control import compute_matrices
 from suspension_cli.conventions import BOLTZMANN
-from suspension_cli.design.sensors import Osem
+from suspension_cli.design.control import Osem
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response
 from suspension_cli.models import registry

@@ -17,8 +17,8 @@ from suspension_cli.analyses.damp import (
     margins,
 )
 from suspension_cli.analyses.damp import solve as damp
+from suspension_cli.design.control import NoiseSpectrum
 from suspension_cli.design.reader import read
-from suspension_cli.design.schema import NoiseSpectrum
 from suspension_cli.linear import eigenmodes, response
 from suspension_cli.models import registry
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
