@@ -52,8 +52,10 @@ ASIDE = 1e-8
 shapes of a degenerate pair."""
 FIRST = 3
 """Number of these steps."""
-CONVERGED = 1e-9
-"""Relative step at which an iteration ends: its square is below rounding."""
+CONVERGED = 1e-13
+"""Relative step at which an iteration ends."""
+NOISE = 1e-9
+"""Relative step below which an iteration that no longer improves has ended."""
 STRAYED = 0.5
 """Relative distance from its start beyond which a root counts as another one."""
 SAME = 1e-6
@@ -267,6 +269,7 @@ def _iterate(
     """Iterate groups of roots of one block, each at one shift, until they converge."""
     value, motion, lost = roots.value.copy(), roots.motion.copy(), roots.lost.copy()
     real, moving = bool((np.imag(value) == 0).all()), groups
+    last = np.full(len(groups), np.inf)
     for step in range(steps):
         if not moving:
             break
@@ -301,8 +304,14 @@ def _iterate(
             value = np.real(value) + 0j
         gone = ~np.isfinite(value) | ((np.imag(value) <= 0) & (not real))
         value, lost = np.where(gone, old, value), lost | gone
-        done = (np.abs(value - old) <= CONVERGED * np.abs(old)) | lost
-        moving = [group for group in moving if step < known or not done[group].all()]
+        moved = np.array([np.abs((value - old)[group]).max() for group in moving]) / np.abs(shift)
+        # steps shrink by a steady factor, or faster: the next one would be moved^2 / last
+        ratio = moved / np.maximum(last, 1e-300) if step else 1.0
+        done = moved * np.minimum(ratio, 1.0) <= CONVERGED
+        done |= (moved <= NOISE) & (2 * moved >= last)
+        done |= np.array([lost[group].any() for group in moving])
+        left = np.flatnonzero(~done) if step >= known else np.arange(len(moving))
+        moving, last = [moving[n] for n in left], moved[left]
     if steps == STEPS:
         for group in moving:
             lost[group] = True
