@@ -34,9 +34,11 @@ STILL = 1e-12
 """(rad/s)^2, a period of two months, below which a mode is rigid."""
 CHUNK = 128
 """Systems that are solved at once, so that their matrices stay in the cache."""
+ALIKE = 1e-12
+"""Relative difference of omega^2 that may be a rounding error: the order of such modes is that of
+the coordinates that move most."""
 DEGENERATE = 1e-9
-"""Relative difference of omega^2 below which modes count as degenerate: their order is that of
-the coordinates that move most, and those of one block move few coordinates."""
+"""Relative difference of omega^2 below which modes of one block count as degenerate."""
 
 
 @dataclass(frozen=True)
@@ -175,10 +177,10 @@ def solve_block(
 
 
 def ascending(values: Float[np.ndarray, "*build mode"]) -> Int[np.ndarray, "*build mode"]:
-    """Order of values, in which degenerate ones keep their order."""
+    """Order of values, in which those that differ by rounding errors keep their order."""
     order = np.argsort(values, axis=-1, kind="stable")
     size = np.take_along_axis(values, order, -1)
-    apart = np.diff(size, axis=-1, prepend=-np.inf) > DEGENERATE * np.abs(size)
+    apart = np.diff(size, axis=-1, prepend=-np.inf) > ALIKE * np.abs(size)
     group = np.empty_like(order)
     np.put_along_axis(group, order, np.cumsum(apart, axis=-1), -1)
     return np.argsort(group, axis=-1, kind="stable")

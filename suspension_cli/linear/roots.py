@@ -67,7 +67,7 @@ CLOSE = 2e-3
 WIDE = 1.5
 """Largest ratio of roots that start together."""
 ALIKE = 1e-11
-"""Relative distance up to which all roots of a group keep the shapes that they start with."""
+"""Relative distance up to which roots found together keep the shapes that they start with."""
 GRID = 256
 """Frequencies of the initial count, and those counted at once."""
 BALANCED = 3
@@ -346,13 +346,19 @@ def _step(
 def _diagonalise(
     matrix: Complex[np.ndarray, "vector vector"], alike: float
 ) -> tuple[Complex[np.ndarray, " vector"], Complex[np.ndarray, "vector vector"]]:
-    """Eigenvalues and vectors; unit vectors if all eigenvalues are `alike`."""
+    """Eigenvalues and vectors; of those `alike`, vectors that are close to unit vectors."""
     if len(matrix) == 1:
         return matrix[0], np.eye(1)
     found: Any = np.linalg.eig(matrix)
-    if np.ptp(found.eigenvalues.real) + np.ptp(found.eigenvalues.imag) <= alike:
-        return np.diag(matrix), np.eye(len(matrix))
-    return found.eigenvalues, found.eigenvectors
+    value, vectors = found
+    left = np.arange(len(value))
+    while len(left):
+        near = np.abs(value[left] - value[left[0]]) <= alike
+        same, left = left[near], left[~near]
+        if len(same) > 1:
+            lead = np.sort(np.argsort(-np.abs(vectors[:, same]).max(1), kind="stable")[: len(same)])
+            vectors[:, same] = vectors[:, same] @ np.linalg.pinv(vectors[lead][:, same])
+    return value, vectors
 
 
 def modes_below(
