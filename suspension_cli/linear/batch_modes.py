@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elimination import by_body, solve_each
+from suspension_cli.elimination import by_body, connected_groups, solve_each
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 
@@ -35,7 +35,8 @@ STILL = 1e-12
 CHUNK = 128
 """Systems that are solved at once, so that their matrices stay in the cache."""
 ALIKE = 1e-12
-"""Relative difference of omega^2 that may be a rounding error."""
+"""Relative difference of omega^2 that may be a rounding error: the order of such modes is that of
+the coordinates that move most."""
 DEGENERATE = 1e-9
 """Relative difference of omega^2 below which modes of one block count as degenerate."""
 
@@ -69,9 +70,9 @@ def solve(model: LinearSystem) -> Spectrum:
         return _solve_blocks(model, model.blocks)
     (count,), size = model.batch, model.size
     nonzero = np.broadcast_to((model.mass != 0) | (model.stiffness != 0), (count, size, size))
-    nonzero = np.packbits(nonzero, axis=-1).reshape(count, -1)
+    packed = np.packbits(nonzero, axis=-1).reshape(count, -1)
     groups: dict[bytes, list[int]] = {}  # systems of one pattern have the same blocks
-    for n, row in enumerate(nonzero):
+    for n, row in enumerate(packed):
         groups.setdefault(row.tobytes(), []).append(n)
     modes = int((~model.massless[6:]).sum())
     result = Spectrum(
@@ -81,7 +82,7 @@ def solve(model: LinearSystem) -> Spectrum:
         np.zeros((count, modes), dtype=np.intp),
     )
     for same in groups.values():
-        blocks = _select(model, np.array(same[:1])).blocks
+        blocks = tuple(6 + group for group in connected_groups(nonzero[same[0], 6:, 6:]))
         for start in range(0, len(same), CHUNK):
             members = np.array(same[start : start + CHUNK])
             found = _solve_blocks(_select(model, members), blocks)
@@ -109,10 +110,12 @@ def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
             for part, values in zip(found, own, strict=True):
                 part.append(values)
     squared, number = (np.concatenate(found[n], axis=-1) for n in (0, 3))
-    order = ascending(squared)
-    shape, motion = (
-        np.take_along_axis(np.concatenate(found[n], axis=-2), order[..., None], -2) for n in (1, 2)
-    )
+    shape, motion = (np.concatenate(found[n], axis=-2) for n in (1, 2))
+    size = np.abs(shape)
+    lead = (size >= size.max(-1, keepdims=True) - DEGENERATE).argmax(-1)
+    order = np.argsort(lead, axis=-1, kind="stable")
+    order = np.take_along_axis(order, ascending(np.take_along_axis(squared, order, -1)), -1)
+    shape, motion = (np.take_along_axis(each, order[..., None], -2) for each in (shape, motion))
     squared, number = (np.take_along_axis(each, order, -1) for each in (squared, number))
     return Spectrum(squared, shape[..., 6:], motion, number)
 

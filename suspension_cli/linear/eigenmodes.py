@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,19 +17,6 @@ from suspension_cli.linear.system import LinearSystem
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
-PER_MODE = (
-    "omega_squared",
-    "shape",
-    "energy",
-    "tip_energy",
-    "block",
-    "q",
-    "dilution",
-    "wire_energy",
-    "order",
-    "decay_rate",
-)
-"""Attributes of `Modes` with one entry per mode."""
 DAMPING_BAND = (0.5, 5.0)
 """Hz; band of modes to damp from the top mass (Husman et al. 2000, sections 1 and 5a)."""
 TOP = "top"
@@ -254,6 +241,10 @@ class Modes:
             for frequency, home in zip(self.frequency, self.home, strict=True)
             if home[1] == dof and body in (None, home[0]) and np.isfinite(frequency)
         ]
+
+
+PER_MODE = tuple(one.name for one in fields(Modes) if "mode" in str(one.type))
+"""Attributes of `Modes` with one entry per mode."""
 
 
 def find_top_masses(

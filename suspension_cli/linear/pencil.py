@@ -35,10 +35,7 @@ from suspension_cli.elimination import (
     ROUNDING,
     Elements,
     Equations,
-    connected_groups,
     multiply_real,
-    rounding,
-    sizes,
 )
 from suspension_cli.linear.batch_modes import solve_block
 from suspension_cli.linear.frequency_terms import (
@@ -88,10 +85,10 @@ class Block:
     @cached_property
     def terms(self) -> list[tuple[int, Term]]:
         """Terms that act on these coordinates, with their numbers in the system."""
-        result = []
-        for n, term in enumerate(self.pencil.model.terms):
+        result, model = [], self.pencil.model
+        for n, (term, weights) in enumerate(zip(model.terms, model.weights, strict=True)):
             own = np.isin(term.columns, self.keep)
-            if self.pencil.weights[n][:, own].any() or (isinstance(term, WireTerm) and own.any()):
+            if weights[:, own].any() or (isinstance(term, WireTerm) and own.any()):
                 result.append((n, term))
         return result
 
@@ -99,7 +96,7 @@ class Block:
     def used(self) -> list[Int[np.ndarray, " _"]]:
         """Functions f_n of each term that are needed."""
         own = (np.isin(term.columns, self.keep) for _, term in self.terms)
-        weights = (self.pencil.weights[n] for n, _ in self.terms)
+        weights = (self.pencil.model.weights[n] for n, _ in self.terms)
         return [np.flatnonzero(w[:, o].any((1, 2))) for w, o in zip(weights, own, strict=True)]
 
     @cached_property
@@ -188,7 +185,7 @@ class Block:
         first = len(pencil.matrices)
         for n, ((m, term), used) in enumerate(zip(self.terms, self.used, strict=True)):
             place = number[term.columns]
-            weights = pencil.weights[m][used] * ((place >= 6)[:, None] & (place >= 0))
+            weights = pencil.model.weights[m][used] * ((place >= 6)[:, None] & (place >= 0))
             i, j = np.nonzero(weights.any(0))
             result.append((place[i] - 6, place[j], first, weights[:, i, j].T))
             first += len(used)
@@ -225,7 +222,7 @@ class Block:
         joint[6:, :6] *= self.pull
         whole = np.eye(size)
         whole[:own, :own] = joint
-        place = np.append(self.pencil.place[columns], model.size + np.arange(size - own))
+        place = np.append(self.pencil.model.place[columns], model.size + np.arange(size - own))
         # forces that are not balanced turn with the bodies, which looks like a stiffness of yaw
         yaw = np.zeros(size, dtype=bool)
         yaw[:own] = (columns % 6 == 5) & (columns < 6 * (len(model.body) + 1))
@@ -418,9 +415,8 @@ class Pencil:
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """Coordinates that couple to each other, without the support's."""
-        groups = connected_groups(self.coupled[6:, 6:])
-        return [self.block(6 + group) for group in groups]
+        """The blocks of the system."""
+        return [self.block(group) for group in self.model.blocks]
 
     @cached_property
     def matrices(self) -> list[Inexact[np.ndarray, "#build coordinate coordinate"]]:
@@ -441,48 +437,10 @@ class Pencil:
         """Number of the body of each coordinate, see `LinearSystem.owner`."""
         return self.model.owner
 
-    @cached_property
-    def place(self) -> Int[np.ndarray, " coordinate"]:
-        """See `sizes`."""
-        number = np.arange(self.model.size)
-        return np.where(number < 6 * (len(self.model.body) + 1), number // 3, number)
-
-    @cached_property
+    @property
     def coupled(self) -> Bool[np.ndarray, "coordinate coordinate"]:
-        """Whether coordinates couple by more than rounding errors.
-
-        What one wire exerts, an equal one may cancel, so equal wires are taken together.
-        """
-        model, matrices = self.model, [matrix[0] for matrix in self.matrices]
-        if self.many:
-            moved = (as_builds(model.elongation) != 0).any(0).astype(float)
-            return (model.allowed & (moved.T @ moved > 0)) | self.used[0]
-        for k in dict.fromkeys(model.k.tolist()):
-            some = model.elongation[model.k == k]
-            matrices.append(np.where(model.allowed, some.T @ some, 0.0))
-        result = np.any([np.abs(m) > rounding(m, self.place) for m in matrices], axis=0)
-        for term, weights in zip(model.terms, self.weights, strict=True):
-            result[np.ix_(term.columns, term.columns)] |= (weights != 0).any(0)
-        return np.asarray(result)
-
-    @cached_property
-    def weights(self) -> list[Float[np.ndarray, "function column column"]]:
-        """A_n of each term among its columns, without rounding errors."""
-        result = []
-        for term in self.model.terms:
-            own = self.place[term.columns]
-            if isinstance(term, WireTerm):
-                forms = {
-                    part: list(sizes(np.array(rows), None, own))
-                    for part, rows in term.resisted.items()
-                }
-                small = ROUNDING * term.products(forms)
-            else:
-                small = rounding(term.compact[0], own)
-            allowed = self.model.allowed[np.ix_(term.columns, term.columns)]
-            kept = (np.abs(term.compact) > small) & allowed
-            result.append(np.where(kept, term.compact, 0.0))
-        return result
+        """Whether coordinates couple, see `LinearSystem.coupled`."""
+        return self.model.coupled
 
     @property
     def unbalanced(self) -> float:

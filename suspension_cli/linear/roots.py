@@ -1,4 +1,4 @@
-"""Roots s of a pencil, Z(s) x = 0, each refined by Newton's method at its own shift.
+"""Roots s of a pencil, Z(s) x = 0: their number, and each by Newton's method at its own shift.
 
 A step of inverse iteration from a shape x at s solves Z(s) y = Z'(s) x, and the stationary value of
 y^T Z y gives the next s (Rayleigh quotient iteration for matrices that depend on s; Lancaster,
@@ -7,19 +7,25 @@ Lambda-matrices and Vibrating Systems, 1966, chapter 6),
     s' = s - y^T Z(s) y / (y^T Z'(s) y) = s - y^T Z'(s) x / (y^T Z'(s) y),
 
 which converges with the third order, as Z = Z^T: for all roots at once, with the tensions of wires
-among the unknowns.
-
-Roots closer to one another than losses move them start together: for several x at one shift, s' are
-eigenvalues of the same quotient of small matrices, and their eigenvectors combine the y.
+among the unknowns. Roots closer to one another than losses move them start together: for several x
+at one shift, s' are eigenvalues of the same quotient of small matrices, and their eigenvectors
+combine the y.
 
 The force u = H (sensed . x) of a control loop with H = N / D is one more unknown of its block, with
 the equation N (sensed . x) - D u = 0, so that poles of H are as harmless as its delay, exp(-s T) in
 N. These equations are not symmetric, and convergence is of second order.
+
+With massive wires the determinant of Z(omega) has poles, so a search for its zeros may miss some.
+The number of modes below omega, however, is J(omega) = J_0(omega) + s(Z(omega)), with J_0 the
+number of resonances below omega of all wires clamped at both ends and s the number of negative
+eigenvalues of Z (Wittrick and Williams, Q. J. Mech. Appl. Math. 24, 263, 1971). Bisection of this
+integer finds each mode, near-degenerate pairs and modes that move no body included.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -28,7 +34,9 @@ import numpy as np
 
 from suspension_cli.design.foton import Filter, warp
 from suspension_cli.elimination import dense, solve_each
+from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.pencil import Block, Loss, Pencil
+from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
@@ -60,10 +68,17 @@ WIDE = 1.5
 """Largest ratio of roots that start together."""
 ALIKE = 1e-11
 """Relative distance up to which roots found together keep the shapes that they start with."""
-PATIENCE = 5
-"""Step from which equations are solved with pivoting: without, large errors keep it from ending."""
-FEW = 160
-"""Number of unknowns up to which elimination by LAPACK is faster than body by body."""
+GRID = 256
+"""Frequencies of the initial count, and those counted at once."""
+BALANCED = 3
+"""Times that rows and columns are divided by the roots of their largest elements."""
+
+Progress = Callable[[int, int, float], None]
+"""Called with (steps done, total steps, steps per second)."""
+
+
+def silent(_done: int, _all: int, _rate: float) -> None:
+    """Report no progress."""
 
 
 @dataclass(frozen=True)
@@ -182,60 +197,6 @@ class ClosedBlock(Block):
         return result
 
 
-def _linearise(
-    pencil: Pencil,
-    blocks: Sequence[Block],
-    block: Int[np.ndarray, " root"],
-    s: Complex[np.ndarray, " root"],
-    loss: Loss,
-) -> Iterator[tuple[Int[np.ndarray, " _"], Block, Functions, Functions]]:
-    """Evaluate the functions of each block, and their derivatives, at those s that belong to it."""
-    there = pencil.at_poles(s, loss)
-    beside = pencil.at_poles(s * (1 + BESIDE), loss, np.imag(s).copy())
-    for number in np.unique(block).tolist():
-        here, own = np.flatnonzero(block == number), blocks[number]
-        functions, near = (own.at(at).functions[:, here] for at in (there, beside))
-        slopes = (near - functions) / (BESIDE * s[here])
-        slopes[:2], slopes[2], slopes[3] = 0.0, float(loss != "none"), 2 * s[here]
-        for loop in own.loops if isinstance(own, ClosedBlock) else ():
-            both = zip((functions, slopes), loop.at(s[here]), strict=True)
-            functions, slopes = (np.concatenate(pair) for pair in both)
-        yield here, own, functions, slopes
-
-
-def _step(
-    block: Block,
-    functions: Functions,
-    slopes: Functions,
-    x: Complex[np.ndarray, "unknown vector frequency"],
-    *,
-    pivoting: bool,
-) -> tuple[
-    Complex[np.ndarray, "frequency vector vector"],
-    Complex[np.ndarray, "unknown vector frequency"],
-]:
-    """Compute y, and matrices whose eigenvalues are s - s'; columns of 0 do not take part.
-
-    They are not finite at a root to the last bit.
-    """
-    elements = block.elements
-    right = elements.multiply(slopes, x)
-    with np.errstate(all="ignore"):
-        if len(x) > FEW and not pivoting and not isinstance(block, ClosedBlock):
-            equations = block.absolute
-            own = equations.in_pattern(elements.at(functions))
-            y = equations.pattern.solve(own, right, np.inf)
-        else:
-            y = dense(block.matrix(functions)[:, 6:], right)
-        size = np.abs(y).max(0)
-        size[size == 0] = 1.0
-        y, right = y / size, right / size
-        both = right, elements.multiply(slopes, y)
-        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in both)
-        second += np.eye(len(size)) * ~y.any(0).T[:, None]
-        return solve_each(second, first), y
-
-
 def find_roots(
     pencil: Pencil,
     blocks: Sequence[Block],
@@ -282,10 +243,10 @@ def group_roots(
     result: list[list[int]] = []
     size = np.abs(start.value)
     for n in np.lexsort([size, start.block]).tolist():
-        last = result[-1][-1] if result else -1
+        last = result[-1][-1] if result else n
         near = close * size[n] + 2 * (width[n] + width[last])
         if (
-            last >= 0
+            last != n
             and start.block[n] == start.block[last]
             and abs(start.value[n] - start.value[last]) <= near
             and size[n] <= WIDE * size[result[-1][0]]
@@ -307,50 +268,79 @@ def _iterate(
 ) -> Roots:
     """Iterate groups of roots of one block, each at one shift, until they converge."""
     value, motion, lost = roots.value.copy(), roots.motion.copy(), roots.lost.copy()
-    real = bool((np.imag(value) == 0).all())
-    block = np.array([roots.block[group[0]] for group in groups], dtype=int)
-    last, moving = np.full(len(groups), np.inf), np.arange(len(groups))
+    real, moving = bool((np.imag(value) == 0).all()), groups
+    last = np.full(len(groups), np.inf)
     for step in range(steps):
-        if not len(moving):
+        if not moving:
             break
-        old, members = value.copy(), [groups[n] for n in moving]
-        shift = np.array([value[group].mean() for group in members])
-        spread = [np.abs(value[g] - m).max() for g, m in zip(members, shift, strict=True)]
-        shift = shift + np.array(spread) / 3 + (ASIDE * np.abs(shift) if step < FIRST else 0.0)
-        for here, own, functions, slopes in _linearise(pencil, blocks, block[moving], shift, loss):
-            some, size = [members[n] for n in here], len(own.owner)
+        old, shift = value.copy(), np.array([value[group].mean() for group in moving])
+        spread = [np.abs(value[g] - mean).max() for g, mean in zip(moving, shift, strict=True)]
+        shift += np.array(spread) / 3 + (ASIDE * np.abs(shift) if step < FIRST else 0.0)
+        there = pencil.at_poles(shift, loss)
+        beside = pencil.at_poles(shift * (1 + BESIDE), loss, np.imag(shift).copy())
+        member = np.array([roots.block[group[0]] for group in moving])
+        for number in np.unique(member).tolist():
+            here, own = np.flatnonzero(member == number), blocks[number]
+            some, size, s = [moving[n] for n in here], len(own.owner), shift[here]
+            functions, near = (own.at(at).functions[:, here] for at in (there, beside))
+            slopes = (near - functions) / (BESIDE * s)
+            slopes[:2], slopes[2], slopes[3] = 0.0, float(loss != "none"), 2 * s
+            for loop in own.loops if isinstance(own, ClosedBlock) else ():
+                both = zip((functions, slopes), loop.at(s), strict=True)
+                functions, slopes = (np.concatenate(pair) for pair in both)
             x = np.zeros((size, max(map(len, some)), len(some)), dtype=complex)
             for n, group in enumerate(some):
                 x[:, : len(group), n] = motion[:size, group]
-            steps_by, y = _step(own, functions, slopes, x, pivoting=step >= PATIENCE)
+            quotients, y = _step(own, functions, slopes, x)
             for n, group in enumerate(some):
                 k = len(group)
                 if step < known:
                     motion[:size, group] = y[:, :k, n]
                 elif np.isfinite(y[:, :k, n]).all():  # else s is a root to the last bit
-                    change, turn = _diagonalise(
-                        steps_by[n, :k, :k], ALIKE * float(np.abs(shift[here[n]]))
-                    )
-                    value[group] = shift[here[n]] - change
+                    change, turn = _diagonalise(quotients[n, :k, :k], ALIKE * float(np.abs(s[n])))
+                    value[group] = s[n] - change
                     motion[:size, group] = y[:, :k, n] @ turn
         if real:
             value = np.real(value) + 0j
         gone = ~np.isfinite(value) | ((np.imag(value) <= 0) & (not real))
         value, lost = np.where(gone, old, value), lost | gone
-        moved = np.array([np.abs((value - old)[group]).max() for group in members])
-        size = np.abs(shift)
+        moved = np.array([np.abs((value - old)[group]).max() for group in moving]) / np.abs(shift)
         # steps shrink by a steady factor, or faster: the next one would be moved^2 / last
-        faster = moved / np.maximum(last[moving], np.finfo(float).tiny) if step else 1.0
-        done = moved * np.minimum(faster, 1.0) <= CONVERGED * size
-        done |= (moved <= NOISE * size) & (2 * moved >= last[moving])
-        done |= np.array([lost[group].any() for group in members])
-        done &= step >= known
-        last[moving] = moved
-        moving = moving[~done]
+        ratio = moved / np.maximum(last, 1e-300) if step else 1.0
+        done = moved * np.minimum(ratio, 1.0) <= CONVERGED
+        done |= (moved <= NOISE) & (2 * moved >= last)
+        done |= np.array([lost[group].any() for group in moving])
+        left = np.flatnonzero(~done) if step >= known else np.arange(len(moving))
+        moving, last = [moving[n] for n in left], moved[left]
     if steps == STEPS:
-        for n in moving:
-            lost[groups[n]] = True
+        for group in moving:
+            lost[group] = True
     return replace(roots, value=value, motion=motion, lost=lost)
+
+
+def _step(
+    block: Block,
+    functions: Functions,
+    slopes: Functions,
+    x: Complex[np.ndarray, "unknown vector frequency"],
+) -> tuple[
+    Complex[np.ndarray, "frequency vector vector"],
+    Complex[np.ndarray, "unknown vector frequency"],
+]:
+    """Compute y, and matrices whose eigenvalues are s - s'; columns of 0 do not take part.
+
+    They are not finite at a root to the last bit.
+    """
+    right = block.elements.multiply(slopes, x)
+    with np.errstate(all="ignore"):
+        y = dense(block.matrix(functions)[:, 6:], right)
+        size = np.abs(y).max(0)
+        size[size == 0] = 1.0
+        y, right = y / size, right / size
+        both = right, block.elements.multiply(slopes, y)
+        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in both)
+        second += np.eye(len(size)) * ~y.any(0).T[:, None]
+        return solve_each(second, first), y
 
 
 def _diagonalise(
@@ -361,12 +351,72 @@ def _diagonalise(
         return matrix[0], np.eye(1)
     found: Any = np.linalg.eig(matrix)
     value, vectors = found
-    left = list(range(len(value)))
-    while left:
-        same = [n for n in left if abs(value[n] - value[left[0]]) <= alike]
+    left = np.arange(len(value))
+    while len(left):
+        near = np.abs(value[left] - value[left[0]]) <= alike
+        same, left = left[near], left[~near]
         if len(same) > 1:
             lead = np.sort(np.argsort(-np.abs(vectors[:, same]).max(1), kind="stable")[: len(same)])
-            turned = vectors[:, same] @ np.linalg.pinv(vectors[lead][:, same])
-            vectors[:, same] = turned
-        left = [n for n in left if n not in same]
+            vectors[:, same] = vectors[:, same] @ np.linalg.pinv(vectors[lead][:, same])
     return value, vectors
+
+
+def modes_below(
+    model: LinearSystem,
+    omega: Float[np.ndarray, " frequency"],
+    step: Callable[[int], None] = lambda _: None,
+) -> Int[np.ndarray, " frequency"]:
+    """Count the modes below frequencies in rad/s, above 0.
+
+    `step` is called with the number of frequencies done since the last call.
+    """
+    total, pencil = np.zeros(len(omega), dtype=int), Pencil.of(model)
+    for term in model.terms:
+        if isinstance(term, WireTerm):
+            total += len(term.forms["twist"]) * term.strand.resonances_below(omega)
+    for start in range(0, len(omega), GRID):
+        span = slice(start, start + GRID)
+        there = pencil.at(omega[span], lossy=False)
+        for block in pencil.blocks:
+            matrix, tensions = np.moveaxis(block.at(there).matrix[:, 6:], -1, 0), len(block.keep)
+            # scaling does not change the signs of eigenvalues (Sylvester)
+            for _ in range(BALANCED):
+                size = np.abs(matrix).max(-1)
+                scale = 1 / np.sqrt(np.where(size > 0, size, 1.0))
+                matrix = matrix * scale[:, :, None] * scale[:, None, :]
+            total[span] += (np.linalg.eigvalsh(matrix) < 0).sum(-1)
+            total[span] -= (np.diagonal(matrix, axis1=1, axis2=2)[:, tensions:] < 0).sum(-1)
+        step(len(omega[span]))
+    return total
+
+
+def mode_frequencies(
+    model: LinearSystem, highest: float, lowest: float, progress: Progress = silent
+) -> Float[np.ndarray, " mode"]:
+    """Find all modes between two frequencies > 0 by bisection to the last bit, in rad/s.
+
+    Ascending; a degenerate frequency is repeated. For a system with massive wires (violin model).
+    """
+    grid = np.geomspace(lowest, highest, GRID)
+    counts = np.maximum.accumulate(modes_below(model, grid))
+    number = np.arange(counts[0] + 1, counts[-1] + 1)
+    upper = np.searchsorted(counts, number)
+    low, high = grid[upper - 1], grid[upper]
+    halvings = np.ceil(np.log2(np.maximum((high - low) / np.spacing(high), 1.0))) + 1
+    started, done, expected, repeats = time.monotonic(), 0.0, int(halvings.sum()), 1.0
+
+    def step(number: int) -> None:
+        nonlocal done
+        done = min(done + number * repeats, expected)
+        progress(int(done), expected, done / max(time.monotonic() - started, 1e-9))
+
+    while True:
+        middle = (low + high) / 2
+        unresolved = (middle > low) & (middle < high)
+        if not unresolved.any():
+            return high
+        unique, where = np.unique(middle[unresolved], return_inverse=True)
+        repeats = len(where) / len(unique)
+        is_reached = modes_below(model, unique, step)[where] >= number[unresolved]
+        high[unresolved] = np.where(is_reached, middle[unresolved], high[unresolved])
+        low[unresolved] = np.where(is_reached, low[unresolved], middle[unresolved])

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.elimination import connected_groups
-from suspension_cli.linear.frequency_terms import EvaluatedWires, Term
+from suspension_cli.elimination import ROUNDING, connected_groups, rounding, sizes
+from suspension_cli.linear.frequency_terms import EvaluatedWires, Term, WireTerm
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
@@ -290,13 +290,53 @@ class LinearSystem:
         return {}
 
     @cached_property
-    def blocks(self) -> tuple[Index, ...]:
-        """Groups of coordinates that do not couple, without the support's, by first coordinate."""
-        coupled = np.zeros((self.size, self.size), dtype=bool)
+    def place(self) -> Int[np.ndarray, " coordinate"]:
+        """Place of each coordinate, see `elimination.sizes`."""
+        number = np.arange(self.size)
+        return np.where(number < 6 * (len(self.body) + 1), number // 3, number)
+
+    @cached_property
+    def weights(self) -> list[Float[np.ndarray, "function column column"]]:
+        """A_n of each term among its columns, without rounding errors."""
+        result = []
         for term in self.terms:
-            coupled[np.ix_(term.columns, term.columns)] |= term.compact.any(0)
-        coupled &= self.allowed
-        for matrix in (self.mass, self.stiffness, self.damping, self.complete):
-            coupled |= (matrix != 0).reshape(-1, self.size, self.size).any(0)
-        # without the support; a damper may sense one body and push another
-        return tuple(group + 6 for group in connected_groups(coupled[6:, 6:]))
+            own = self.place[term.columns]
+            if isinstance(term, WireTerm):
+                forms = {
+                    part: list(sizes(np.array(rows), None, own))
+                    for part, rows in term.resisted.items()
+                }
+                small = ROUNDING * term.products(forms)
+            else:
+                small = rounding(term.compact[0], own)
+            kept = (np.abs(term.compact) > small) & self.allowed[np.ix_(term.columns, term.columns)]
+            result.append(np.where(kept, term.compact, 0.0))
+        return result
+
+    @cached_property
+    def coupled(self) -> Bool[np.ndarray, "coordinate coordinate"]:
+        """Whether coordinates couple by more than rounding errors; in any of many builds, at all.
+
+        What one wire exerts, an equal one may cancel, so equal wires of one design are taken
+        together.
+        """
+        matrices = [self.mass, self.damping, np.real(self.soft), np.imag(self.soft)]
+        if self.batch:
+            moved = (self.elongation != 0).reshape(-1, *self.elongation.shape[-2:]).any(0) + 0.0
+            used = [(m != 0).reshape(-1, self.size, self.size).any(0) for m in matrices]
+            return (self.allowed & (moved.T @ moved > 0)) | np.any(used, axis=0)
+        for k in dict.fromkeys(self.k.tolist()):
+            some = self.elongation[self.k == k]
+            matrices.append(np.where(self.allowed, some.T @ some, 0.0))
+        result = np.any([np.abs(m) > rounding(m, self.place) for m in matrices], axis=0)
+        for term, weights in zip(self.terms, self.weights, strict=True):
+            result[np.ix_(term.columns, term.columns)] |= (weights != 0).any(0)
+        return np.asarray(result)
+
+    @cached_property
+    def blocks(self) -> tuple[Index, ...]:
+        """Groups of coordinates that do not couple, without the support's, by first coordinate.
+
+        A damper may sense one body and push another.
+        """
+        return tuple(6 + group for group in connected_groups(self.coupled[6:, 6:]))

@@ -1,12 +1,12 @@
 """Linear model of a suspension whose wires bend and twist, with losses as functions of frequency.
 
 A wire is a beam under tension (`elements.dynamic_wire`), solved exactly. In the violin model it has
-mass too (`massive`).
+distributed mass too (`massive`), and so all violin modes; all else is the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -258,4 +258,25 @@ class Beam(string_model.SceneModel):
         return linear_model(scene, design, massive=self.has_wire_mass, split=split)
 
 
-BEAM = Beam()
+class Violin(Beam):
+    """The violin model, valid at any frequency."""
+
+    name = "violin"
+    description = "wires bend and have mass: all violin modes"
+    omits = ()
+
+    def refined(self, design: Design, built: Mapping[str, LinearSystem]) -> LinearSystem:
+        """The system, from that of the beam model if that is `built`."""
+        simpler = built.get(BEAM.name)
+        if simpler is None or design.constants.wire_weight:  # the beam model then has their inertia
+            return super().refined(design, built)
+        terms = tuple(
+            replace(term, strand=replace(term.strand, massive=True))
+            if isinstance(term, WireTerm)
+            else term
+            for term in simpler.terms
+        )
+        return replace(simpler, terms=terms)
+
+
+BEAM, VIOLIN = Beam(), Violin()

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.models.base import Model
     from suspension_cli.models.beam import BEAM as BEAM
+    from suspension_cli.models.beam import VIOLIN as VIOLIN
     from suspension_cli.models.closed_form import CLOSED_FORM as CLOSED_FORM
     from suspension_cli.models.force import FORCE as FORCE
     from suspension_cli.models.string import STRING as STRING
     from suspension_cli.models.string import SceneModel
-    from suspension_cli.models.violin import VIOLIN as VIOLIN
 
     MODELS: tuple[Model, ...]
     MOST_COMPLETE: Model
@@ -30,10 +30,10 @@ FILES = {
     "force": "force",
     "string": "string",
     "beam": "beam",
-    "violin": "violin",
+    "violin": "beam",
 }
 """File in this folder of each model, by name, from the cheapest to the most complete; its object
-has the name of the file in capitals."""
+has the name of the model in capitals."""
 AUTO = "auto"
 LEVELS = (AUTO, *FILES)
 """Values of ``--fidelity``."""
@@ -98,7 +98,8 @@ def by_name(name: str) -> Model:
     >>> by_name("beam").bends_wires
     True
     """
-    return getattr(import_module(f"suspension_cli.models.{FILES[name]}"), FILES[name].upper())
+    module = import_module(f"suspension_cli.models.{FILES[name]}")
+    return getattr(module, name.upper().replace("-", "_"))
 
 
 def scene_model(name: str) -> SceneModel:

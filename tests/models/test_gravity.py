@@ -13,7 +13,7 @@ from scipy.special import jn_zeros
 import suspension_cli as sus
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import solve
-from suspension_cli.linear import mode_count
+from suspension_cli.linear import roots
 from suspension_cli.models import registry
 from suspension_cli.rotations import rotation_matrix
 from tests.support import plants, scenes
@@ -187,7 +187,7 @@ def test_hanging_wire_in_sections():
     found = []
     for steps in (20, 40):
         model = modes(hanging_wire(steps), "violin")
-        listed = mode_count.frequencies(model, 2 * math.pi * 3.0, 1e-3) / (2 * math.pi)
+        listed = roots.mode_frequencies(model, 2 * math.pi * 3.0, 1e-3) / (2 * math.pi)
         found.append([listed[np.abs(listed - f).argmin()] for f in bessel])
     coarse, fine = np.array(found)
     assert fine == pytest.approx(bessel, rel=2e-2)

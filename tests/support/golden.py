@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design.reader import read
-from suspension_cli.linear import eigenmodes, mode_count, response, signals
+from suspension_cli.linear import eigenmodes, response, roots, signals
 from suspension_cli.models import registry
 from tests.support.paths import CONFIGS, GOLDEN, ROOT
 
@@ -124,7 +124,7 @@ def _with_mass(model: Any) -> dict[str, Any]:
     return {
         "real": value.real.tolist(),
         "imag": value.imag.tolist(),
-        "below": mode_count.modes_below(model, 2 * np.pi * COUNTED).tolist(),
+        "below": roots.modes_below(model, 2 * np.pi * COUNTED).tolist(),
     }
 
 

@@ -1,6 +1,6 @@
 """Modes of a suspension whose wires have mass: pendulum, bounce and violin modes in one list.
 
-`linear.mode_count` finds all frequencies without loss. Shapes and poles with all losses are roots,
+`linear.roots` finds all frequencies without loss. Shapes and poles with all losses are roots,
 near these, of the suspension with every wire cut in two (`linear.roots`). The cut is at a point of
 no symmetry, whose motion becomes six more coordinates: then a violin mode that moves no body has a
 shape too, and no stiffness function is near its pole at a mode.
@@ -19,12 +19,11 @@ import numpy as np
 from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS
 from suspension_cli.elements.joined_sections import ENDS
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.linear import batch_modes, damped, eigenmodes, mode_count, quality, roots
+from suspension_cli.linear import batch_modes, damped, eigenmodes, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm
-from suspension_cli.linear.mode_count import Progress, silent
 from suspension_cli.linear.pencil import Block, Pencil
-from suspension_cli.linear.roots import Roots
+from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.composition import Fibre
@@ -63,7 +62,7 @@ def solve(
     wire mass. Raises `InputError` if no mode lies below `highest`.
     """
     static = eigenmodes.solve(model.constant)
-    omega = mode_count.frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
+    omega = roots.mode_frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
     if not len(omega):
         raise no_mode_error(highest)
     strong = static.select(slice(0))
@@ -249,7 +248,7 @@ class _Solver:
 def count_modes(model: LinearSystem, highest: float) -> int:
     """Count the modes that oscillate below a frequency (Hz), without solving for them."""
     lowest = _lowest_frequency(eigenmodes.solve(model.constant))
-    low, high = mode_count.modes_below(model, np.array([lowest, max(2 * np.pi * highest, lowest)]))
+    low, high = roots.modes_below(model, np.array([lowest, max(2 * np.pi * highest, lowest)]))
     return int(high - low)
 
 

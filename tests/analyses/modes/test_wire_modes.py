@@ -14,7 +14,7 @@ from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.design.reader import parse, read
 from suspension_cli.drawing import draw
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, mode_count, response, signals
+from suspension_cli.linear import eigenmodes, response, roots, signals
 from suspension_cli.models import registry
 from tests.support import finite_elements, scenes
 from tests.support.large_tower import large_tower
@@ -51,7 +51,7 @@ def test_count_is_that_of_finite_elements(seed):
         found[found < finite_elements.limit(scene, ELEMENTS)]
     )
     assert len(frequency) >= 6
-    assert mode_count.modes_below(model, 2 * np.pi * frequency).tolist() == below.tolist()
+    assert roots.modes_below(model, 2 * np.pi * frequency).tolist() == below.tolist()
 
 
 @pytest.mark.parametrize("seed", range(4))
