@@ -1,4 +1,4 @@
-"""Peaks, power laws and phases of curves."""
+"""Ordinates, limits, peaks and phases of curves."""
 
 from __future__ import annotations
 
@@ -15,12 +15,6 @@ if TYPE_CHECKING:
 
 PROMINENT = 2.0
 """Factor by which a peak must exceed the valleys on both sides to be labelled."""
-STRAIGHT = 0.12
-"""Largest deviation of the exponent of a power law that is labelled (or 3 % of a large one)."""
-LONG = 0.25
-"""Shortest part of a curve along a power law that is labelled, decades."""
-STEP = 0.02
-"""Grid on which its exponent is evaluated, decades."""
 ENDLESS, NEAR = 3e6, 3e-4
 """Ratio of the highest point of a peak to the curve at this relative distance, from which the peak
 is infinite; points nearer do not set the limits of the axis."""
@@ -106,33 +100,6 @@ def find_tops(
         around &= beyond | (not endless)
         tops.append((top, " ∞" if endless else ""))
     return tops, around
-
-
-def find_slopes(
-    frequency: Float[np.ndarray, " frequency"], size: Float[np.ndarray, " frequency"]
-) -> list[tuple[int, float, float]]:
-    """Find the longest part of a curve along each power law: exponent, and its ends in Hz.
-
-    >>> f = np.geomspace(0.1, 100, 400)
-    >>> [(n, round(low)) for n, low, high in find_slopes(f, 1 / (1 + (f / 2) ** 2)) if n]
-    [(-2, 8)]
-    """
-    good = np.isfinite(size) & (size > 0) & (frequency > 0)
-    x, y = np.log10(frequency[good]), np.log10(size[good])
-    grid = np.arange(x[0], x[-1], STEP) if len(x) >= 8 else x[:0]
-    if len(grid) < 8:
-        return []
-    slope = np.gradient(np.interp(grid, x, y), STEP)
-    power = np.round(slope)
-    straight = np.abs(slope - power) < np.maximum(STRAIGHT, 0.03 * np.abs(power))
-    power[~straight | (np.abs(power) > 24)] = 0
-    found: dict[int, tuple[float, float]] = {}
-    for part in np.split(np.arange(len(grid)), np.flatnonzero(np.diff(power)) + 1):
-        own, low, high = int(power[part[0]]), float(grid[part[0]]), float(grid[part[-1]])
-        before = found.get(own, (0.0, 0.0))
-        if own and high - low > max(LONG, before[1] - before[0]):
-            found[own] = low, high
-    return [(power, float(10**low), float(10**high)) for power, (low, high) in found.items()]
 
 
 def unit_of_ratio(ratio: str) -> str:
