@@ -20,7 +20,7 @@ from suspension_cli.linear.response import Response
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
-    from suspension_cli.analyses.response.measured import Comparison
+    from suspension_cli.analyses.response.solve import Comparison
     from suspension_cli.drawing.added_points import Solve
     from suspension_cli.scene.arrays import Array
 
