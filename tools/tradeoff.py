@@ -20,10 +20,10 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
-from suspension_cli.analyses.tradeoff import picture
 from suspension_cli.analyses.tradeoff.measure import (
     Entry,
     Tradeoff,
+    draw,
     format_time,
     measure,
     median_times,
@@ -213,7 +213,7 @@ def main() -> None:
                 str(result),
                 result.title,
             )
-            save(picture.draw(found[name], result.title), folder / f"{CHARTS[name]}.png")
+            save(draw(found[name], result.title), folder / f"{CHARTS[name]}.png")
     save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
     write_bytes(folder / "tradeoff.md", document(found, methods, text).encode())
 
