@@ -19,7 +19,7 @@ from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.reader import parse_with_overrides
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import labels, panels, scales
+from suspension_cli.drawing import curves, labels, panels
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import eigenmodes
@@ -214,7 +214,7 @@ def draw(stiffness: Array) -> Figure:
         xlabel="vertical stiffness of the frame (N/m)",
         ylabel="vertical frequency (Hz)",
     )
-    scales.rule(axes)
+    curves.rule(axes)
     labels.label_ends(axes, ends)
     panels.write_heading(
         figure,

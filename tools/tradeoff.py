@@ -30,9 +30,9 @@ from suspension_cli.analyses.tradeoff.measure import (
 )
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import read
+from suspension_cli.drawing.curves import label_plainly, rule
 from suspension_cli.drawing.labels import label_points
 from suspension_cli.drawing.panels import COLUMN, write_heading
-from suspension_cli.drawing.scales import label_plainly, rule
 from suspension_cli.drawing.style import (
     PALETTE,
     add_axes,

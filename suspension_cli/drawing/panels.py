@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from suspension_cli.drawing import curves, labels, scales
+from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.style import (
     INK,
@@ -365,11 +365,11 @@ def _draw_panel(
     axes: Axes, panel: Panel, axis: Across, group: Sequence[Panel], *, is_lowest: bool
 ) -> None:
     """Draw a panel; `group` are all with this horizontal axis, the lowest of which labels it."""
-    scales.rule(axes)
+    curves.rule(axes)
     if axis.scale == "log":
-        scales.label_plainly(axes.xaxis)
+        curves.label_plainly(axes.xaxis)
     if panel.scale == "log":
-        scales.label_plainly(axes.yaxis)
+        curves.label_plainly(axes.yaxis)
     drawn = [_draw_line(axes, line, panel.scale) for line in panel.lines]
     _name_rows(axes, panel)
     _scale_across(axes, axis, group)
@@ -382,9 +382,9 @@ def _draw_panel(
     for one in panel.rules:
         _draw_rule(axes, one)
     if panel.scale == "phase":
-        scales.label_phases(axes)
+        curves.label_phases(axes)
     if panel.scale == "linear" and "(" in panel.label:
-        scales.raise_power(axes.yaxis)
+        curves.raise_power(axes.yaxis)
     if panel.ends:
         pairs = zip(drawn, panel.lines, strict=True)
         ends = [(*points, one.name, one.colour) for points, one in pairs if named(one)]
@@ -442,7 +442,7 @@ def _scale_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:
         if len(x) and x.min() < x.max():
             axes.set_xlim(x.min(), x.max())
     if axis.scale == "signed":
-        scales.label_signed(axes)
+        curves.label_signed(axes)
     if axis.ticks:
         axes.set_xticks([*axis.ticks], [*axis.ticks.values()])
         axes.xaxis.set_minor_formatter(NullFormatter())
