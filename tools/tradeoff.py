@@ -32,13 +32,14 @@ from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import label_plainly, rule
 from suspension_cli.drawing.labels import label_points
-from suspension_cli.drawing.panels import COLUMN, write_heading
+from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.drawing.style import (
     PALETTE,
     add_axes,
     house_style,
     new_figure,
     save,
+    write_heading,
     write_text,
 )
 from suspension_cli.files.atomic import write_bytes

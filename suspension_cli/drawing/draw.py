@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry, with_bodies_above
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import panels, parts, style, tables
+from suspension_cli.drawing import parts, style, tables
 from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, Stroke, View, sketch_at_rest
 from suspension_cli.drawing.labels import spread
 from suspension_cli.drawing.parts import Canvas, Look, full_canvas
@@ -109,7 +109,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         size = f"{factor or 0:,.6g} times larger" if factor != 1 else "to scale"
         remark = f"; imperfections {size} (grey: without)" if factor else ""
         name = design.design.title or design.design.name
-        panels.write_heading(figure, "Dimensions, to scale" + remark, name)
+        style.write_heading(figure, "Dimensions, to scale" + remark, name)
         canvas = full_canvas(figure)
         colours = tuple(style.stage_colours(scene.bodies.name).values())
         _draw_views(canvas, plan, shown, colours, is_displaced=factor is not None)

@@ -28,6 +28,7 @@ from suspension_cli.drawing.style import (
     new_figure,
     single_line,
     text_width,
+    write_heading,
     write_text,
 )
 from suspension_cli.errors import Fault, InputError, format_value
@@ -337,13 +338,6 @@ def _write_above(figure: Figure, panel: Panel, top: float, left: float, width: f
                 x += SAMPLE + 0.05
             words = {"color": colour, "fontsize": SMALL, "va": "center_baseline"}
             figure.text(x / across, y, text, **words)
-
-
-def write_heading(figure: Figure, quantity: str, design: str) -> None:
-    """Write the quantity at the top of a figure; below it, smaller, the design and model."""
-    across = figure.get_figwidth()
-    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
-    write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
 
 
 def _apply_limits(panel: Panel, axis: Across, *, first: bool, alike: bool) -> tuple[Panel, Across]:

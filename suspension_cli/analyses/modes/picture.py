@@ -164,7 +164,7 @@ def _figure(
     tall = min(most, (width - GAP) * float(largest[1] / largest[0]))
     height = TOP + rows * (tall + AROUND)
     figure = style.new_figure(style.PAGE_WIDTH, height)
-    panels.write_heading(figure, *title)
+    style.write_heading(figure, *title)
     key = (
         f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
         " kinetic energy. Bars: fractions of this. Motions exaggerated."

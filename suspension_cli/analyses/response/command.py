@@ -200,8 +200,7 @@ class ResponseAnalysis(Analysis):
         data: ComparedResponse = result.data
         if data.measured:
             title = result.subtitle + ", loops closed" * data.closed_loop
-            outputs = data.output
-            return {"": picture.draw_measured(data.measured, title, scale, stages, outputs)}
+            return {"": picture.draw_measured(data.measured, title, scale, stages)}
         return {"": picture.draw(picture.refine(result), result.subtitle, scale, stages)}
 
 
