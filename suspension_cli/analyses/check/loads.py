@@ -19,6 +19,8 @@ SAG = 0.05
 NOTED = 4e-3
 """Weight over tension above which `check` notes that a design leaves it out; frequencies of
 pendulums change by up to a quarter of it."""
+MANY = 40
+"""Number of wires above which equal wires of a stage share a row."""
 
 
 class Column(NamedTuple):
@@ -300,11 +302,19 @@ def list_documents(parts: Sequence[object]) -> list[Document]:
 
 
 def render(parts: Sequence[object]) -> str:
-    """Render the table of parts of one kind."""
+    """Render the table of parts of one kind; of many, equal wires of a stage share a row."""
     shown = [(name, column) for name, column in _columns(type(parts[0])) if column.head]
     rows: list[list[Any]] = []
+    last: object = None
     for part in parts:
         label, *values = (getattr(part, name) for name, _ in shown)
         factors = [column.factor for _, column in shown[1:]]
-        rows.append([label, *(v and v * f for v, f in zip(values, factors, strict=True))])
+        row = [label, *(v and v * f for v, f in zip(values, factors, strict=True))]
+        stage, _, number = label.rpartition(".")
+        equal = stage, *(value and f"{value:.3f}" for value in row[1:])
+        if len(parts) > MANY and equal == last and number.isdecimal():
+            rows[-1][0] = f"{rows[-1][0].partition(' ')[0]} to {number}"
+        else:
+            rows.append(row)
+        last = equal
     return tables.render({column.head: column.form for _, column in shown}, rows)
