@@ -603,7 +603,7 @@ def response(
     Result
         With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
         (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
-        tuple of `analyses.response.measured.Comparison`.
+        tuple of `analyses.response.solve.Comparison`.
 
     Raises
     ------

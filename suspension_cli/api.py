@@ -394,20 +394,20 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     >>> sus.animate(found, "test yaw", "yaw.gif")
     PosixPath('yaw.gif')
     """
-    from suspension_cli.analyses.modes import animation
+    from suspension_cli.analyses.modes import picture
     from suspension_cli.equilibrium.nominal import expand
     from suspension_cli.files.atomic import write_bytes
 
     result = _of_analysis(result, "modes", "has no modes that move")
     path = options.path(path, "path")
     with python_names():
-        numbers = animation.parse(result.data, str(mode), "mode")
+        numbers = picture.parse_names(result.data, str(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
             raise InputError.of("mode", problem, remedy, options.shown(mode))
         number = numbers[0]
         scene = expand(result.design)
-        moving = animation.animate(result.data, number, result.design, scene)
+        moving = picture.animate(result.data, number, result.design, scene)
         write_bytes(Path(path), moving, key="path")
     return Path(path)
 

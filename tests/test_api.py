@@ -20,7 +20,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli import api
 from suspension_cli.analyses import python_functions, registry
-from suspension_cli.analyses.modes import animation
+from suspension_cli.analyses.modes import picture
 from suspension_cli.conventions import ANALYSES
 from tests.support.paths import CONFIGS, ROOT
 from tests.support.quick_tradeoff import hurry
@@ -44,7 +44,7 @@ def test_every_function_is_documented_and_typed(name):
 
 def test_examples_in_docstrings(tmp_path, monkeypatch):
     hurry(monkeypatch)
-    monkeypatch.setattr(animation, "FRAMES", 4)
+    monkeypatch.setattr(picture, "FRAMES", 4)
     (tmp_path / "measured").symlink_to(ROOT / "measured")
     monkeypatch.chdir(tmp_path)
     assert all(getattr(api, name) for name in ANALYSES)  # makes them

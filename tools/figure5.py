@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from suspension_cli.design.reader import read
+from suspension_cli.drawing.curves import label_plainly, rule
 from suspension_cli.drawing.labels import label_peaks
-from suspension_cli.drawing.panels import HEAD, PEAKS, write_heading
-from suspension_cli.drawing.scales import label_plainly, rule
-from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save
+from suspension_cli.drawing.panels import HEAD, PEAKS
+from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save, write_heading
 from suspension_cli.files import stored
 from suspension_cli.files.hdf5 import Provenance, write
 from suspension_cli.linear import eigenmodes, response, signals

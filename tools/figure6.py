@@ -18,10 +18,17 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.xcouple.picture import COLOURS, interpolate
 from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
 from suspension_cli.design.reader import read
+from suspension_cli.drawing.curves import rule
 from suspension_cli.drawing.labels import label_ends
-from suspension_cli.drawing.panels import HEAD, write_heading
-from suspension_cli.drawing.scales import rule
-from suspension_cli.drawing.style import NOTE, house_style, new_figure, save, write_text
+from suspension_cli.drawing.panels import HEAD
+from suspension_cli.drawing.style import (
+    NOTE,
+    house_style,
+    new_figure,
+    save,
+    write_heading,
+    write_text,
+)
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear import signals

@@ -18,8 +18,8 @@ from suspension_cli.design import materials
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.reader import parse_with_overrides
 from suspension_cli.design.schema import Design, body_mass
-from suspension_cli.drawing import labels, panels, scales
-from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
+from suspension_cli.drawing import curves, labels
+from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save, write_heading
 from suspension_cli.files.atomic import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
@@ -213,9 +213,9 @@ def draw(stiffness: Array) -> Figure:
         xlabel="vertical stiffness of the frame (N/m)",
         ylabel="vertical frequency (Hz)",
     )
-    scales.rule(axes)
+    curves.rule(axes)
     labels.label_ends(axes, ends)
-    panels.write_heading(
+    write_heading(
         figure,
         "No one frame explains all three vertical frequencies",
         f"bands, dots: measured ± {ERROR:g} Hz; solid: frame without mass, dashed: of"

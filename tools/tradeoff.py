@@ -20,25 +20,26 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses import registry
 from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
-from suspension_cli.analyses.tradeoff import picture
 from suspension_cli.analyses.tradeoff.measure import (
     Entry,
     Tradeoff,
+    draw,
     format_time,
     measure,
     median_times,
 )
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import read
+from suspension_cli.drawing.curves import label_plainly, rule
 from suspension_cli.drawing.labels import label_points
-from suspension_cli.drawing.panels import COLUMN, write_heading
-from suspension_cli.drawing.scales import label_plainly, rule
+from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.drawing.style import (
     PALETTE,
     add_axes,
     house_style,
     new_figure,
     save,
+    write_heading,
     write_text,
 )
 from suspension_cli.files.atomic import write_bytes
@@ -213,7 +214,7 @@ def main() -> None:
                 str(result),
                 result.title,
             )
-            save(picture.draw(found[name], result.title), folder / f"{CHARTS[name]}.png")
+            save(draw(found[name], result.title), folder / f"{CHARTS[name]}.png")
     save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
     write_bytes(folder / "tradeoff.md", document(found, methods, text).encode())
 

@@ -1,12 +1,19 @@
-"""Peaks, power laws and phases of curves."""
+"""Curves and their axes: ordinates, limits, peaks; plain numbers on logarithmic axes, heat maps."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
-from suspension_cli.drawing.scales import LOWEST_PHASE
+from suspension_cli.drawing.style import PALE, RAISED, SMALL, figure_of, format_raised
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -15,17 +22,23 @@ if TYPE_CHECKING:
 
 PROMINENT = 2.0
 """Factor by which a peak must exceed the valleys on both sides to be labelled."""
-STRAIGHT = 0.12
-"""Largest deviation of the exponent of a power law that is labelled (or 3 % of a large one)."""
-LONG = 0.25
-"""Shortest part of a curve along a power law that is labelled, decades."""
-STEP = 0.02
-"""Grid on which its exponent is evaluated, decades."""
 ENDLESS, NEAR = 3e6, 3e-4
 """Ratio of the highest point of a peak to the curve at this relative distance, from which the peak
 is infinite; points nearer do not set the limits of the axis."""
 SPECTRUM = 30.0, 3.0, 1e20
 """Factors of room below and above a spectral density, and largest ratio on its axis."""
+PLAIN = 0.9e-3, 1.1e4
+"""Range in which a logarithmic axis has plain numbers, however long it is."""
+LONG = 3.0
+"""Decades from which an axis beyond this range has powers of ten alone."""
+SHORT = ((0.6, (1, 1.5, 2, 3, 5, 7)), (2.0, (1, 2, 5)), (np.inf, (1,)))
+"""Digits of the ticks of axes up to a length, decades."""
+SIGNED = 8.0
+"""Size of a value of either sign above which its axis is logarithmic."""
+NARROW = 1.5
+"""Width of such an axis that has room for powers of ten alone, in."""
+LOWEST_PHASE = -200.0
+"""Lower end of axes of phases, degrees, so that a phase scattered about -180 stays together."""
 
 
 def wrap(phase: Float[np.ndarray, "*shape"], low: float = LOWEST_PHASE) -> Array:
@@ -108,33 +121,6 @@ def find_tops(
     return tops, around
 
 
-def find_slopes(
-    frequency: Float[np.ndarray, " frequency"], size: Float[np.ndarray, " frequency"]
-) -> list[tuple[int, float, float]]:
-    """Find the longest part of a curve along each power law: exponent, and its ends in Hz.
-
-    >>> f = np.geomspace(0.1, 100, 400)
-    >>> [(n, round(low)) for n, low, high in find_slopes(f, 1 / (1 + (f / 2) ** 2)) if n]
-    [(-2, 8)]
-    """
-    good = np.isfinite(size) & (size > 0) & (frequency > 0)
-    x, y = np.log10(frequency[good]), np.log10(size[good])
-    grid = np.arange(x[0], x[-1], STEP) if len(x) >= 8 else x[:0]
-    if len(grid) < 8:
-        return []
-    slope = np.gradient(np.interp(grid, x, y), STEP)
-    power = np.round(slope)
-    straight = np.abs(slope - power) < np.maximum(STRAIGHT, 0.03 * np.abs(power))
-    power[~straight | (np.abs(power) > 24)] = 0
-    found: dict[int, tuple[float, float]] = {}
-    for part in np.split(np.arange(len(grid)), np.flatnonzero(np.diff(power)) + 1):
-        own, low, high = int(power[part[0]]), float(grid[part[0]]), float(grid[part[-1]])
-        before = found.get(own, (0.0, 0.0))
-        if own and high - low > max(LONG, before[1] - before[0]):
-            found[own] = low, high
-    return [(power, float(10**low), float(10**high)) for power, (low, high) in found.items()]
-
-
 def unit_of_ratio(ratio: str) -> str:
     """Unit of a ratio of two motions.
 
@@ -143,3 +129,111 @@ def unit_of_ratio(ratio: str) -> str:
     """
     names = [end.strip().split("@")[0].rpartition(".")[2] for end in ratio.split("/")[:2]]
     return "/".join("rad" if name in ("roll", "pitch", "yaw") else "m" for name in names)
+
+
+class _Digits(LogLocator):
+    """Ticks at 1, 10, 100; of a short axis also between."""
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        low, high = sorted((max(vmin, 1e-300), max(vmax, 1e-300)))
+        if high < 2 * low:
+            return MaxNLocator(5).tick_values(low, high)
+        digits = next(digits for most, digits in SHORT if np.log10(high / low) <= most)
+        self.set_params(subs=digits, numticks=9)
+        return super().tick_values(vmin, vmax)
+
+
+class _Plainly(Formatter):
+    """Labels 0.1, 1, 10, or powers of ten where an axis is long."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        low, high = sorted(np.abs(self.axis.get_view_interval()))  # type: ignore[union-attr]
+        plain = low >= PLAIN[0] and high <= PLAIN[1]
+        if plain or not low or np.log10(high / low) <= LONG or not x:
+            return format_raised(x, 6)
+        return f"10{str(round(np.log10(x))).translate(RAISED)}"
+
+
+def label_plainly(axis: Axis) -> None:
+    """Make an axis logarithmic with 0.1, 1, 10 as labels, or powers of ten if it is long."""
+    (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)(
+        "log", nonpositive="mask"
+    )
+    axis.set_major_locator(_Digits())
+    axis.set_major_formatter(_Plainly())
+    axis.set_minor_formatter(NullFormatter())
+
+
+def label_signed(axes: Axes) -> None:
+    """Make a long horizontal axis logarithmic on both sides of 0: 0, 1, 2, 10, more powers."""
+    low, high = axes.get_xlim()
+    largest = max(-low, high)
+    if largest > SIGNED:
+        decades = np.log10(largest)
+        axes.set_xscale("symlog", linthresh=2.0, linscale=0.5 + 0.3 * decades)
+        powers = 10.0 ** np.arange(np.floor(decades), 0, -np.ceil(decades / 3))
+        narrow = axes.bbox.width / axes.figure.dpi < NARROW
+        digits = powers[:1] if narrow else np.append([1.0, 2.0], powers)
+        fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0))
+        for sizes, minor in ((digits, False), (fine, True)):
+            both = np.append(0.0, np.outer([-1, 1], sizes))
+            axes.set_xticks(both[(both >= low) & (both <= high)], minor=minor)
+    axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
+
+
+def rule(axes: Axes) -> None:
+    """Draw a faint grid, and tick labels that are legible in a column of 8.5 cm."""
+    axes.grid(visible=True, which="major", color=PALE, linewidth=0.4)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=SMALL)
+
+
+def raise_power(axis: Axis) -> None:
+    """Put the power of ten of small or large values into the unit of their axis: (10⁻³ m/m)."""
+    top = float(np.abs(axis.get_view_interval()).max())
+    if top and not 0.01 <= top < 1e4:
+        power = int(np.floor(np.log10(top)))
+        raised = f"(10{str(power).translate(RAISED)} "
+        axis.set_label_text(axis.get_label_text().replace("(", raised))
+        axis.set_major_formatter(lambda value, _: f"{value / 10.0**power:.6g}".replace("-", "−"))
+
+
+def label_phases(axes: Axes) -> None:
+    """Label a vertical axis of a turn of phase at multiples of 90 degrees."""
+    axes.set_ylim(LOWEST_PHASE, LOWEST_PHASE + 360.0)
+    axes.set_yticks([-180, -90, 0, 90], ["−180", "−90", "0", "90"])
+
+
+@dataclass(frozen=True)
+class Tints:
+    """Scale of colours: map, range, quantity with unit, labelled values (by default decades)."""
+
+    map: str
+    norm: Normalize
+    label: str
+    ticks: Sequence[float] = ()
+
+
+def draw_table(axes: Axes, value: Float[np.ndarray, "row column"], tints: Tints) -> None:
+    """Draw a coloured cell per value; NaN is empty. The axes have rows from the top down."""
+    rows, columns = value.shape
+    edges = (-0.5, columns - 0.5, rows - 0.5, -0.5)
+    axes.imshow(value, norm=tints.norm, cmap=tints.map, aspect="auto", extent=edges)
+    axes.tick_params(length=0)
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+
+
+def draw_bar(axes: Axes, tints: Tints) -> None:
+    """Draw a horizontal colour bar that fills axes."""
+    mappable = ScalarMappable(tints.norm, tints.map)
+    bar = figure_of(axes).colorbar(mappable, cax=axes, orientation="horizontal")
+    ticks = [*tints.ticks]
+    if not ticks and isinstance(tints.norm, LogNorm):
+        low, high = float(tints.norm.vmin or 0.0), float(tints.norm.vmax or 1.0)
+        powers = np.arange(round(np.log10(low)), round(np.log10(high)) + 1)
+        ticks = (10.0 ** powers[:: -max(1, -(-len(powers) // 5))]).tolist()
+    bar.set_ticks(ticks, labels=[format_raised(tick) for tick in ticks])
+    bar.minorticks_off()
+    bar.ax.tick_params(length=2, pad=1.5)
+    bar.outline.set_visible(False)

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry, with_bodies_above
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import panels, parts, style, tables
+from suspension_cli.drawing import parts, style, tables
 from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, Stroke, View, sketch_at_rest
 from suspension_cli.drawing.labels import spread
 from suspension_cli.drawing.parts import Canvas, Look, full_canvas
@@ -27,7 +27,7 @@ from suspension_cli.scene.scene import Scene
 
 MARGIN, TOP, FOOT = 0.1, 0.8, 0.55
 """Margin around everything, and heights of the heading and of the horizontal axes, in."""
-SCALE, LEADERS, RIGHT = 0.56, 0.8, 1.4
+SCALE, LEADERS, RIGHT = 0.56, 0.8, 1.2
 """Widths of the axis of heights, and of the dimensions left and right of the views, in."""
 THICK = 0.025
 """Thickness of the support over the size of the suspension."""
@@ -58,7 +58,7 @@ class Plan:
     """The two views of a drawing, placed on its canvas (in).
 
     Columns of text end at `left` of the side view, and begin at `right` of the face view and at
-    `names` between the views; the dimension of the total height is at `edge`.
+    `names` between the views.
     """
 
     sketch: Sketch
@@ -67,7 +67,6 @@ class Plan:
     left: float
     right: float
     names: float
-    edge: float
 
 
 def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
@@ -98,21 +97,19 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         left = MARGIN + SCALE + LEADERS + (inner - beside - scale * (wide + deep)) / 2
         face = left + scale * wide + names
         foot = below - scale * low[2]
-        end = face + scale * deep
         plan = Plan(
             sketch=sketch,
             side=SIDE.at((left - scale * low[0], foot), scale),
             face=FACE.at((face - scale * low[1], foot), scale),
             left=left - 0.16,
-            right=end + 0.28,
+            right=face + scale * deep + 0.28,
             names=left + scale * wide + 0.32,
-            edge=end + RIGHT - 0.12,
         )
         figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * tall + below)
         size = f"{factor or 0:,.6g} times larger" if factor != 1 else "to scale"
         remark = f"; imperfections {size} (grey: without)" if factor else ""
         name = design.design.title or design.design.name
-        panels.write_heading(figure, "Dimensions, to scale" + remark, name)
+        style.write_heading(figure, "Dimensions, to scale" + remark, name)
         canvas = full_canvas(figure)
         colours = tuple(style.stage_colours(scene.bodies.name).values())
         _draw_views(canvas, plan, shown, colours, is_displaced=factor is not None)
@@ -222,7 +219,6 @@ def _write_dimensions(canvas: Canvas, plan: Plan) -> None:
             column += [pair for pair in zip(places, own, strict=True) if pair[1]]
     _write_leaders(canvas, plan.left, side, "right")
     _write_leaders(canvas, plan.right, face, "left")
-    _write_height(canvas, plan)
 
 
 def _dimension_texts(shape: SetGeometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -254,22 +250,6 @@ def _write_leaders(canvas: Canvas, x: float, notes: Sequence[tuple[Array, str]],
         canvas.line(line, NOTE, 0.4, ORDER - 0.1)
         _draw_dot(canvas, target)
         _write_note(canvas, (x, y), text, ha=side)
-
-
-def _write_height(canvas: Canvas, plan: Plan) -> None:
-    """Draw the height from the suspension point to the lowest body, right of the face view."""
-    sketch, view, x = plan.sketch, plan.face, plan.edge
-    half = np.array([body.half[2] for body in sketch.outlines])
-    lowest = float((sketch.scene.bodies.position[1:, 2] - half).min())
-    bottom, top = view.see([[0.0, 0.0, lowest], [0.0, 0.0, 0.0]])[:, 1]
-    if top - bottom < 4 * LINE:
-        return
-    for y in (top, bottom):
-        canvas.line([[x - 0.12, y], [x + 0.04, y]], NOTE, 0.35, ORDER)
-    arrow = {"arrowstyle": "<|-|>", "color": NOTE, "lw": 0.5, "mutation_scale": 5}
-    arrow |= {"shrinkA": 0, "shrinkB": 0}
-    canvas.axes.annotate("", (x, bottom), (x, top), arrowprops=arrow)
-    _write_note(canvas, (x, (top + bottom) / 2), length(-lowest), rotation=90)
 
 
 def _write_note(canvas: Canvas, where: Sequence[float] | Array, text: str, **how: Any) -> None:

@@ -12,9 +12,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from scipy.optimize import isotonic_regression
 
-from suspension_cli.drawing.curves import find_peaks, find_slopes
 from suspension_cli.drawing.style import (
-    INK,
     NOTE,
     SMALL,
     format_raised,
@@ -24,7 +22,6 @@ from suspension_cli.drawing.style import (
 )
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
     from numpy.typing import ArrayLike
 
     from suspension_cli.scene.arrays import Array
@@ -150,30 +147,6 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
         top = (axes.transData.transform(peak[:2])[1] - box.y0) / box.height
         across, up = [x / box.width] * 2 + [middle], [min(top + 0.01, 1.0), 1.0, foot]
         axes.add_line(Line2D(across, up, linewidth=0.4, zorder=1, clip_on=False, **look))
-
-
-def label_slopes(
-    axes: Axes,
-    frequency: Float[np.ndarray, " frequency"],
-    size: Float[np.ndarray, " frequency"],
-    drawn: Float[np.ndarray, " frequency"],
-    colour: str = INK,
-) -> None:
-    """Write power laws beside a curve, f^-6, away from its peaks.
-
-    The `size` follows the power law of the `frequency`, Hz; `drawn` are ordinates.
-    """
-    peaks = np.log(frequency[find_peaks(size)])
-    for power, low, high in find_slopes(frequency, size):
-        places = np.log(low) + np.array([0.5, 0.3, 0.7]) * np.log(high / low)
-        free = np.abs(places[:, None] - peaks).min(1, initial=0.3)
-        middle = places[free.argmax()]
-        point = (np.exp(middle), np.interp(middle, np.log(frequency), drawn))
-        look: Any = {"va": "bottom", "fontsize": 8, "color": colour, "annotation_clip": True}
-        look["ha"] = "left" if power < 0 else "right"
-        look["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.85}
-        shift = (5 if power < 0 else -5, 4)
-        axes.annotate(f"$f^{{{power}}}$", point, shift, textcoords="offset points", **look)
 
 
 def label_points(

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from suspension_cli.drawing import curves, labels, scales
+from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.style import (
     INK,
@@ -28,6 +28,7 @@ from suspension_cli.drawing.style import (
     new_figure,
     single_line,
     text_width,
+    write_heading,
     write_text,
 )
 from suspension_cli.errors import Fault, InputError, format_value
@@ -50,7 +51,7 @@ PEAKS, RULES = 0.25, 0.14
 SAMPLE, APART = 0.22, 0.15
 """Length of the sample of a line beside its name, and distance to the next name, in."""
 MANY = 12
-"""Number of curves above which peaks and slopes have no labels."""
+"""Number of curves above which peaks have no labels."""
 REACH = 1.5
 """Distance of a rule beyond the axes up to which these are extended, relative to their length."""
 DASHES: tuple[LineStyleType, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
@@ -267,9 +268,10 @@ def draw(
         for n in range(len(rows))
     ]
     with house_style():
-        tops, end = [], HEAD
+        places, tops, end = [_place(row, width) for row in rows], [], HEAD
         for n, row in enumerate(rows):
-            tops.append(end + max(_height_above(row, width)))
+            above = [ROW * len(one.words(room)) + one.room for one, *_, room in places[n]]
+            tops.append(end + GAP + max(above))
             end = tops[-1] + max(one.height for one in row)
             if owner[n] == n:
                 end += max(_height_below(one.across or across) for one in row)
@@ -281,7 +283,7 @@ def draw(
         first: dict[int, Axes] = {}
         for n, row in enumerate(rows):
             group = [one for m, one in enumerate(rows) if owner[m] == owner[n]]
-            for k, (panel, start, wide) in enumerate(_columns(row, width)):
+            for k, (panel, start, wide, begin, room) in enumerate(places[n]):
                 left, right = panel.margins
                 leader = first.get(owner[n]) if len(row) == 1 else None
                 box = start + left, tops[n], wide - left - right, panel.height
@@ -293,29 +295,25 @@ def draw(
                 shown, axis = _apply_limits(panel, axis, first=n == k == 0, alike=alike)
                 beside = [one[k] for one in group if k < len(one)]
                 _draw_panel(axes, shown, axis, beside, is_lowest=owner[n] == n)
-                _write_above(figure, panel, tops[n], *_place_words(row, k, width))
+                _write_above(figure, panel, tops[n], begin, room)
         figure.align_ylabels([axes for axes in figure.axes if axes.get_ylabel()])
         return figure
 
 
-def _columns(row: Sequence[Panel], width: float) -> list[tuple[Panel, float, float]]:
-    """Panels side by side, with the left end and width of each, in."""
+def _place(row: Sequence[Panel], width: float) -> list[tuple[Panel, float, float, float, float]]:
+    """Panels side by side: left end and width of each, and of the words above it, in.
+
+    Words reach as far as the figure, if there are none further right.
+    """
     wide = np.array([one.width for one in row]) * width / sum(one.width for one in row)
-    return [*zip(row, (wide.cumsum() - wide).tolist(), wide.tolist(), strict=True)]
-
-
-def _place_words(row: Sequence[Panel], k: int, width: float) -> tuple[float, float]:
-    """Left end and width, in, of the words above a panel; beyond it, if no others are there."""
-    one, start, wide = _columns(row, width)[k]
-    begin = start + (0.1 if one.rows or one.left else one.margins[0])
-    alone = not any(other.title or other.remarks or other.samples for other in row[k + 1 :])
-    return begin, (width if alone else start + wide) - begin
-
-
-def _height_above(row: Sequence[Panel], width: float) -> list[float]:
-    """Height of the gap and the texts above each panel of a row, in."""
-    counts = [len(one.words(_place_words(row, k, width)[1])) for k, one in enumerate(row)]
-    return [GAP + ROW * count + one.room for one, count in zip(row, counts, strict=True)]
+    ends, spoken = wide.cumsum(), [bool(one.title or one.remarks or one.samples) for one in row]
+    result = []
+    for k, one in enumerate(row):
+        start, end = float(ends[k] - wide[k]), float(ends[k])
+        begin = start + (0.1 if one.rows or one.left else one.margins[0])
+        room = (end if any(spoken[k + 1 :]) else width) - begin
+        result.append((one, start, end - start, begin, room))
+    return result
 
 
 def _height_below(axis: Across) -> float:
@@ -342,13 +340,6 @@ def _write_above(figure: Figure, panel: Panel, top: float, left: float, width: f
             figure.text(x / across, y, text, **words)
 
 
-def write_heading(figure: Figure, quantity: str, design: str) -> None:
-    """Write the quantity at the top of a figure; below it, smaller, the design and model."""
-    across = figure.get_figwidth()
-    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
-    write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
-
-
 def _apply_limits(panel: Panel, axis: Across, *, first: bool, alike: bool) -> tuple[Panel, Across]:
     """Apply the limits of `limited` to the axes that they are about."""
     x, y = _LIMITS.get()
@@ -368,11 +359,11 @@ def _draw_panel(
     axes: Axes, panel: Panel, axis: Across, group: Sequence[Panel], *, is_lowest: bool
 ) -> None:
     """Draw a panel; `group` are all with this horizontal axis, the lowest of which labels it."""
-    scales.rule(axes)
+    curves.rule(axes)
     if axis.scale == "log":
-        scales.label_plainly(axes.xaxis)
+        curves.label_plainly(axes.xaxis)
     if panel.scale == "log":
-        scales.label_plainly(axes.yaxis)
+        curves.label_plainly(axes.yaxis)
     drawn = [_draw_line(axes, line, panel.scale) for line in panel.lines]
     _name_rows(axes, panel)
     _scale_across(axes, axis, group)
@@ -385,9 +376,9 @@ def _draw_panel(
     for one in panel.rules:
         _draw_rule(axes, one)
     if panel.scale == "phase":
-        scales.label_phases(axes)
+        curves.label_phases(axes)
     if panel.scale == "linear" and "(" in panel.label:
-        scales.raise_power(axes.yaxis)
+        curves.raise_power(axes.yaxis)
     if panel.ends:
         pairs = zip(drawn, panel.lines, strict=True)
         ends = [(*points, one.name, one.colour) for points, one in pairs if named(one)]
@@ -445,7 +436,7 @@ def _scale_across(axes: Axes, axis: Across, group: Sequence[Panel]) -> None:
         if len(x) and x.min() < x.max():
             axes.set_xlim(x.min(), x.max())
     if axis.scale == "signed":
-        scales.label_signed(axes)
+        curves.label_signed(axes)
     if axis.ticks:
         axes.set_xticks([*axis.ticks], [*axis.ticks.values()])
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -479,15 +470,14 @@ def _limit_upright(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]
 
 
 def _find_peaks(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]]) -> None:
-    """Find the peaks of lines; write their frequencies above, and power laws beside the lines."""
+    """Write the frequencies of the peaks of lines above."""
     peaks, high = [], axes.get_ylim()[1]
     if len(drawn) > MANY or axes.get_xscale() != "log":
         return
-    for line, (x, y) in zip(panel.lines, drawn, strict=True):
+    for x, y in drawn:
         size = 10 ** (y / 20) if panel.scale == "db" else y
         tops, _ = curves.find_tops(x, size)
         peaks += [(float(x[top]), min(float(y[top]), high), remark) for top, remark in tops]
-        labels.label_slopes(axes, x, size, y, line.colour)
     labels.label_peaks(axes, peaks)
 
 

@@ -149,6 +149,13 @@ def write_text(
     figure.text(left / across, 1 - top / up, text, va="top", ha=side, **look)
 
 
+def write_heading(figure: Figure, quantity: str, design: str) -> None:
+    """Write the quantity at the top of a figure; below it, smaller, the design and model."""
+    across = figure.get_figwidth()
+    write_text(figure, 0.1, 0.08, single_line(quantity, int(across / 0.084)), 9.5, bold=True)
+    write_text(figure, 0.1, 0.27, single_line(design, int(across / 0.058)), 7.5, NOTE)
+
+
 @cache
 def text_width(text: str, size: float = SMALL) -> float:
     """Width of a line of text, in."""

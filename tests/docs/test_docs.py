@@ -15,7 +15,7 @@ import pytest
 
 from suspension_cli.analyses.budget import ground
 from suspension_cli.analyses.export import file as export
-from suspension_cli.analyses.modes import animation
+from suspension_cli.analyses.modes import picture
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import control, goals, imperfections, materials, measured, schema, wires
@@ -293,7 +293,7 @@ def test_every_line_runs(document, block, number, folders, monkeypatch):
     """Lines that make a file which this one reads are run first."""
     folder, done = folders(document, tuple(block))
     laid_out(folder, monkeypatch)
-    monkeypatch.setattr(animation, "FRAMES", 4)
+    monkeypatch.setattr(picture, "FRAMES", 4)
     line = block[number]
     if " tradeoff " in line:
         hurry(monkeypatch)

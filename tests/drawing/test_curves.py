@@ -62,14 +62,10 @@ def test_labels_at_line_ends_keep_apart_and_point_beyond_the_limits(top, first):
     assert_legible(figure)
 
 
-def test_slopes_and_peaks_are_found():
+def test_peaks_are_found():
     f = np.geomspace(0.01, 100, 2000)
     size = 1 / np.abs(1 - f**2 + 1e-4j * f)
     assert f[curves.find_peaks(size)] == pytest.approx([1.0], rel=5e-3)
-    ((power, low, high),) = curves.find_slopes(f, size)
-    assert power == -2
-    assert 1 < low < 10
-    assert high > 90
 
 
 def test_added_points_reach_a_tip_and_keep_the_grid():
@@ -99,7 +95,7 @@ def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
     ]
     assert "Transfer functions" in said(figure)
     assert "Triple pendulum with a fused-silica final stage · beam model" in said(figure)
-    assert {"$f^{-6}$", "$f^{-2}$", "test.x / support.x", "0.552"} <= {*said(figure)}
+    assert {"test.x / support.x", "0.552"} <= {*said(figure)}
     colours = stage_colours(["upper", "middle", "test"])
     assert [line.get_color() for line in figure.axes[2].lines[:3]] == [
         colours["test"],

@@ -13,10 +13,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.check.loads import Check, LinkLoad
 
 
-MANY_BODIES = 12
-"""Number of bodies above which only three lowest points are printed."""
-
-
 class CheckAnalysis(Analysis):
     """Check a design, and list what its wires and blades carry.
 
@@ -131,11 +127,9 @@ class CheckAnalysis(Analysis):
             for link in loads.links
             if link.table is not None
         ]
-        shown = loads.lowest
-        if len(shown) > MANY_BODIES:
-            shown = sorted(shown, key=lambda low: low.z)[:3]
-        lowest = ", ".join(f"{low.name} {low.z:.4g} m ({low.point})" for low in shown)
-        lines.append(f"  height {loads.height:.4g} m; lowest points: {lowest}")
+        lowest = sorted(loads.lowest, key=lambda low: low.z)[:3]
+        points = ", ".join(f"{low.name} {low.z:.4g} m ({low.point})" for low in lowest)
+        lines.append(f"  height {loads.height:.4g} m; lowest points: {points}")
         if found.stable is not None:
             word = "stable" if found.stable else "UNSTABLE"
             lines.append(f"  {word} in the {found.stability_model} model")

@@ -19,7 +19,6 @@ SAG = 0.05
 NOTED = 4e-3
 """Weight over tension above which `check` notes that a design leaves it out; frequencies of
 pendulums change by up to a quarter of it."""
-
 MANY = 40
 """Number of wires above which equal wires of a stage share a row."""
 
@@ -305,17 +304,17 @@ def list_documents(parts: Sequence[object]) -> list[Document]:
 def render(parts: Sequence[object]) -> str:
     """Render the table of parts of one kind; of many, equal wires of a stage share a row."""
     shown = [(name, column) for name, column in _columns(type(parts[0])) if column.head]
-    factors = [column.factor for _, column in shown[1:]]
     rows: list[list[Any]] = []
     last: object = None
     for part in parts:
         label, *values = (getattr(part, name) for name, _ in shown)
-        scaled = [None if v is None else v * f for v, f in zip(values, factors, strict=True)]
+        factors = [column.factor for _, column in shown[1:]]
+        row = [label, *(v and v * f for v, f in zip(values, factors, strict=True))]
         stage, _, number = label.rpartition(".")
-        equal = (stage, *(None if value is None else f"{value:.3f}" for value in scaled))
+        equal = stage, *(value and f"{value:.3f}" for value in row[1:])
         if len(parts) > MANY and equal == last and number.isdecimal():
             rows[-1][0] = f"{rows[-1][0].partition(' ')[0]} to {number}"
         else:
-            rows.append([label, *scaled])
+            rows.append(row)
         last = equal
     return tables.render({column.head: column.form for _, column in shown}, rows)

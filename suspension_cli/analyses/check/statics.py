@@ -59,7 +59,7 @@ def solve(design: Design) -> Statics:
     strings = STRING.completed(scene, design)
     balanced = balance(strings)
     balanced.demand(strings)
-    pose, ends = balanced.pose, _end_heights(scene, balanced)
+    pose, (ends, top) = balanced.pose, _end_heights(scene, balanced)
     wires = tuple(wire_loads(design, scene, balanced))
     turns = [rotation_vector(rotation - np.eye(3)) for rotation in pose.rotation]
     names = enumerate(scene.bodies.name, 1)
@@ -68,8 +68,10 @@ def solve(design: Design) -> Statics:
         wires=wires,
         blades=tuple(blade_loads(design, scene, balanced)),
         bodies=tuple(BodyPose(n, _vector(pose.shift[i]), _vector(turns[i])) for i, n in names),
-        lowest=tuple(_find_lowest(one.body, n, scene, balanced, ends[n]) for n, one in stages),
-        top=max((end for heights in ends for end in heights), default=0.0),
+        lowest=tuple(
+            _find_lowest(one.body, n, scene, balanced, float(ends[n])) for n, one in stages
+        ),
+        top=top,
         residual=float(balanced.residual),
         links=tuple(_links(design)),
         legs=tuple(_legs(design, scene, balanced)),
@@ -144,23 +146,24 @@ def _largest_stress(
     return {"stress": largest, "strength": strength, "fraction": fraction, "material": name}
 
 
-def _end_heights(scene: Scene, balanced: Equilibrium) -> list[list[float]]:
-    """List the heights z (m) of the ends of wires on each body, the support first."""
-    heights: list[list[float]] = [[] for _ in range(len(scene.bodies.name) + 1)]
-    z, wires = scene.bodies.position[:, 2] + balanced.pose.shift[:, 2], scene.wires
+def _end_heights(scene: Scene, balanced: Equilibrium) -> tuple[np.ndarray, float]:
+    """Lowest end of a wire on each body, the support first (infinite: none), and highest of all.
+
+    Heights z from the suspension point, m.
+    """
+    wires, pose = scene.wires, balanced.pose
     body = np.concatenate([wires.upper, wires.lower])
     point = np.concatenate([wires.upper_point, wires.lower_point])
-    for n, height in zip(body, z[body] + balanced.pose.arms(body, point)[:, 2], strict=True):
-        heights[n].append(float(height))
-    return heights
+    z = (scene.bodies.position + pose.shift)[body, 2] + pose.arms(body, point)[:, 2]
+    lowest = np.full(len(pose.shift), np.inf)
+    np.minimum.at(lowest, body, z)
+    return lowest, float(z.max()) if len(z) else 0.0
 
 
-def _find_lowest(
-    body: Body, n: int, scene: Scene, balanced: Equilibrium, ends: list[float]
-) -> Lowest:
-    """Find the lowest point of a body: of its shape, wires or COM."""
+def _find_lowest(body: Body, n: int, scene: Scene, balanced: Equilibrium, end: float) -> Lowest:
+    """Find the lowest point of a body: of its shape, its ends of wires or its COM."""
     z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
-    points = [(z, "centre of mass"), *((end, "wires") for end in ends)]
+    points = [(z, "centre of mass"), (end, "wires")]
     if body.shape is not None:
         points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
     lowest = min(points, key=lambda point: point[0])

@@ -211,7 +211,6 @@ def _pairs(found: Comparison, modes: PairedModes) -> list[str]:
     import numpy as np
 
     first, *others = np.flatnonzero(np.isfinite(modes.frequency).any(0)).tolist()
-    few = (modes.overlap < MIXED).sum() <= len(modes.label) / 2
     columns = {f"{found.name[first]}\nHz": "#.5g"}
     for n in others:
         columns |= {f"{found.name[n]}\nHz": "#.5g", f"{found.name[n]}\nchange %": "+.3g"}
@@ -222,9 +221,8 @@ def _pairs(found: Comparison, modes: PairedModes) -> list[str]:
             change = 100 * (modes.frequency[m, n] / modes.frequency[m, first] - 1)
             row += [modes.frequency[m, n], "0" if abs(change) < ROUNDED else change]
         poor = ", ".join(found.name[n] for n in others if modes.overlap[m, n] < MIXED)
-        rows.append((*row, f"{label}; shape differs in {poor}" if poor and few else label))
-    more = "" if few else " as far as possible: most shapes differ"
-    return ["", f"modes, paired by shape{more}", tables.render(columns | {"mode": ""}, rows)]
+        rows.append((*row, f"{label}; shape differs in {poor}" if poor else label))
+    return ["", "modes, paired by shape", tables.render(columns | {"mode": ""}, rows)]
 
 
 def _ratios(found: Comparison, overlay: Overlay) -> Iterator[str]:

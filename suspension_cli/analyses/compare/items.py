@@ -43,7 +43,8 @@ class Curve:
     """A response, or amplitude spectral density of a noise, and its ratio to the reference.
 
     `item` is the number of the item, from 0. Uncertainties are those of measured real and imaginary
-    parts; NaN where unknown. The ratio of the reference is empty.
+    parts; NaN where unknown. The ratio of the reference is empty. `fine` is the value of a model at
+    more frequencies, which resolve resonances; empty if measured.
     """
 
     item: int
@@ -55,6 +56,12 @@ class Curve:
     )
     ratio: Complex[np.ndarray, " ratio_frequency"] = field(
         default_factory=lambda: np.zeros(0, dtype=complex)
+    )
+    fine_frequency: Float[np.ndarray, " fine_frequency"] = field(
+        default_factory=lambda: np.zeros(0), metadata=in_unit("Hz")
+    )
+    fine: Complex[np.ndarray, " fine_frequency"] = field(
+        default_factory=lambda: np.zeros(0, dtype=complex), metadata=in_unit("{unit}")
     )
 
 
@@ -174,21 +181,31 @@ def _measured(responses: Sequence[MeasuredResponse]) -> dict[Quantity, tuple[Cur
 
 def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
     """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
+    from suspension_cli.analyses.response import picture as response
+    from suspension_cli.analyses.thermal import picture as thermal
+
     found, curves = result.data, {}
 
-    def add(what: Quantity, frequency: Array, value: Array, unit: str) -> None:
+    def add(what: Quantity, unit: str, frequency: Array, value: Array, *fine: Array) -> None:
         unknown = np.full(len(frequency), np.nan)
-        curves[what] = Curve(0, frequency, value, unknown), unit
+        at, more = fine
+        curve = Curve(0, frequency, value + 0j, unknown, fine_frequency=at, fine=more + 0j)
+        curves[what] = curve, unit
 
     if result.analysis.name == "response":
+        fine = response.refine(result)
         for o, out in enumerate(found.output):
             for i, into in enumerate(found.input):
-                what = Quantity("response", out, into)
-                add(what, found.frequency, found.value[:, o, i], found.unit[o][i])
+                both = (
+                    values
+                    for one in (found, fine)
+                    for values in (one.frequency, one.value[:, o, i])
+                )
+                add(Quantity("response", out, into), found.unit[o][i], *both)
     elif result.analysis.name == "thermal":
-        for noise in found:
-            what, value = Quantity("noise", noise.output, ""), noise.amplitude.astype(complex)
-            add(what, noise.frequency, value, f"{noise.unit}/sqrt(Hz)")
+        for noise, fine in zip(found, thermal.refine(result), strict=True):
+            both = (values for one in (noise, fine) for values in (one.frequency, one.amplitude))
+            add(Quantity("noise", noise.output, ""), f"{noise.unit}/sqrt(Hz)", *both)
     return curves
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.compare.items import Curve, Quantity, curves_of
+from suspension_cli.analyses.compare.items import Curve
 from suspension_cli.analyses.compare.solve import (
     Comparison,
     Overlay,
@@ -15,9 +15,7 @@ from suspension_cli.analyses.compare.solve import (
     interpolate,
     with_ratio,
 )
-from suspension_cli.analyses.response import picture as response_picture
 from suspension_cli.analyses.response.picture import PHASE, ZERO
-from suspension_cli.analyses.thermal import picture as thermal_picture
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
@@ -109,17 +107,15 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
 
 def _refine(overlay: Overlay) -> list[Curve]:
     """Resolve the resonances of computed curves, and of their ratios."""
-    picture = response_picture if overlay.kind == "response" else thermal_picture
-    what, curves = Quantity(overlay.kind, overlay.output, overlay.input), list[Curve]()
+    curves: list[Curve] = []
     for curve in overlay.curves:
-        if result := overlay.source.get(curve.item):
-            fine = curves_of(replace(result, data=picture.refine(result)))[what][0]
-            curve = replace(fine, item=curve.item)
+        if len(curve.fine):
+            at, unknown = curve.fine_frequency, np.full(len(curve.fine), np.nan)
+            curve = replace(curve, frequency=at, value=curve.fine, uncertainty=unknown)
             if curves:  # also where the reference has resonances
-                low, high = fine.frequency[[0, -1]]
-                at = np.union1d(fine.frequency, curves[0].frequency)
-                at = at[(at >= low) & (at <= high)]
-                curve = replace(curve, frequency=at, value=interpolate(at, fine))
+                more = curves[0].frequency
+                at = np.union1d(at, more[(more >= at[0]) & (more <= at[-1])])
+                curve = replace(curve, frequency=at, value=interpolate(at, curve))
                 curve = with_ratio(curve, curves[0])
         curves.append(curve)
     return curves

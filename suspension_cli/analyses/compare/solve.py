@@ -24,7 +24,7 @@ from suspension_cli.design.measured import Mode
 from suspension_cli.design.paths import format_with_unit
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
-from suspension_cli.files.declared import NOT_STORED, along, in_unit, scale_of
+from suspension_cli.files.declared import along, in_unit, scale_of
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import named_results
 from suspension_cli.linear.mode_pairing import pair_by_overlap
@@ -74,20 +74,13 @@ class PairedModes:
 
 @dataclass(frozen=True)
 class Overlay:
-    """Curves of one quantity; the first is the reference. A noise has no input.
-
-    `source` are the results of the curves by item, to draw these between their points; empty for
-    stored comparisons.
-    """
+    """Curves of one quantity; the first is the reference. A noise has no input."""
 
     kind: str
     output: str
     input: str
     unit: str
     curves: tuple[Curve, ...]
-    source: dict[int, Result] = field(
-        default_factory=dict, repr=False, compare=False, metadata=NOT_STORED
-    )
 
     @property
     def name(self) -> str:
@@ -347,8 +340,7 @@ def _overlays(items: Sequence[Item], analyses: _Analyses) -> Iterator[Overlay]:
             order = sorted(found, key=lambda n: (items[n].kind == "measurement", n))
             first, *others = (dataclasses.replace(found[n][0], item=n) for n in order)
             curves = (first, *(with_ratio(curve, first) for curve in others))
-            sources = {n: one for n in order if (one := items[n].result) is not None} | solved
-            yield Overlay(*what, next(reversed(found.values()))[1], curves, sources)
+            yield Overlay(*what, next(reversed(found.values()))[1], curves)
 
 
 def with_ratio(curve: Curve, reference: Curve) -> Curve:

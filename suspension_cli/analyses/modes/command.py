@@ -33,11 +33,6 @@ HIGHEST = 1000.0
 """Hz, up to which the violin model lists modes."""
 MOST = 1000
 """Modes of wires with mass above which a run is refused unless --all is given."""
-SLIGHT = 0.01
-"""Relative change of the median mode by the mass of wires up to which `auto` may neglect it if the
-modes of wires are too many."""
-MANY = 100
-"""Modes whose number is printed before they are computed."""
 
 
 class ModesAnalysis(Analysis):
@@ -206,21 +201,21 @@ class ModesAnalysis(Analysis):
         """Draw one period of every mode of --animate."""
         chosen = _animated(result.data, setting)
         if chosen:
-            from suspension_cli.analyses.modes import animation
+            from suspension_cli.analyses.modes import picture
             from suspension_cli.equilibrium.nominal import expand
 
             scene = expand(result.design)
             for n in chosen:
-                yield f"-{n + 1}.gif", animation.animate(result.data, n, result.design, scene)
+                yield f"-{n + 1}.gif", picture.animate(result.data, n, result.design, scene)
 
 
 def _animated(modes: Modes, setting: Settings) -> list[int]:
     """Return the modes (from 0) that --animate names."""
     if not setting.get("animate"):
         return []
-    from suspension_cli.analyses.modes import animation
+    from suspension_cli.analyses.modes import picture
 
-    return animation.parse(modes, setting["animate"])
+    return picture.parse_names(modes, setting["animate"])
 
 
 def _damping(design: Design, text: str | None) -> Settings:
@@ -229,27 +224,24 @@ def _damping(design: Design, text: str | None) -> Settings:
     from suspension_cli.grids import parse_band
     from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
 
-    def fault(problem: str, remedy: str, value: str) -> InputError:
-        return InputError([Fault("--damping", problem, remedy, value)])
-
     on_legs = any(stage.inverted_pendulum for stage in design.stage)
     if (text is None and on_legs) or text == "none":
         return {"damping_band": ()}
-    given: dict[str, str] = {}
+    found: Settings = {"damping_band": DAMPING_BAND, "damping_at": TOP}
+    known = [TOP, *(stage.name for stage in design.stage)]
     for item in re.split(r",(?=[a-z]+=)", text or f"at={TOP}"):
         key, _, value = item.partition("=")
-        if key not in ("band", "at") or key in given or not value:
+        if key == "band":
+            ends = value.replace(",", ":")
+            found["damping_band"] = parse_band(ends, "--damping", with_zero=True, before="band=")
+        elif key != "at":
             remedy = "give for example band=0.5:5,at=top, or none"
-            raise fault("is no band, stage, or none", remedy, item)
-        given[key] = value
-    result: Settings = {"damping_band": DAMPING_BAND, "damping_at": given.get("at", TOP)}
-    if "band" in given:
-        ends = given["band"].replace(",", ":")
-        result["damping_band"] = parse_band(ends, "--damping", with_zero=True, before="band=")
-    known = [TOP, *(stage.name for stage in design.stage)]
-    if result["damping_at"] not in known:
-        raise fault("is no stage", suggest(given["at"], known), given["at"])
-    return result
+            raise InputError([Fault("--damping", "is no band, stage, or none", remedy, item)])
+        elif value not in known:
+            raise InputError([Fault("--damping", "is no stage", suggest(value, known), value)])
+        else:
+            found["damping_at"] = value
+    return found
 
 
 def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
@@ -257,61 +249,50 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
 
     If modes of wires are listed too, both are the modes with all losses.
     """
-    from suspension_cli.analyses import model_choice
-    from suspension_cli.analyses.modes import wire_modes
-    from suspension_cli.linear import eigenmodes
-    from suspension_cli.models import registry
-
-    highest, level = run.setting["max_frequency"], run.setting["fidelity"]
-    auto = level == registry.AUTO
-    wanted = registry.VIOLIN.name if auto and highest is not None else level
-    choice, model = model_choice.for_modes(run.source, wanted, run.setting["tolerance"])
-    if not choice.model.has_wire_mass or (auto and highest is None):
-        choice, model, listed = _solve_bodies(run, choice, model)
-        if highest is not None:
-            listed = listed.up_to(highest)
-            if not len(listed.q):
-                raise wire_modes.no_mode_error(highest)
-        return choice, model, eigenmodes.solve(model), listed
-    top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
-    choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
-    _admit(run, wire_modes.count_modes(model, top), top, cause)
-    with run.log.progress() as bar:
-        found = wire_modes.solve(model, top, damping=True, progress=bar)
-    return choice, model, found, found
-
-
-def _solve_bodies(
-    run: Run, choice: Choice, model: LinearSystem
-) -> tuple[Choice, LinearSystem, Modes]:
-    """Solve for the modes of bodies; `auto` neglects wire mass if wires have too many modes."""
     import numpy as np
 
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.modes import wire_modes
+    from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
     from suspension_cli.models.choice import percent, shifts
 
-    level, tolerance = run.setting["fidelity"], run.setting["tolerance"]
+    highest, level, tolerance = (run.setting[n] for n in ("max_frequency", "fidelity", "tolerance"))
+    auto = level == registry.AUTO
+    wanted = registry.VIOLIN.name if auto and highest is not None else level
+    choice, model = model_choice.for_modes(run.source, wanted, tolerance)
+    if choice.model.has_wire_mass and not (auto and highest is None):
+        top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
+        choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
+        _admit(run, wire_modes.count_modes(model, top), top, cause)
+        with run.log.progress() as bar:
+            listed = wire_modes.solve(model, top, damping=True, progress=bar)
+        return choice, model, listed, listed
 
     def admit(number: int, top: float) -> None:
         _admit(run, number, top, "that of the highest mode")
 
     try:
         with run.log.progress() as bar:
-            return choice, model, wire_modes.solve_bodies(model, admit, bar)
+            listed = wire_modes.solve_bodies(model, admit, bar)
     except TooManyModes as many:
-        if level != registry.AUTO:
-            raise
-        choice, light = model_choice.for_modes(run.source, level, tolerance, massless=True)
-        shift = float(np.median(shifts(light, model)[1]))
-        if shift > SLIGHT:
+        if not auto:
             raise
         why = f"{many.faults[0].problem}, so wire mass is neglected (--all includes it)"
         run.log.say(f"{run.name}: {why}")
-        why = f"wire mass, {percent(shift)} in the median mode, as its modes would take minutes"
+        heavy, (choice, model) = (
+            model,
+            model_choice.for_modes(run.source, level, tolerance, massless=True),
+        )
+        shift = percent(float(np.median(shifts(model, heavy)[1])))
+        why = f"wire mass, {shift} in the median mode, as its modes would take minutes"
         choice = dataclasses.replace(choice, reason=f"as --all is not given; neglected: {why}")
-        return choice, light, wire_modes.solve_bodies(light)
+        listed = wire_modes.solve_bodies(model)
+    if highest is not None:
+        listed = listed.up_to(highest)
+        if not len(listed.q):
+            raise wire_modes.no_mode_error(highest)
+    return choice, model, eigenmodes.solve(model), listed
 
 
 class TooManyModes(InputError):
@@ -319,24 +300,23 @@ class TooManyModes(InputError):
 
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
-    """Report the number of modes if there are many; refuse more than `MOST` without --all."""
+    """Refuse more than `MOST` modes without --all, with what may be implausible in the design."""
     from suspension_cli.analyses.check import warnings
 
-    if number > MOST and not run.setting["every"]:
-        problem = (
-            f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than"
-            f" {MOST:,} take minutes"
-        )
-        remedy = (
-            "check lengths and radii of wires (m), give a lower --max-frequency, or --all to"
-            " compute all"
-        )
-        causes = [item.line("") for item in warnings.find_serious(run.design)]
-        if causes and not causes[0].startswith("control."):
-            remedy = f"probable cause: {causes[0]}"
-        raise TooManyModes([Fault("", problem, remedy)])
-    if number > MANY:
-        run.log.say(f"{run.name}: {number:,} modes up to {top:.4g} Hz")
+    if number <= MOST or run.setting["every"]:
+        return
+    problem = (
+        f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than {MOST:,}"
+        " take minutes"
+    )
+    remedy = (
+        "check lengths and radii of wires (m), give a lower --max-frequency, or --all to compute"
+        " all"
+    )
+    causes = [item.line("") for item in warnings.find_serious(run.design)]
+    if causes and not causes[0].startswith("control."):
+        remedy = f"probable cause: {causes[0]}"
+    raise TooManyModes([Fault("", problem, remedy)])
 
 
 def _describe(

@@ -1,23 +1,28 @@
-"""Figures of mode shapes, one panel per mode, and of the Q of all modes."""
+"""Pictures of modes: shapes, one panel per mode; one period in motion, as GIF; Q of all modes."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from suspension_cli.conventions import DOFS, WIRE_MODE_NAMES
+from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, panels, parts, style
 from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Sketch, View
 from suspension_cli.drawing.parts import Canvas, Look, full_canvas
 from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
+from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import Pose
+from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 
 ACROSS, PAGE, MOST = 6, 24, 120
@@ -46,6 +51,11 @@ design, or few."""
 BODIES = "bodies"
 MARKERS = {BODIES: "x", "violin-x": "<", "violin-y": ">", "stretch": "^", "twist": "v"}
 """Marker of the modes of bodies, and of each motion of a wire; two at one point differ from one."""
+FRAMES, DURATION = 24, 50
+"""Frames of a period (even: the second half is the first in reverse), and time of each, ms."""
+WIDTH, TALLEST, LOWEST, DPI, COLOURS = 1.6, 2.6, 0.9, 200, 64
+"""Of a moving picture: width and bounds of the height, in; dots per inch; most colours."""
+ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -154,7 +164,7 @@ def _figure(
     tall = min(most, (width - GAP) * float(largest[1] / largest[0]))
     height = TOP + rows * (tall + AROUND)
     figure = style.new_figure(style.PAGE_WIDTH, height)
-    panels.write_heading(figure, *title)
+    style.write_heading(figure, *title)
     key = (
         f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
         " kinetic energy. Bars: fractions of this. Motions exaggerated."
@@ -207,31 +217,20 @@ def draw_panel(
     parts.draw_suspension(canvas, view, rest, still)
     parts.draw_suspension(canvas, view, panel.sketch, Look(edge, fill, INK, THIN, 3))
     for n, colour in enumerate(edge, 1):
-        _mark_rotation(canvas, view, rest, panel.sketch, n, colour)
+        _draw_cross(canvas, view, panel.sketch, n, colour)
     top -= tall + ROW / 2
     look = {"ha": "right", "color": NOTE, "va": "center", "fontsize": SMALL}
     canvas.text(left + width, top, panel.view.name, **look)
     _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
 
 
-def _mark_rotation(
-    canvas: Canvas, view: View, rest: Sketch, moved: Sketch, n: int, colour: str
-) -> None:
-    """Draw a cross through a body, and in a circle a mark on the rim and where it was at rest."""
-    body = rest.outlines[n - 1]
-
-    def line(sketch: Sketch, ends: list[Array], ink: str, width: float, order: float) -> None:
-        dashes = "solid" if sketch is moved else (0, (2, 2))
-        canvas.line(view.see(sketch.locate(n, np.array(ends))), ink, width, order, dashes)
-
+def _draw_cross(canvas: Canvas, view: View, moved: Sketch, n: int, colour: str) -> None:
+    """Draw a cross that turns with a body; in a circle it ends at the rim."""
+    body = moved.outlines[n - 1]
+    reach = 1.0 if body.axis == view.normal else 0.3
     for axis in {0, 1, 2} - {view.normal}:
-        arm = 0.3 * np.eye(3)[axis] * body.half
-        line(moved, [-arm, arm], colour, THIN, 4)
-    if body.axis == view.normal:
-        rim = np.eye(3)[0 if view.normal == 2 else 2] * body.half
-        line(rest, [0 * rim, rim], NOTE, 0.5, 3.5)
-        line(moved, [0 * rim, rim], colour, THIN, 4)
-        line(moved, [0.82 * rim, rim], colour, 3.4 * THIN, 4)
+        arm = reach * np.eye(3)[axis] * body.half
+        canvas.line(view.see(moved.locate(n, np.array([-arm, arm]))), colour, THIN, 4)
 
 
 def format_heading(modes: Modes, number: int) -> str:
@@ -301,3 +300,73 @@ def draw_quality(modes: Modes, design: Design, subtitle: str) -> Figure:
     limits = (float(frequency.min()) / 1.2, float(frequency.max()) * 1.2)
     across = panels.Across(limits=limits)
     return panels.draw("Q and dilution factor of all modes", subtitle, shown, across)
+
+
+def parse_names(modes: Modes, text: str, option: str = "--animate") -> list[int]:
+    """Parse numbers (from 1) and labels of modes, separated by commas, or ``all``.
+
+    Returns numbers from 0. Raises `InputError` if there is no such mode, or it is one of wires
+    alone, whose shape is not drawn.
+    """
+    drawn, found = np.flatnonzero(modes.order == 0).tolist(), list[int]()
+    for name in [*filter(None, map(str.strip, text.split(",")))] or [text]:
+        if name == ALL:
+            chosen = drawn
+        elif name.isdecimal():
+            chosen = [int(name) - 1] if 0 < int(name) <= len(modes.frequency) else []
+        else:
+            chosen = [n for n, label in enumerate(modes.label) if label == name]
+        if not chosen:
+            remedy = f"give a number from 1 to {len(modes.frequency)}, {ALL}, or a label:"
+            remedy += f" {suggest(name, list(dict.fromkeys(modes.label)))}"
+            raise InputError([Fault(option, "names no mode", remedy, format_value(name))])
+        if not set(chosen) <= set(drawn):
+            problem = "is a mode of wires alone, whose shape is not drawn"
+            fault = Fault(option, problem, "name a mode of the bodies", format_value(name))
+            raise InputError([fault])
+        found += chosen
+    return [*dict.fromkeys(found)]
+
+
+def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
+    """Draw one period of a mode, as a GIF that repeats without end.
+
+    Displacements go with cos(2 pi n / `FRAMES`); the largest is as in the picture of all modes.
+    """
+    with style.house_style():
+        rest = geometry.sketch_at_rest(design, scene, THICK)
+        numbering, still = layout(scene), nominal_pose(scene)
+        step = geometry.mode_step(numbering, modes.coordinate, modes.shape[number])
+        step = geometry.amplitude(scene, step) * step
+        sizes = np.cos(2 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
+        poses = [displace(numbering, still, size * step) for size in sizes]
+        shown = [make_panel(modes, number, rest, pose) for pose in poses]
+        low = np.min([panel.low for panel in shown], axis=0)
+        high = np.max([panel.high for panel in shown], axis=0)
+        shown = [replace(panel, low=low, high=high) for panel in shown]
+        frames = [_draw_frame(modes, rest, panel) for panel in shown]
+    palette = Image.fromarray(np.concatenate(frames)).quantize(
+        COLOURS, method=Image.Quantize.MAXCOVERAGE
+    )
+    images = [
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    ]
+    stream, back = io.BytesIO(), images[-2:0:-1]
+    how: Any = {"duration": DURATION, "loop": 0, "optimize": False, "comment": b"pendsus"}
+    images[0].save(stream, format="GIF", save_all=True, append_images=images[1:] + back, **how)
+    return stream.getvalue()
+
+
+def _draw_frame(modes: Modes, rest: Sketch, panel: Panel) -> Array:
+    """Draw one frame: red, green and blue (height, width, 3) of its pixels."""
+    size = extent([panel])
+    tall = float(np.clip(WIDTH * size[1] / size[0], LOWEST, TALLEST))
+    figure = style.new_figure(WIDTH + 2 * GAP, tall + AROUND + GAP)
+    figure.set_dpi(DPI)
+    canvas = full_canvas(figure)
+    draw_panel(canvas, (GAP, tall + AROUND), (WIDTH, tall), modes, panel, rest, size)
+    canvas.flush()
+    pixels: Any = figure.canvas
+    pixels.draw()
+    return np.asarray(pixels.buffer_rgba())[..., :3]

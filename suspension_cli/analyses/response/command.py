@@ -26,15 +26,11 @@ from suspension_cli.analyses.options import option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.response.measured import ComparedResponse, Comparison, Item
-    from suspension_cli.design.schema import Design
-    from suspension_cli.linear.system import LinearSystem
-    from suspension_cli.models.choice import Transfer
+    from suspension_cli.analyses.response.solve import ComparedResponse, Comparison
     from suspension_cli.scene.arrays import Array
 
 FREQUENCY = "0.1:100:2000"
 """Default frequencies, Hz; with measured transfer functions, these cover them instead."""
-
 SCALE = option(
     "--scale",
     type=click.Choice(["db", "absolute"]),
@@ -58,7 +54,7 @@ class ResponseAnalysis(Analysis):
     Result
         With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
         (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
-        tuple of `analyses.response.measured.Comparison`.
+        tuple of `analyses.response.solve.Comparison`.
 
     Raises
     ------
@@ -75,7 +71,7 @@ class ResponseAnalysis(Analysis):
     """
 
     name = "response"
-    result_type = "analyses.response.measured.ComparedResponse"
+    result_type = "analyses.response.solve.ComparedResponse"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals(
@@ -109,30 +105,30 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.damp.solve import find_steady_poles
-        from suspension_cli.analyses.response import measured
-        from suspension_cli.analyses.response.solve import ClosedTransfer, find_peaks
+        from suspension_cli.analyses.response import solve as responses
         from suspension_cli.linear import eigenmodes
         from suspension_cli.linear.response import units
 
         setting = run.setting
-        items = measured.read_files(
-            setting["measured"] or (), setting["inputs"], setting["outputs"]
-        )
-        request = partial(_request, setting=setting, items=items, design=run.design)
+        ends = setting["inputs"], setting["outputs"]
+        items = responses.read_files(setting["measured"] or (), ends)
+        default = setting["frequency"] == FREQUENCY
+        about = {"setting": setting, "items": items, "design": run.design, "default": default}
+        request = partial(responses.request, **about)
         unstable = setting["allow_unstable"]
         choice, model = model_choice.choose(run.source, setting["fidelity"], request)
         allowed = unstable or setting["closed_loop"]
         model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
         wanted, closed = request(model), None
         warnings.warn_of_tables(run.design, wanted.frequency, run.log)
-        if isinstance(wanted, ClosedTransfer):
+        if isinstance(wanted, responses.ClosedTransfer):
             poles = find_steady_poles(
                 run.design, model, choice.model, "response", run.log, unstable
             )
             resonances, closed = poles.frequency, (wanted, poles)
         else:
             resonances = eigenmodes.solve(model.constant).frequency
-        found = measured.ComparedResponse(
+        found = responses.ComparedResponse(
             wanted.frequency,
             tuple(signal.text for signal in wanted.inputs),
             tuple(signal.text for signal in wanted.outputs),
@@ -141,11 +137,11 @@ class ResponseAnalysis(Analysis):
             closed_loop=closed is not None,
         )
         if not items:
-            largest = find_peaks(found, partial(wanted.values, model), resonances)
+            largest = responses.find_peaks(found, partial(wanted.values, model), resonances)
             found = replace(found, largest=largest)
             return Result(self, run.source, choice, found, command=run.command, linear_system=model)
-        found = replace(found, measured=measured.compare(model, items, found, closed))
-        for text in filter(None, map(measured.slip, found.measured)):
+        found = replace(found, measured=responses.compare(model, items, found, closed))
+        for text in filter(None, map(responses.slip, found.measured)):
             run.log.warn(text)
         return Result(self, run.source, choice, found, command=run.command)
 
@@ -204,8 +200,7 @@ class ResponseAnalysis(Analysis):
         data: ComparedResponse = result.data
         if data.measured:
             title = result.subtitle + ", loops closed" * data.closed_loop
-            outputs = data.output
-            return {"": picture.draw_measured(data.measured, title, scale, stages, outputs)}
+            return {"": picture.draw_measured(data.measured, title, scale, stages)}
         return {"": picture.draw(picture.refine(result), result.subtitle, scale, stages)}
 
 
@@ -262,33 +257,6 @@ def _table(measured: Sequence[Comparison]) -> str:
     lines += ["", f"measured resonances of no mode: {', '.join(alone)} Hz"] if alone else []
     lines += [] if rows or alone else ["", "no measured resonances"]
     return "\n".join(lines)
-
-
-def _request(
-    model: LinearSystem, setting: Settings, items: Sequence[Item], design: Design
-) -> Transfer:
-    """Inputs, outputs and frequencies in terms of a model of the design."""
-    import numpy as np
-
-    from suspension_cli.analyses.damp import control
-    from suspension_cli.analyses.response import measured
-    from suspension_cli.analyses.response.solve import make_transfer
-    from suspension_cli.design.derive import mirror
-    from suspension_cli.grids import parse_frequencies
-    from suspension_cli.linear import signals
-
-    bodies = signals.bodies_with_signals(model)
-    for item in items:
-        measured.parse(item, bodies)
-    inputs, outputs = measured.signals(items, setting["inputs"], setting["outputs"])
-    if items and setting["frequency"] == FREQUENCY:
-        frequency = measured.default_grid(items)
-    else:
-        frequency = np.array(parse_frequencies(setting["frequency"]))
-    names = inputs or ["support.x"], outputs or [f"{mirror(design)}.x"]
-    if setting["closed_loop"]:
-        control.demand_loops(design)
-    return make_transfer(design, model, names, frequency, closed=setting["closed_loop"])
 
 
 ANALYSIS = ResponseAnalysis()

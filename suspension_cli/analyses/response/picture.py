@@ -20,7 +20,7 @@ from suspension_cli.linear.response import Response
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
-    from suspension_cli.analyses.response.measured import Comparison
+    from suspension_cli.analyses.response.solve import Comparison
     from suspension_cli.drawing.added_points import Solve
     from suspension_cli.scene.arrays import Array
 
@@ -101,15 +101,13 @@ def draw_measured(
     title: str,
     scale: str = "db",
     stages: Sequence[str] = (),
-    outputs: Sequence[str] = (),
 ) -> Figure:
     """Draw magnitudes (a panel per unit), phases, and the ratio of magnitudes.
 
-    Curves have the colours of the stages of their outputs, if these differ; `outputs` are the
-    motions of stages that sensors observe.
+    Curves have the colours of the stages of their outputs, if these differ.
     """
     kind, many = _scale(scale), len(measured) > 1
-    both = [*zip(measured, _looks(measured, stages, outputs), strict=True)]
+    both = [*zip(measured, _looks(measured, stages), strict=True)]
     models = [Line(one.curve_frequency, one.curve, "_model", look[0]) for one, look in both]
     points = [_points(one, look, one.data.value) for one, look in both]
     units, shown = list(dict.fromkeys(one.data.unit for one in measured)), []
@@ -133,17 +131,9 @@ def draw_measured(
     return panels.draw(f"{name}: points measured, lines modelled", title, shown)
 
 
-def _looks(
-    measured: Sequence[Comparison], stages: Sequence[str], outputs: Sequence[str]
-) -> list[tuple[str, LineLook]]:
-    """Colour and marker of each function; the colours of the stages if these differ.
-
-    Sensors have the colour of the stage that they observe if all observe the same.
-    """
+def _looks(measured: Sequence[Comparison], stages: Sequence[str]) -> list[tuple[str, LineLook]]:
+    """Colour and marker of each function; the colours of the stages if these differ."""
     body = [_body_of(one.data.output) for one in measured]
-    seen = {_body_of(output) for output in outputs}
-    if len(seen) == 1:
-        body = [name if name in stages else min(seen) for name in body]
     colours = [stage_colours([*stages, *body])[name] for name in body]
     if len({*colours}) < len(colours):
         colours = [PALETTE[n % len(PALETTE)] for n in range(len(body))]

@@ -1,30 +1,53 @@
-"""Responses with control loops closed, and peaks of responses between the points of a grid."""
+"""Responses with loops closed, their peaks, and measured ones: ratios, chi^2, shifts of peaks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import elementwise
+from scipy.optimize import elementwise, linear_sum_assignment
 
+from suspension_cli.analyses import readings
 from suspension_cli.analyses.damp import control
+from suspension_cli.design import measured as tables
+from suspension_cli.design.derive import mirror
+from suspension_cli.design.measured import Measured
 from suspension_cli.drawing.added_points import NARROWEST, add_points
-from suspension_cli.linear import signals
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
+from suspension_cli.files.declared import INLINE, in_unit
+from suspension_cli.grids import parse_frequencies
+from suspension_cli.linear import damped, signals
 from suspension_cli.linear.response import Peaks, Response
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.measurements import read, resonances
+from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.choice import Transfer
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex
+    from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.design.schema import Design
-    from suspension_cli.linear.system import LinearSystem
+    from suspension_cli.linear.poles import Poles
 
-Names = tuple[Sequence[str], Sequence[str]]
 LOW = 0.1
 """Fraction of the largest magnitude on the grid from which a peak may be the largest."""
+NOISY = 1 / 3
+"""Uncertainty relative to the value from which a point is no evidence of a deviation."""
+RESIDUE = 1e-4
+"""Contribution of a mode relative to the largest, from which its pole can explain a peak."""
+MODEL_ERROR = 0.1
+"""Relative error of a computed frequency before anything was fitted; adds to the half width 1/(2 Q)
+of a resonance."""
+FARTHEST = 2.0
+"""Distance, in these widths, from which a mode does not explain a peak."""
+SLIP = 1e3
+"""Median ratio of measured to modelled magnitude (or its inverse) that suggests wrong units."""
+UNITS = {1e3: "mm", 1e6: "um", 1e9: "nm", 1e-3: "km"}
 
 
 @dataclass(frozen=True)
@@ -42,7 +65,12 @@ class ClosedTransfer(Transfer):
 
 
 def make_transfer(
-    design: Design, model: LinearSystem, names: Names, frequency: Array, *, closed: bool
+    design: Design,
+    model: LinearSystem,
+    names: tuple[Sequence[str], Sequence[str]],
+    frequency: Array,
+    *,
+    closed: bool,
 ) -> Transfer:
     """Responses between inputs and outputs given by name, with all loops closed or not."""
     bodies, (inputs, outputs) = signals.bodies_with_signals(model), names
@@ -53,14 +81,171 @@ def make_transfer(
     return Transfer(into, out, frequency)
 
 
+@dataclass(frozen=True)
+class Item:
+    """Measured transfer functions; the tables and file that say how they were measured, if any."""
+
+    tables: Measured
+    channels: Channels
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A measured transfer function and its prediction by a model.
+
+    Attributes
+    ----------
+    predicted, curve
+        By the model, with gains, delays and mixes of the transducers; also on a finer grid.
+    peak
+        Frequencies of measured resonances, Hz.
+    pole, mode
+        Frequency (Hz) and label of the mode of the model that contributes there; NaN and "" if
+        there is none. No two peaks have one mode.
+    """
+
+    data: MeasuredResponse = field(metadata=INLINE)
+    predicted: Complex[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
+    curve_frequency: Float[np.ndarray, " curve_frequency"] = field(metadata=in_unit("Hz"))
+    curve: Complex[np.ndarray, " curve_frequency"] = field(metadata=in_unit("{unit}"))
+    peak: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    pole: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    mode: tuple[str, ...]
+
+    @property
+    def ratio(self) -> Complex[np.ndarray, " point"]:
+        """Measured over predicted value, (f,) complex."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.data.value / self.predicted
+
+    @property
+    def clear(self) -> Bool[np.ndarray, " point"]:
+        """Whether the uncertainty of each point is below `NOISY` of its value; all if none is."""
+        with np.errstate(invalid="ignore"):
+            clear = ~(self.data.uncertainty > NOISY * np.abs(self.data.value))
+        return np.isfinite(self.ratio) & (clear | ~clear.any())
+
+    @property
+    def median(self) -> float:
+        """Median magnitude of the ratio; NaN where the model has no response."""
+        size = np.abs(self.ratio)
+        return float(np.median(size[np.isfinite(size)])) if np.isfinite(size).any() else np.nan
+
+    @property
+    def extreme(self) -> tuple[float, float]:
+        """Magnitude of the clear ratio farthest from 1 (in its logarithm), and its frequency."""
+        size = np.abs(self.ratio)
+        with np.errstate(divide="ignore"):
+            far = np.where(self.clear, np.abs(np.log(size)), -1.0)
+        n = int(np.argmax(far))
+        return float(size[n]), float(self.data.frequency[n])
+
+    @property
+    def chi_squared(self) -> float:
+        """Chi^2 per number (real and imaginary parts); NaN without uncertainties."""
+        sigma = self.data.uncertainty
+        known = np.isfinite(sigma) & (sigma > 0)
+        if not known.any():
+            return np.nan
+        off = np.abs(self.data.value - self.predicted)[known] / sigma[known]
+        return float(np.mean(off**2) / 2)
+
+    @property
+    def shift(self) -> Array:
+        """Relative distance of measured resonances from those of the model, (p,)."""
+        return self.peak / self.pole - 1
+
+
+@dataclass(frozen=True)
+class ComparedResponse(Response):
+    """Responses with the measured transfer functions that they are compared with."""
+
+    measured: tuple[Comparison, ...] = ()
+
+
+def read_files(files: Sequence[str], ends: Sequence[Sequence[str]]) -> tuple[Item, ...]:
+    """Read files of measurements (TOML), and bare files of data.
+
+    Bare data are from one input to one output, the `ends`. Raises `InputError`.
+    """
+    return tuple(_read(file, *ends) for file in files)
+
+
+def _read(file: str, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
+    """Read one file; raises `InputError`."""
+    if Path(file).suffix.lower() == ".toml":
+        given = tables.read(file)
+        if not given.transfer_function:
+            remedy = "add one (docs/measurements.md), or name a file of data"
+            raise InputError([Fault("", "has no [[transfer_function]]", remedy)], file)
+        return Item(given, Channels.of(given, read.read_all(given, file)), file)
+    if not Path(file).is_file():
+        problem = "is a directory" if Path(file).is_dir() else "is missing"
+        raise InputError([Fault("", problem, "name a file of measurements")], file)
+    if len(inputs) != 1 or len(outputs) != 1:
+        problem = "does not say what was driven and observed"
+        remedy = "give one --input and one --output, or a TOML file of measurements"
+        raise InputError([Fault("--measured", problem, remedy, format_value(file))])
+    found = read.read_bare(file, input=inputs[0], output=outputs[0])
+    if len(found) > 1:
+        problem = f"has {len(found)} transfer functions"
+        remedy = "name channels in a TOML file of measurements (docs/measurements.md)"
+        raise InputError([Fault("", problem, remedy)], file)
+    return Item(Measured(), Channels.of(Measured(), found))
+
+
+def _parse(item: Item, known: tuple[str, ...]) -> readings.Signals:
+    """Find the signals of a file; raises `InputError`, in that file, if the design lacks one."""
+    with attribute_faults_to(item.file) if item.file else nullcontext():
+        return readings.parse(item.channels, item.tables, known)
+
+
+def request(
+    model: LinearSystem,
+    setting: dict[str, Any],
+    items: Sequence[Item],
+    design: Design,
+    *,
+    default: bool,
+) -> Transfer:
+    """Inputs, outputs and frequencies in terms of a model of the design.
+
+    Signals are those of the setting, then those that the measurements refer to. By `default`
+    frequencies cover all measurements, if there are any, and a little more.
+    """
+    bodies, (outputs, inputs) = (
+        signals.bodies_with_signals(model),
+        ([*setting["outputs"]], [*setting["inputs"]]),
+    )
+    for item in items:
+        _parse(item, bodies)
+        outputs += item.channels.signal[0]
+        inputs += item.channels.signal[1]
+    if items and default:
+        every = [one.frequency for item in items for one in item.channels.function]
+        above = np.concatenate(every)
+        above = above[above > 0] if (above > 0).any() else np.array([0.1, 100.0])
+        frequency = np.geomspace(above.min() / 1.2, above.max() * 1.2, 2000)
+    else:
+        frequency = np.array(parse_frequencies(setting["frequency"]))
+    names = (
+        [*dict.fromkeys(inputs)] or ["support.x"],
+        [*dict.fromkeys(outputs)] or [f"{mirror(design)}.x"],
+    )
+    if setting["closed_loop"]:
+        control.demand_loops(design)
+    return make_transfer(design, model, names, frequency, closed=setting["closed_loop"])
+
+
 def find_peaks(
     answer: Response,
     solve: Callable[[Array], Complex[np.ndarray, "frequency output input"]],
-    resonances: Array,
+    modes: Array,
 ) -> Peaks:
     """Find the largest magnitude of every response within the band of its grid.
 
-    Points are added until each peak is resolved, at `resonances` (modes or poles, Hz) and at maxima
+    Points are added until each peak is resolved, at `modes` (or poles, Hz) and at maxima
     on the grid; then the magnitude is maximised between the neighbours of the highest point. A peak
     narrower than the distance of neighbours can be is that of a pole without loss: infinite.
     """
@@ -68,7 +253,7 @@ def find_peaks(
     above = frequency > 0
     points = frequency[above], answer.value[order][above]
     if len(points[0]):
-        points = add_points(solve, *points, resonances, least=LOW)
+        points = add_points(solve, *points, modes, least=LOW)
     frequency = np.concatenate([frequency[~above], points[0]])
     value = np.concatenate([answer.value[order][~above], points[1]])
     size = np.abs(value).reshape(len(frequency), -1)
@@ -98,3 +283,78 @@ def find_peaks(
         where[pair[better]] = (middle + found.x * span)[better]
     shape = answer.value.shape[1:]
     return Peaks(where.reshape(shape), best.reshape(shape))
+
+
+def compare(
+    model: LinearSystem,
+    items: Sequence[Item],
+    found: Response,
+    closed: tuple[ClosedTransfer, Poles] | None = None,
+) -> tuple[Comparison, ...]:
+    """Compare measured transfer functions with the responses of a model.
+
+    `found` are the responses of all signals on a grid. For closed loops, `closed` solves them, and
+    has the poles.
+    """
+    known = signals.bodies_with_signals(model)
+    plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
+    modes = damped.solve(plain)
+    squared = np.where(modes.frequency > 0, modes.omega_squared, np.inf)
+    result = []
+    for item in items:
+        channels, (out, into) = item.channels, _parse(item, known)
+        rows = [found.output.index(name) for name in channels.signal[0]]
+        columns = [found.input.index(name) for name in channels.signal[1]]
+        curves = channels.combine(found.value[:, rows][:, :, columns], found.frequency)
+        static = np.abs(readings.residues(channels, (out, into), model, modes) / squared)
+        for data, own, (sensor, actuator) in zip(
+            channels.function, static, channels.pairs, strict=True
+        ):
+            at, transfer = data.frequency, Transfer([*into], [*out], data.frequency)
+            if closed is None:
+                poles = np.flatnonzero(own > RESIDUE * own.max(initial=0.0))
+                pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
+                q = modes.q[poles]
+            else:
+                transfer = replace(closed[0], inputs=[*into], outputs=[*out])
+                resonant = np.abs(closed[1].q) > 0.5
+                pole, q = closed[1].frequency[resonant], np.abs(closed[1].q[resonant])
+                label = ["closed loop"] * len(pole)
+            peaks = np.array([peak.frequency for peak in resonances.find_peaks(data)])
+            paired = _pair(peaks, pole, pole * (MODEL_ERROR + 1 / (2 * q)))
+            result.append(
+                Comparison(
+                    data,
+                    channels.combine(transfer.values(model, at), at)[:, sensor, actuator],
+                    found.frequency,
+                    curves[:, sensor, actuator],
+                    peaks,
+                    np.append(pole, np.nan)[paired],
+                    tuple([*label, ""][n] for n in paired),
+                )
+            )
+    return tuple(result)
+
+
+def _pair(peak: Array, pole: Array, width: Array) -> list[int]:
+    """Number of the mode of each peak, one to one with the least sum of distances; -1 if none."""
+    distance = np.abs(peak[:, None] - pole) / width
+    cost = np.pad(
+        np.minimum(distance, FARTHEST), ((0, 0), (0, len(peak))), constant_values=FARTHEST
+    )
+    chosen = linear_sum_assignment(cost)[1]
+    return [n if row[n] < FARTHEST else -1 for n, row in zip(chosen.tolist(), cost, strict=True)]
+
+
+def slip(one: Comparison) -> str:
+    """Describe a ratio of measured to modelled magnitudes that suggests wrong units; "" if none."""
+    median = one.median
+    if not np.isfinite(median) or median == 0 or 1 / SLIP < median < SLIP:
+        return ""
+    factor = 10.0 ** round(np.log10(median))
+    unit = UNITS.get(factor)
+    advice = f"is the file in {unit}? then " if unit else "check units and gains: "
+    return (
+        f"{one.data.name}: measured magnitudes are {median:.3g} times those of the model (median);"
+        f" {advice}set gain = {1 / factor:g} in its [[transfer_function]]"
+    )

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses.sensitivity.solve import Sensitivity
 from suspension_cli.design.imperfections import AXES, named, perturbed_part
 from suspension_cli.drawing import panels
+from suspension_cli.drawing.curves import Tints, draw_bar, draw_table
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Panel
-from suspension_cli.drawing.scales import Tints, draw_bar, draw_table
 from suspension_cli.drawing.style import (
     INK,
     NOTE,

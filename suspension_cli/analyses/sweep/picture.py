@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.conventions import DOFS
-from suspension_cli.drawing import labels, panels, scales
+from suspension_cli.drawing import curves, labels, panels
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
@@ -274,7 +274,7 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
         bar.set_label(_axis_label(swept, n), fontsize=SMALL)
         bar.ax.tick_params(labelsize=SMALL)
         if wide:
-            scales.label_plainly(bar.ax.yaxis)
+            curves.label_plainly(bar.ax.yaxis)
         here = [
             at * axis.displayed_unit[1] for axis, at in zip(swept.axes, swept.drawn, strict=True)
         ]

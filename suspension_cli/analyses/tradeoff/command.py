@@ -121,9 +121,9 @@ class TradeoffAnalysis(Analysis):
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw error against time, a chart per question."""
-        from suspension_cli.analyses.tradeoff import picture
+        from suspension_cli.analyses.tradeoff import measure
 
-        return {"": picture.draw(result.data, result.title)}
+        return {"": measure.draw(result.data, result.title)}
 
 
 ANALYSIS = TradeoffAnalysis()

@@ -1,4 +1,4 @@
-"""Time and error of each model for questions about a design, and which model to use."""
+"""Time and error of each model for questions about a design, which model to use, its picture."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses import settings
@@ -23,6 +25,9 @@ from suspension_cli.analyses.xcouple.command import axes
 from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep, parse_request
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source
+from suspension_cli.drawing import labels, panels
+from suspension_cli.drawing.panels import Across, Panel
+from suspension_cli.drawing.style import NOTE, PALE, PALETTE
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import INLINE, along, in_unit
 from suspension_cli.linear import response, signals
@@ -45,8 +50,6 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.models.base import Model
 
-    Posed = tuple[Any, Callable[[], object]]
-    """The result of a model, and the function whose time counts."""
     Spectrum = tuple[LinearSystem, Array]
 
 FREQUENCIES = 200
@@ -63,6 +66,10 @@ RESOLUTION = time.get_clock_info("process_time").resolution
 """Least time, s, as others are divided by it."""
 WORTHWHILE = 1.2
 """Ratio of times from which a faster model is named as an alternative."""
+COLOUR = dict(zip(registry.FILES, (PALETTE[n] for n in (3, 2, 0, 1, 6)), strict=True))
+"""Colours of the models."""
+EXACT = 1e-12
+"""Errors below this are drawn with the reference."""
 
 
 @dataclass(frozen=True)
@@ -159,15 +166,16 @@ class Tradeoff:
 class Question:
     """What is asked about a design: one of `command.QUANTITIES`, and words.
 
-    `pose` gives the result of a model, or raises `InputError` if it has none; `compare` gives the
-    largest relative error of a result against the true one, and where it is. Times are for one of
-    the `count` designs or builds that are computed together.
+    `solve` gives the result of a model, or raises `InputError` if it has none; `compare` gives the
+    largest relative error of a result against the true one, and where it is. The time is that of
+    `timed` (by default of `solve`), for one of the `count` designs or builds computed together.
     """
 
     quantity: str
     text: str
-    pose: Callable[[Model], Posed]
+    solve: Callable[[Model], Any]
     compare: Callable[[Any, Any], tuple[float, str]]
+    timed: Callable[[Model], object] | None = None
     count: int = 1
 
 
@@ -186,13 +194,13 @@ def ask(source: Source) -> tuple[Question, ...]:
         worst = int(np.argmax(error))
         return float(error[worst]), true.label[here[worst]]
 
-    def sweep(model: Model) -> Posed:
-        return modes(model), _sweep(source, model)
-
-    text = f"mode frequencies in a sweep, each of {DESIGNS} designs"
+    sweep, text = (
+        cache(partial(_sweep, source)),
+        f"mode frequencies in a sweep, each of {DESIGNS} designs",
+    )
     return (
-        Question("modes", "mode frequencies", lambda m: (modes(m), partial(modes, m)), compare),
-        Question("modes", text, sweep, compare, DESIGNS),
+        Question("modes", "mode frequencies", modes, compare),
+        Question("modes", text, modes, compare, lambda m: sweep(m).compute(0, DESIGNS), DESIGNS),
         _spectrum(source.design, "response", "response", 0.1, 10.0),
         _spectrum(source.design, "response", "response", 50.0, 1000.0),
         _spectrum(source.design, "thermal", "thermal noise", 10.0, 100.0),
@@ -200,14 +208,10 @@ def ask(source: Source) -> tuple[Question, ...]:
     )
 
 
-def _sweep(source: Source, model: Model) -> Callable[[], object]:
+def _sweep(source: Source, model: Model) -> ParameterSweep:
     """Prepare a sweep of the mirror's mass, as `pendsus sweep` computes it."""
-
-    def refuse() -> None:
-        raise InputError.of("", "a sweep follows the modes of wires without mass", "")
-
     if model.has_wire_mass:
-        return refuse
+        raise InputError.of("", "a sweep follows the modes of wires without mass", "")
     name = mirror(source.design)
     body = next(stage.body for stage in source.design.stage if stage.name == name)
     key = "density" if body.mass is None else "mass"
@@ -215,7 +219,7 @@ def _sweep(source: Source, model: Model) -> Callable[[], object]:
     axis = Axis(f"stage.{name}.body.{key}", tuple(values.tolist()))
     job = ParameterSweep(source.text, (axis,), model.name, (Mode("every", 0),))
     job.check()
-    return partial(job.compute, 0, DESIGNS)
+    return job
 
 
 def _spectrum(design: Design, quantity: str, words: str, low: float, high: float) -> Question:
@@ -223,22 +227,20 @@ def _spectrum(design: Design, quantity: str, words: str, low: float, high: float
     frequency, observed = np.geomspace(low, high, FREQUENCIES), f"{mirror(design)}.x"
 
     def solve(model: Model) -> Spectrum:
+        thermal_noise = quantity == "thermal"
+        if thermal_noise and not model.bends_wires:
+            raise InputError.of("", "it does not know where along a wire its loss acts", "")
         system = model.system(design)
-        if quantity == "thermal":
+        if thermal_noise:
             motion = thermal.parse_motion(system, observed)
             warmth = design.constants.temperature
-            return system, thermal.solve(system, frequency, [motion], warmth)[0].amplitude
+            noise = thermal.solve(system, frequency, [motion], warmth)[0].amplitude
+            if not noise.any():
+                raise InputError.of("", "nothing dissipates", "")
+            return system, noise
         known = signals.bodies_with_signals(system)
         into, out = signals.parse_input("support.x", known), signals.parse_output(observed, known)
         return system, response.solve(system, frequency, [into], [out]).value[:, 0, 0]
-
-    def pose(model: Model) -> Posed:
-        if quantity == "thermal" and not model.bends_wires:
-            raise InputError.of("", "it does not know where along a wire its loss acts", "")
-        found = solve(model)
-        if quantity == "thermal" and not found[1].any():
-            raise InputError.of("", "nothing dissipates", "")
-        return found, partial(solve, model)
 
     def compare(found: Spectrum, true: Spectrum) -> tuple[float, str]:
         """Compare at sampled frequencies away from the modes of bodies."""
@@ -248,7 +250,7 @@ def _spectrum(design: Design, quantity: str, words: str, low: float, high: float
         return float(change[worst]), f"at {frequency[at[worst]]:.4g} Hz"
 
     text = f"{words} from {low:g} to {high:g} Hz, {FREQUENCIES} frequencies"
-    return Question(quantity, text, pose, compare)
+    return Question(quantity, text, solve, compare)
 
 
 def _coupling(source: Source) -> Question:
@@ -258,18 +260,17 @@ def _coupling(source: Source) -> Question:
     asked = replace(asked, frequency=asked.frequency[:1])
     job = Sweep(source.text, axes("k,offset", {}), asked)
 
-    def pose(model: Model) -> Posed:
+    def solve(model: Model) -> Array:
         if not model.supports_builds:
             raise InputError.of("", "it has no imperfect builds", "")
         if job.question.wire < 0:
             raise InputError.of("", "the mirror hangs on no wire", "")
-        work = partial(replace(job, level=model.name).compute, 0, job.count)
-        found = work()["ratio"]
+        found = replace(job, level=model.name).compute(0, job.count)["ratio"]
         if not np.isfinite(found).any():
             raise InputError.of("", "no imperfect build has a stable equilibrium on taut wires", "")
         if not np.nanmax(np.abs(found)) > ROUNDING:
             raise InputError.of("", "these imperfections couple nothing", "")
-        return found, work
+        return found
 
     def compare(found: Array, true: Array) -> tuple[float, str]:
         """Compute the largest error over the largest coupling; infinite if no build has both."""
@@ -278,7 +279,7 @@ def _coupling(source: Source) -> Question:
 
     at = f"{asked.frequency[0]:.4g} Hz"
     text = f"cross-coupling at {at}, each of {job.count} imperfect builds"
-    return Question("coupling", text, pose, compare, job.count)
+    return Question("coupling", text, solve, compare, count=job.count)
 
 
 def measure(
@@ -305,8 +306,9 @@ def _answer(question: Question, invalid: dict[Model, str]) -> list[Entry]:
     """Measure all models for one question; `invalid` gives why a model is not valid, or ""."""
     reasons, results, works = dict(invalid), {}, {}
     for model in [model for model, reason in reasons.items() if not reason]:
+        work = partial(question.timed or question.solve, model)
         try:
-            results[model], work = question.pose(model)
+            results[model] = question.solve(model)
             work()  # fills caches
             works[model] = work
         except InputError as error:
@@ -371,3 +373,56 @@ def format_time(seconds: float) -> str:
     """Format a time with two digits: ``2.3 ms``."""
     unit, size = unit_of_time(seconds)
     return f"{float(f'{seconds / size:.2g}'):g} {unit}"
+
+
+def draw(found: Tradeoff, title: str) -> Figure:
+    """Draw error against time of the models, a chart per question, with the advice."""
+    shown, notes = [], []
+    for answer in found.answers:
+        name = answer.question[0].upper() + answer.question[1:]
+        if answer.options:
+            shown.append(_chart(answer, name))
+        else:
+            notes.append(f"{name}: {answer.advice}")
+    if shown:
+        notes.append(
+            f"Left is fast, down is accurate. Shaded: {found.within}. Large: the model to use."
+        )
+    return panels.draw("Which model to use: error against time", title, shown, notes=notes)
+
+
+def _chart(answer: Answer, name: str) -> Panel:
+    """Make a panel with the models as points, and the tolerance as a band."""
+    options = answer.options
+    unit, size = unit_of_time(min(option.time for option in options))
+    time = np.array([option.time for option in options]) / size
+    error = np.nan_to_num([option.error for option in options])
+    seen = np.append(error[(error > EXACT) & np.isfinite(error)], TOLERANCE)
+    floor = float(10 ** (np.floor(np.log10(seen.min())) - 0.8))
+    high = max(float(seen.max()), 10 * TOLERANCE)
+    shown = np.clip(error, floor, high)
+    wide = max(float(time.max() / time.min()), 2.0)
+    limits = floor / 10**0.5, high * (high / floor) ** 0.25
+    colours = [COLOUR.get(option.model, NOTE) for option in options]
+
+    def paint(axes: Axes) -> None:
+        decades = np.arange(np.ceil(np.log10(floor) + 0.3), np.floor(np.log10(limits[1])) + 1)
+        decades = decades[:: -max(1, -(-len(decades) // 5))][::-1]
+        names = {floor: "reference"} if error.min() <= EXACT else {}
+        names |= {10.0**power: percent(10.0**power) for power in decades.tolist()}
+        axes.set_yticks([*names], [*names.values()])
+        axes.minorticks_off()
+        axes.axhspan(limits[0], TOLERANCE, color=(PALE, 0.28), linewidth=0, zorder=0)
+        for option, x, y, colour in zip(options, time, shown, colours, strict=True):
+            size = 8.5 if option == answer.best else 5
+            axes.plot(x, y, "o", color=colour, clip_on=False, ms=size, zorder=4)
+        points = np.stack([time, shown], axis=1).tolist()
+        labels.label_points(axes, points, [option.model for option in options], colours, pad=2.0)
+
+    across = Across(
+        f"processor time ({unit})", "log", (time.min() / wide**0.14, time.max() * wide**0.36)
+    )
+    return Panel(
+        "relative error", (), 1.3, "log", limits, name, [answer.advice], across=across, paint=paint,
+        left=0.86,
+    )  # fmt: skip

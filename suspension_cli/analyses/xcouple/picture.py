@@ -15,9 +15,9 @@ from suspension_cli.analyses.xcouple.solve import PARAMETERS, Coupling
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.imperfections import AXES
 from suspension_cli.drawing import curves, panels
+from suspension_cli.drawing.curves import Tints, draw_bar, draw_table
 from suspension_cli.drawing.labels import widest
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
-from suspension_cli.drawing.scales import Tints, draw_bar, draw_table
 from suspension_cli.drawing.style import INK, NOTE, PALETTE, RED, format_raised, single_line
 from suspension_cli.linear.response import Response
 from suspension_cli.studies.job import Axis

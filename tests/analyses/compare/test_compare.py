@@ -183,6 +183,10 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
     assert ratios.startswith("ratio_frequency (Hz),ratio real (1),ratio imag (1)\n0.3,")
     again = sus.load(tmp_path / f"{stem}.h5")
     assert str(again) == done.stdout.rstrip("\n")
+    done = run("plot", tmp_path / f"{stem}.h5", "--format", "svg", "--out", tmp_path / "again")
+    assert done.exit_code == 0, done.stderr
+    for picture in (tmp_path / "again").iterdir():  # with the same resonances resolved
+        assert picture.read_bytes() == (tmp_path / picture.name).read_bytes()
     with h5py.File(tmp_path / f"{stem}.h5") as file:
         for name in ("changes/before", "overlay/1/curves/2/value", "overlay/1/curves/2/ratio"):
             data = file[f"compare/{name}"]

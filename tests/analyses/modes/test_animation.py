@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import suspension_cli as sus
-from suspension_cli.analyses.modes import animation, picture
+from suspension_cli.analyses.modes import picture
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import style
 from suspension_cli.equilibrium.nominal import expand
@@ -23,7 +23,7 @@ SINGLE = CONFIGS / "husman2000" / "table1-case3.toml"
 def few():
     """Half of the frames move as smoothly."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(animation, "FRAMES", 12)
+        patch.setattr(picture, "FRAMES", 12)
         yield
 
 
@@ -31,7 +31,7 @@ def few():
 def moving():
     design = sus.read(SINGLE)
     found = sus.modes(design, fidelity="string").data
-    return animation.animate(found, 0, design.design, expand(design.design))
+    return picture.animate(found, 0, design.design, expand(design.design))
 
 
 def frames(data):
@@ -46,9 +46,9 @@ def frames(data):
 def test_gif_repeats_smoothly(moving):
     image, shown = frames(moving)
     assert image.info["loop"] == 0
-    assert image.info["duration"] == animation.DURATION
-    assert len(shown) == animation.FRAMES
-    middle = animation.FRAMES // 2
+    assert image.info["duration"] == picture.DURATION
+    assert len(shown) == picture.FRAMES
+    middle = picture.FRAMES // 2
     assert (shown[0] != shown[middle]).any()
     for n in range(1, middle):  # the way back is the way there
         assert (shown[n] == shown[-n]).all()
@@ -59,7 +59,7 @@ def test_gif_repeats_smoothly(moving):
 def test_gif_is_small_and_its_paper_white(moving):
     _, shown = frames(moving)
     colours = np.unique(np.stack(shown[::4]).astype(int) @ (1 << 16, 1 << 8, 1))
-    assert len(colours) <= animation.COLOURS
+    assert len(colours) <= picture.COLOURS
     assert (shown[0][0, 0] == 255).all()
     assert len(moving) < 300_000
 

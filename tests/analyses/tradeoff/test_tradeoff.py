@@ -7,8 +7,7 @@ import pytest
 import tomli_w
 
 import suspension_cli as sus
-from suspension_cli.analyses.tradeoff import picture
-from suspension_cli.analyses.tradeoff.measure import Answer, Entry, format_time
+from suspension_cli.analyses.tradeoff.measure import Answer, Entry, draw, format_time
 from suspension_cli.drawing.panels import COLUMN
 from tests.support import scenes
 from tests.support.commandline import python
@@ -98,7 +97,7 @@ def test_models_that_are_left_out(monkeypatch):
     assert max(entry.error for entry in found.answers[0].options) < 1e-12
     assert found.answers[4].advice == "left out: nothing dissipates"
     assert found.answers[5].advice == "left out: the mirror hangs on no wire"
-    assert_legible(picture.draw(found.data, "Springs"))
+    assert_legible(draw(found.data, "Springs"))
 
 
 # Advice.
