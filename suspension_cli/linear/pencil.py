@@ -234,7 +234,7 @@ class Block:
 
     @cached_property
     def lowest(self) -> float:
-        """Lowest undamped mode, rad/s; 0 if none, rigid or unstable, or rigid motion is not known."""
+        """Lowest undamped mode, rad/s; 0 if none, rigid or unstable, or if rigidity is unknown."""
         if self.pencil.model.rigid is None or self.pencil.many:
             return 0.0
         squared = solve_block(self.pencil.model, self.keep)[0]

@@ -122,7 +122,7 @@ class ExportAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.export import file, foton
+        from suspension_cli.analyses.export import file
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.grids import parse_band
@@ -165,7 +165,7 @@ class ExportAnalysis(Analysis):
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
         made = replace(made, mirror=chain[-1])
         if setting["format"] == "foton":
-            made = replace(made, filters=foton.make(made, setting["rate"], band, accuracy))
+            made = replace(made, filters=file.make_foton(made, setting["rate"], band, accuracy))
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         extra = {"format": setting["format"]}
         return Result(self, run.source, choice, made, extra, command=run.command)
