@@ -202,10 +202,9 @@ class ExportAnalysis(Analysis):
             agrees = "agrees with {} from {:.3g} to {:.4g} Hz".format(own, *made.band)
         error = f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
         if made.q_error is not None:
-            sizes = (
-                f"{100 * made.worst:.2g} % of a response off resonance, {100 * made.q_error:.2g}"
-            )
-            error = f"worst error from {low:g} to {high:g} Hz: {sizes} % of a Q"
+            sizes = f"{100 * made.worst:.2g} % of a response off resonance"
+            error = f"worst error from {low:g} to {high:g} Hz: {sizes}"
+            error += f", {100 * made.q_error:.2g} % of a Q"
         counts = [len(getattr(made.system, key)) for key in ("state", "input", "output")]
         size = "states: {}, inputs: {}, outputs: {}".format(*counts)
         lines = [result.choice.line, f"{size}; {agrees}", error]
