@@ -52,19 +52,10 @@ def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
     """
     damped: LocalControl = result.data
     frequency, gain = _refine_gains(result)
-    growing = {
-        damped.closed.state[n].rpartition(".")[2] for n in np.flatnonzero(damped.closed.growth_rate)
-    }
-    # loops on motions that grow, then those whose gains come nearest to -1
-    distance = [
-        0.0 if name in growing else size
-        for name, size in zip(damped.loop, np.nanmin(np.abs(1 + gain), axis=0), strict=True)
-    ]
-    drawn = chosen or sorted(np.argsort(distance, kind="stable")[:SHOWN].tolist())
-    which = f" of {len(drawn)} of {len(damped.loop)} loops"
-    if not chosen:
-        which = f" of the {SHOWN} most critical of {len(damped.loop)} loops"
-    which *= len(damped.loop) > len(drawn)
+    nearest = np.nanmin(np.abs(1 + gain), axis=0)  # to -1
+    drawn = chosen or sorted(np.argsort(nearest, kind="stable")[:SHOWN].tolist())
+    which = f" of {'' if chosen else 'the '}{len(drawn)}{'' if chosen else ' most critical'}"
+    which = f"{which} of {len(damped.loop)} loops" * (len(damped.loop) > len(drawn))
     looks, over = _looks(damped.loop), Across()
     sizes: list[Line] = []
     phases: list[Line] = []
@@ -133,13 +124,11 @@ def _heading_text(damped: LocalControl) -> str:
 
 
 def _looks(loops: Sequence[str]) -> list[tuple[str, LineStyleType]]:
-    """Colour and dashes of each loop; the colour of its motion if all are named after motions."""
-    colours = (
-        [DOF_COLOUR[name] for name in loops]
-        if all(name in DOF_COLOUR for name in loops)
-        else [PALETTE[n % len(PALETTE)] for n in range(len(loops))]
-    )
-    return [(colour, DASHES[n % len(DASHES)]) for n, colour in enumerate(colours)]
+    """Colour and dashes of each loop; one that is named after a motion has its colour."""
+    return [
+        (DOF_COLOUR.get(name, PALETTE[n % len(PALETTE)]), DASHES[n % len(DASHES)])
+        for n, name in enumerate(loops)
+    ]
 
 
 def _poles(damped: LocalControl) -> Panel:
