@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array, Index
 
 ABOVE = 1.5
-"""Wire modes are kept up to this multiple of the highest frequency of the band, and the next."""
+"""Wire modes are kept up to this multiple of the highest frequency of the band; beyond, one stands
+for all."""
 LOW = 0.005
 """Frequency at which the inertia of a wire is taken, over that of its first mode."""
 BESIDE = 1e-4
@@ -111,41 +112,56 @@ class _ReducedWire:
 
 
 def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
-    """Reduce a wire to the motion of its ends and its modes up to a frequency (rad/s) and one."""
+    """Reduce a wire to the motion of its ends and its modes up to a frequency, rad/s."""
     size = len(strand.static[part])
-    inertia, drag, modes, losses = np.zeros((size, size)), 0.0, [], []
+    inertia, modes, first = np.zeros((size, size)), [], 0.0
+    beyond_modes: list[tuple[float, Float[np.ndarray, " end"]]] = []
+    lossless = replace(strand, lossy=False)
 
-    def stiffness(wire: TautWire, omega: Array) -> Complex[np.ndarray, "frequency end end"]:
-        return np.moveaxis(wire.at(omega)[part].stiffness, -1, 0)
+    def stiffness(wire: TautWire, omega: list[float]) -> Complex[np.ndarray, "frequency end end"]:
+        return np.moveaxis(wire.at(np.array(omega))[part].stiffness, -1, 0)
+
+    def inertia_without_modes(at: float) -> Float[np.ndarray, "end end"]:
+        rest = (strand.static[part] - np.real(stiffness(lossless, [at])[0])) / at**2
+        for omega, drives in modes:
+            rest -= at**2 * np.outer(drives, drives) / (omega**2 - at**2)
+        return rest
 
     if strand.massive:
-        lossless = replace(strand, lossy=False)
-        found = lossless.held_resonances(part, highest)
-        for omega in found[: 1 + np.count_nonzero(found < highest)]:
-            sides = omega * (1 + BESIDE * np.array([-1, 1]))
-            low, high = stiffness(lossless, sides)
-            share = -(sides**4) / (omega**2 - sides**2)
+        first, *_ = found = lossless.held_resonances(part, highest)
+        *kept, beyond = found[: 1 + np.count_nonzero(found < highest)]
+        for omega in kept:
+            beside = [omega * (1 - BESIDE), omega * (1 + BESIDE)]
+            low, high = stiffness(lossless, beside)
+            share = [-(w**4) / (omega**2 - w**2) for w in beside]
             values, vectors = np.linalg.eigh((low - high) / (share[0] - share[1]))
             modes.append((omega, vectors[:, -1] * np.sqrt(values[-1])))
-        slow = LOW * found[:1]
-        inertia = (strand.static[part] - np.real(stiffness(lossless, slow)[0])) / slow**2
-        if strand.surrounded is not None:
-            damped = np.imag(stiffness(_with_loss_of(strand, None), slow)[0])
-            drag = float(np.trace(damped) / (slow[0] * np.trace(inertia)))
+        inertia = inertia_without_modes(LOW * first)
+        top = highest / ABOVE  # one mode stands for all beyond, right there
+        rest = (inertia_without_modes(top) - inertia) * (beyond**2 / top**2 - 1)
+        values, vectors = np.linalg.eigh(rest)
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value > 1e-3 * values[-1]:
+                beyond_modes.append((beyond, vector * np.sqrt(value)))
+    drag, losses = 0.0, []
+    if strand.massive and strand.surrounded is not None:
+        at, elastic = modes[0][0] if modes else first, _with_loss_of(strand, None)
+        damped = np.imag(stiffness(elastic, [LOW * at])[0])
+        drag = float(np.trace(damped) / (LOW * at * np.trace(inertia)))
     for number in range(len(strand.fibre.sections)):
         one = replace(_with_loss_of(strand, number), surrounded=None)
         rows, angle = _section_loss(one, part)
         if not len(rows):
             continue
-        energy = np.zeros(len(modes))
-        for n, (omega, drives) in enumerate(modes[:-1]):
+        energy = np.zeros(len(modes) + len(beyond_modes))
+        for n, (omega, drives) in enumerate(modes):
             # beside its resonance a mode moves by a = omega^2 / (omega_j^2 - omega^2) times l . x
             sides = omega * (1 + BESIDE * np.array([-1, 1]))
             a = sides**2 / (omega**2 - sides**2)
-            lost = np.imag(stiffness(one, sides) @ drives) @ drives / angle(sides)
+            lost = np.imag(stiffness(one, [*sides]) @ drives) @ drives / angle(sides)
             energy[n] = max((lost / (a * (drives @ drives)) ** 2).mean(), 0.0)
         losses.append((rows, energy, angle))
-    return _ReducedWire(inertia, drag, modes, losses)
+    return _ReducedWire(inertia, drag, modes + beyond_modes, losses)
 
 
 def _with_loss_of(strand: TautWire, number: int | None) -> TautWire:
