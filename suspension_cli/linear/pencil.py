@@ -231,11 +231,11 @@ class Block:
 
     @cached_property
     def lowest(self) -> float:
-        """Lowest undamped mode, rad/s; 0 if it is rigid or unstable, or rigid motion not known."""
+        """Lowest undamped mode, rad/s; 0 if none, rigid or unstable, or if rigidity is unknown."""
         if self.pencil.model.rigid is None or self.pencil.many:
             return 0.0
         squared = solve_block(self.pencil.model, self.keep)[0]
-        return float(np.sqrt(max(squared[0], 0.0)))
+        return float(np.sqrt(squared[:1].max(initial=0.0)))
 
     def matrix(
         self, functions: Inexact[np.ndarray, "function frequency"]

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 GROUND = "nhnm"
 """Ground of a noisy site: a requirement that is met there is met anywhere."""
-PETERSON = ("nlnm", "nhnm")
 CREST = 4.0
 """Peak over RMS of a drive: Gaussian noise exceeds it for 6e-5 of the time."""
 HIGHEST = 10.0
@@ -202,6 +201,7 @@ def _sources(one: Budget) -> dict[str, str]:
 
 def _document(one: Budget) -> Document:
     """Return one output as JSON, without its frequencies."""
+    squares, velocities = one.mean_square[0], one.mean_square_velocity[0]
     result: Document = {
         "output": one.output,
         "unit": f"{one.unit}/sqrt(Hz)",
@@ -209,21 +209,18 @@ def _document(one: Budget) -> Document:
         "contributions": {name: part.tolist() for name, part in one.parts.items()},
         "rms": as_number(one.rms[0]),
         "rms_velocity": as_number(one.rms_velocity[0]),
-        "rms_by_cause": dict(zip(one.cause, plain(one.mean_square[0] ** 0.5), strict=True)),
-        "rms_velocity_by_cause": dict(
-            zip(one.cause, plain(one.mean_square_velocity[0] ** 0.5), strict=True)
-        ),
+        "rms_by_cause": dict(zip(one.cause, plain(squares**0.5), strict=True)),
+        "rms_velocity_by_cause": dict(zip(one.cause, plain(velocities**0.5), strict=True)),
         "cumulative_rms": plain(one.rms),
         "cumulative_rms_velocity": plain(one.rms_velocity),
     }
-    found = one.requirement
-    if found is not None:
+    if (found := one.requirement) is not None:
         result["requirement"] = {
             "file": found.name,
             "met": found.met,
             "margin": as_number(found.margin),
             "at_hz": found.at,
-            "exceeded_hz": [list(span) for span in found.exceeded],
+            "exceeded_hz": plain(found.exceeded),
         }
     return result
 
@@ -256,13 +253,13 @@ def _tabulate(one: Budget) -> Iterator[str]:
 
 def _describe_requirement(found: Requirement) -> str:
     """Describe in one line whether a requirement is met, with its margin."""
-    text = f"requirement {escape_unprintable(Path(found.name).name)}: {found.outcome}"
     spans = [
         f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz"
         for low, high in found.exceeded
     ]
     more = f" and {len(spans) - 3} more" if len(spans) > 3 else ""
-    return text + (f"; above it at {', '.join(spans[:3])}{more}" if spans else "")
+    above = f"; above it at {', '.join(spans[:3])}{more}" if spans else ""
+    return f"requirement {escape_unprintable(Path(found.name).name)}: {found.outcome}{above}"
 
 
 def _describe_ground(one: Budget) -> str:
@@ -273,7 +270,7 @@ def _describe_ground(one: Budget) -> str:
     text = "; ".join(
         f"{escape_unprintable(name)} along {', '.join(dofs)}" for name, dofs in sources.items()
     )
-    if one.frequency[-1] > HIGHEST and any(name in text for name in PETERSON):
+    if one.frequency[-1] > HIGHEST and ("nlnm" in text or "nhnm" in text):
         text += f" (known to {HIGHEST:g} Hz; above, with its acceleration at {HIGHEST:g} Hz)"
     return text or "none"
 

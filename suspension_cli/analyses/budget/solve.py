@@ -43,8 +43,6 @@ FRACTION = 0.47
 """Where an interval is divided: not in the middle, which may be a pole without loss."""
 EQUAL = 1e-6
 """Logarithm of a ratio below which two values are equal."""
-DISTINCT = 1e-12
-"""Relative distance from the points of a grid below which no points are added."""
 ROUNDS = 60
 """Most divisions of an interval."""
 RANGE = 0.05
@@ -267,7 +265,8 @@ def solve(
     decades = 10.0 ** np.arange(np.ceil(np.log10(grid[0])), np.log10(grid[-1]))
     corners = [one.frequency for one in (*noises.motion.values(), *requirements.values())]
     seeds = np.concatenate([points_around(resonance), decades, *corners])
-    frequency, density = refine(noises.density, _join(grid, seeds))
+    within = seeds[(seeds > grid[0]) & (seeds < grid[-1])]
+    frequency, density = refine(noises.density, np.union1d(grid, within))
     square = integrate_down(frequency, density)
     velocity = integrate_down(frequency, density * (2 * np.pi * frequency) ** 2)
     if len(grid) == 1:
@@ -304,16 +303,6 @@ def _drive(osem: Osem, power: Float[np.ndarray, " cause"], cause: tuple[str, ...
     counts = voltage * (osem.counts_per_volt or np.nan)
     part = (voltage if osem.transconductance else current) / (osem.range or np.nan)
     return Drive(osem.name, force, current, voltage, counts, part, cause[int(power.argmax())])
-
-
-def _join(
-    grid: Float[np.ndarray, " frequency"], more: Float[np.ndarray, " point"]
-) -> Float[np.ndarray, " joined"]:
-    """Join a grid and further points within it that are `DISTINCT` from it."""
-    points = more[(more > grid[0]) & (more < grid[-1])]
-    after = np.searchsorted(grid, points)
-    nearest = np.minimum(points - grid[after - 1], grid[after] - points)
-    return np.union1d(grid, points[nearest > DISTINCT * points])
 
 
 def points_around(resonance: Complex[np.ndarray, " pole"]) -> Float[np.ndarray, " point"]:

@@ -171,13 +171,12 @@ class DampAnalysis(Analysis):
             for one in answer.osems or ()
         ]
         margins = sensitivity = None
-        if answer.margin is not None:
+        if answer.margin is not None and (peak := answer.sensitivity) is not None:
             gains = ("gain_up_db", "gain_down_db")
             margins = [
                 {"loop": loop} | {key: as_number(getattr(one, key)) for key in (*vars(one), *gains)}
                 for loop, one in zip(answer.loop, answer.margin, strict=True)
             ]
-        if (peak := answer.sensitivity) is not None:
             sensitivity = {
                 "largest_singular_value": peak.size,
                 "frequency_hz": peak.frequency,

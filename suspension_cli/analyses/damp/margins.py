@@ -162,23 +162,11 @@ def compute_margins(
         places = np.append(real[n], 0.0 if at_rest else [])
         angle, up = np.angle(-lag[n]), factors > 1
         delays = np.mod(angle, 2 * np.pi) / (2 * np.pi * unity[n])
-        phase, phase_frequency = _find_least(np.abs(np.degrees(angle)), unity[n])
-        delay, delay_frequency = _find_least(delays, unity[n])
         gain_up, gain_up_frequency = _find_least(factors[up], places[up])
         fall, gain_down_frequency = _find_least(1 / factors[~up], places[~up])
-        result.append(
-            Margins(
-                phase=phase,
-                phase_frequency=phase_frequency,
-                gain_up=gain_up,
-                gain_down=1 / fall,
-                distance=float(nearest[n]),
-                gain_up_frequency=gain_up_frequency,
-                gain_down_frequency=gain_down_frequency,
-                delay=delay,
-                delay_frequency=delay_frequency,
-            )
-        )
+        phase = _find_least(np.abs(np.degrees(angle)), unity[n])
+        gains = gain_up, 1 / fall, float(nearest[n]), gain_up_frequency, gain_down_frequency
+        result.append(Margins(*phase, *gains, *_find_least(delays, unity[n])))
     return result
 
 
@@ -254,8 +242,7 @@ def _find_crossings(
         # interpolate, as between these frequencies the circle of a Q of 1e9 turns by 1e-7
         (low, high), (at_low, at_high) = root.bracket, root.f_bracket
         low_value, high_value = (_evaluate_each(gain, end, loop) for end in (low, high))
-        change = np.where(at_low == at_high, 1.0, at_low - at_high)
-        weight = np.where(at_low == at_high, 0.0, at_low / change)
+        weight = at_low / np.where(at_low == at_high, np.inf, at_low - at_high)
         found = low_value * (high_value / low_value) ** weight
         where = low + weight * (high - low)
     every = range(value.shape[1])

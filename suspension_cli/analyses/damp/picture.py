@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.damp import control
-from suspension_cli.analyses.damp.margins import Margins
 from suspension_cli.analyses.damp.solve import LocalControl
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
@@ -53,24 +52,14 @@ def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
     """
     damped: LocalControl = result.data
     frequency, gain = _refine_gains(result)
-    growing = {
-        damped.closed.state[n].rpartition(".")[2] for n in np.flatnonzero(damped.closed.growth_rate)
-    }
-    # loops on motions that grow, then those whose gains come nearest to -1
-    distance = [
-        0.0 if name in growing else size
-        for name, size in zip(damped.loop, np.nanmin(np.abs(1 + gain), axis=0), strict=True)
-    ]
-    drawn = chosen or sorted(np.argsort(distance, kind="stable")[:SHOWN].tolist())
-    which = f" of {len(drawn)} of {len(damped.loop)} loops"
-    if not chosen:
-        which = f" of the {SHOWN} most critical of {len(damped.loop)} loops"
-    which *= len(damped.loop) > len(drawn)
+    nearest = np.nanmin(np.abs(1 + gain), axis=0)  # to -1
+    drawn = chosen or sorted(np.argsort(nearest, kind="stable")[:SHOWN].tolist())
+    which = f" of {'' if chosen else 'the '}{len(drawn)}{'' if chosen else ' most critical'}"
+    which = f"{which} of {len(damped.loop)} loops" * (len(damped.loop) > len(drawn))
     looks, over = _looks(damped.loop), Across()
     sizes: list[Line] = []
     phases: list[Line] = []
     nichols = [_circle()]
-    dots: list[Line] = []
     for n in drawn:
         own, colour = gain[:, n], looks[n][0]
         look: LineLook = {"linestyle": looks[n][1]}
@@ -80,9 +69,12 @@ def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
             size, phase = curves.phase_line(20 * np.log10(np.abs(own)), own, NICHOLS)
         nichols.append(Line(phase, size, "_", colour, {**look, "linewidth": 0.8}))
         if damped.margin is not None:
-            at, angle, points = _margins(damped.margin[n], frequency, own)
-            dots.append(Line(at, np.exp(1j * np.radians(angle)), "_", colour, DOT))
-            nichols.append(Line(*points, "_", colour, DOT))
+            places = [damped.margin[n].phase_frequency, *damped.margin[n].gain_frequencies]
+            places = [at for at in places if frequency[0] <= at <= frequency[-1]]
+            there = own[[int(np.abs(frequency - at).argmin()) for at in places]]
+            angle = curves.wrap(np.degrees(np.angle(there)), NICHOLS)
+            phases.append(Line(places, there, "_", colour, DOT))
+            nichols.append(Line(angle, 20 * np.log10(np.abs(there)), "_", colour, DOT))
     shown = [
         _poles(damped),
         _impulse(damped),
@@ -92,8 +84,8 @@ def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
             ends=True, across=over, rules=[Rule(1.0)],
         ),
         Panel(
-            "phase (degrees)", [*phases, *dots], TALL, "phase",
-            title="phase of the loop gain; dots: phase margins", ends=True, across=over,
+            "phase (degrees)", phases, TALL, "phase",
+            title="phase of the loop gain; dots: margins", ends=True, across=over,
         ),
         Panel(
             "loop gain (dB)", nichols, TALL, limits=(-NEAR, NEAR),
@@ -132,13 +124,11 @@ def _heading_text(damped: LocalControl) -> str:
 
 
 def _looks(loops: Sequence[str]) -> list[tuple[str, LineStyleType]]:
-    """Colour and dashes of each loop; the colour of its motion if all are named after motions."""
-    colours = (
-        [DOF_COLOUR[name] for name in loops]
-        if all(name in DOF_COLOUR for name in loops)
-        else [PALETTE[n % len(PALETTE)] for n in range(len(loops))]
-    )
-    return [(colour, DASHES[n % len(DASHES)]) for n, colour in enumerate(colours)]
+    """Colour and dashes of each loop; one that is named after a motion has its colour."""
+    return [
+        (DOF_COLOUR.get(name, PALETTE[n % len(PALETTE)]), DASHES[n % len(DASHES)])
+        for n, name in enumerate(loops)
+    ]
 
 
 def _poles(damped: LocalControl) -> Panel:
@@ -206,17 +196,3 @@ def _circle() -> Line:
     phase = curves.wrap(np.degrees(np.angle(circle)), NICHOLS)
     look: LineLook = {"linewidth": 0.7, "linestyle": "--"}
     return Line(phase, 20 * np.log10(np.abs(circle)), "_", NOTE, look)
-
-
-def _margins(
-    margin: Margins, frequency: Array, gain: Complex[np.ndarray, " frequency"]
-) -> tuple[list[float], list[float], tuple[list[float], list[float]]]:
-    """Frequency (Hz) and phase (degrees) of the phase margin, and all points of a Nichols chart."""
-    at, angle, where = [], [], margin.phase_frequency
-    if frequency[0] <= where <= frequency[-1]:
-        near = gain[np.abs(frequency - where).argmin()]
-        side = np.sign(np.angle(-near)) or 1.0
-        at, angle = [where], [float(side * margin.phase - 180)]
-    gains = [-20 * np.log10(gain) for gain in margin.gains]
-    phases = [*curves.wrap(np.array(angle), NICHOLS), *[-180.0] * len(gains)]
-    return at, angle, (phases, [0.0] * len(angle) + gains)

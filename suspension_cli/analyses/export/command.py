@@ -122,7 +122,7 @@ class ExportAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Build the state space and measure its band."""
         from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.export import file, foton
+        from suspension_cli.analyses.export import file
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.grids import parse_band
@@ -165,7 +165,7 @@ class ExportAnalysis(Analysis):
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
         made = replace(made, mirror=chain[-1])
         if setting["format"] == "foton":
-            made = replace(made, filters=foton.make(made, setting["rate"], band, accuracy))
+            made = replace(made, filters=file.make_foton(made, setting["rate"], band, accuracy))
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         extra = {"format": setting["format"]}
         return Result(self, run.source, choice, made, extra, command=run.command)
@@ -202,10 +202,9 @@ class ExportAnalysis(Analysis):
             agrees = "agrees with {} from {:.3g} to {:.4g} Hz".format(own, *made.band)
         error = f"(worst {made.worst:.1e}, up to 100 times the highest mode)"
         if made.q_error is not None:
-            sizes = (
-                f"{100 * made.worst:.2g} % of a response off resonance, {100 * made.q_error:.2g}"
-            )
-            error = f"worst error from {low:g} to {high:g} Hz: {sizes} % of a Q"
+            sizes = f"{100 * made.worst:.2g} % of a response off resonance"
+            error = f"worst error from {low:g} to {high:g} Hz: {sizes}"
+            error += f", {100 * made.q_error:.2g} % of a Q"
         counts = [len(getattr(made.system, key)) for key in ("state", "input", "output")]
         size = "states: {}, inputs: {}, outputs: {}".format(*counts)
         lines = [result.choice.line, f"{size}; {agrees}", error]

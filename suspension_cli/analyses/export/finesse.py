@@ -77,7 +77,7 @@ class Suspension(Connector):
                 getattr(self, body)._add_node(kind, NodeDirection.BIDIRECTIONAL)
                 found[signal] = getattr(getattr(self, body), kind), 1
         self._edges = []
-        for o, i in zip(*np.nonzero(_reach(plant)), strict=True):
+        for o, i in zip(*np.nonzero(self.response(np.pi)), strict=True):
             (source, one), (target, other) = found[plant["input"][i]], found[plant["output"][o]]
             self._register_node_coupling(f"edge_{o}_{i}", source, target)
             self._edges.append((source, target, o, i, one * other))
@@ -105,14 +105,3 @@ class Suspension(Connector):
         for number, (o, i, sign) in enumerate(workspace.edges):
             with sim.signal.component_edge_fill3(workspace.owner_id, number, 0, 0) as value:
                 value[:] = sign * response[o, i]
-
-
-def _reach(plant: dict[str, Any]) -> np.ndarray:
-    """Which input moves which output at all."""
-    reached, linked = plant["b"] != 0, plant["a"] != 0
-    for _ in range(len(linked)):
-        grown = reached | (linked.astype(float) @ reached > 0)
-        if (grown == reached).all():
-            break
-        reached = grown
-    return ((plant["c"] != 0).astype(float) @ reached > 0) | (plant["d"] != 0)

@@ -284,14 +284,15 @@ def _with_relaxation(
     total = np.maximum(loss.sum(0), 1e-12)
     every = np.append(omega, np.geomspace(*band, POINTS))
     lag = every[:, None] * rates / (every[:, None] ** 2 + rates**2)
-    step = omega[:, None] ** 2 / (omega[:, None] ** 2 + rates**2)
+    near = np.clip(omega, *band)  # what a mode beside the band does in it matters at its end
+    step = near[:, None] ** 2 / (near[:, None] ** 2 + rates**2)
     strength, stiffer = np.zeros((len(elements), len(rates))), np.zeros(energy.shape)
     for n, one in enumerate(elements):
         if (loss[n] > MINOR * total).any():
             weight = np.append(loss[n] / total, np.full(POINTS, BETWEEN))
             weight /= np.maximum(one.angle(every), 1e-12)
             strength[n] = nnls(lag * weight[:, None], one.angle(every) * weight)[0]
-            stiffer[n] = step @ strength[n] - one.stored(omega)
+            stiffer[n] = step @ strength[n] - one.stored(near)
     # take back what the modes have become stiffer by: each element where it stores most energy,
     # the rest in all together, but not so much that the design becomes unstable
     shift = (energy**2 * stiffer).sum(1) / np.maximum((energy**2).sum(1), 1e-300)

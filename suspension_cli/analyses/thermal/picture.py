@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.thermal.solve import Thermal
-from suspension_cli.design.materials import MECHANISMS
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Line, Panel
@@ -29,34 +28,22 @@ LINES = 7
 """Largest number of lines in a panel: the sum, the largest parts, and the others together."""
 OTHER, SUPPORT = "other", "whole suspension"
 """Names of the sum of small parts, and of sources that belong to no stage."""
-
-CAUSES: dict[str, str] = {
-    "bending-upper": "bending, upper ends",
-    "bending-lower": "bending, lower ends",
-    "stretching": "stretching",
-    "torsion": "torsion",
-    "blades": "blades",
-    "springs": "springs",
-    "link": "links",
-    "gas": "gas",
-    "damping": "dampers",
-    "support": "support",
-} | {own.cause: own.cause for own in MECHANISMS if own.cause}
-"""Label of each cause."""
 SHADES = ("#332288", "#cc6677", "#117733", "#88ccee", "#999933", "#aa4499", "#44aa99", "#ddaa33")
 """Colours of causes, in their order, which are not those of stages (Tol 2021, muted)."""
 
 
 def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figure:
     """Draw two panels per motion: the sum with its parts by stage, and by cause."""
-    parts = [(by_stage(noise, stages), by_cause(noise)) for noise in noises]
-    colours = stage_colours([*stages, *(name for one, _ in parts for name in one)])
-    labels = dict.fromkeys(CAUSES.values())
-    shades = {label: SHADES[n % len(SHADES)] for n, label in enumerate(labels)}
+    groups = [(_by_stage, "by stage"), (_by_cause, "by cause")]
+    every = [*dict.fromkeys(source for noise in noises for source in noise.source)]
+    colours = stage_colours([*stages, *map(_by_stage, every)])
+    causes = sorted({*map(_by_cause, every)})
+    colours |= {cause: SHADES[n % len(SHADES)] for n, cause in enumerate(causes)}
+    colours |= {OTHER: NOTE, SUPPORT: NOTE}
     shown = [
-        _panel(noise, found, own | {OTHER: NOTE, SUPPORT: NOTE}, what)
-        for noise, both in zip(noises, parts, strict=True)
-        for found, own, what in zip(both, (colours, shades), ("by stage", "by cause"), strict=True)
+        _panel(noise, sum_groups(noise, group, stages), colours, what)
+        for noise in noises
+        for group, what in groups
     ]
     notes = [
         f"{noise.output}: along a beam that rises by {1e6 * noise.tilt:.3g} µrad"
@@ -67,34 +54,29 @@ def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figur
     return panels.draw(f"Thermal noise of {outputs}", title, shown, notes=notes)
 
 
-def by_stage(noise: Thermal, stages: Sequence[str]) -> dict[str, Float[np.ndarray, " frequency"]]:
-    """Sum amplitudes (f,) by stage, in the order of the stages."""
-    order = {name: n for n, name in enumerate(stages)}
-    found = _sum_groups(noise, lambda source: source.rpartition(".")[0] or SUPPORT)
-    return dict(sorted(found.items(), key=lambda one: order.get(one[0], len(order))))
+def _by_stage(source: str) -> str:
+    return source.rpartition(".")[0] or SUPPORT
 
 
-def by_cause(noise: Thermal) -> dict[str, Float[np.ndarray, " frequency"]]:
-    """Sum amplitudes (f,) by cause, in the order of `CAUSES`."""
-    order = [*CAUSES.values(), OTHER]
-    found = _sum_groups(noise, lambda source: CAUSES[source.rpartition(".")[2]])
-    return dict(sorted(found.items(), key=lambda one: order.index(one[0])))
+def _by_cause(source: str) -> str:
+    return source.rpartition(".")[2].replace("-", ", ")
 
 
-def _sum_groups(
-    noise: Thermal, group: Callable[[str], str]
+def sum_groups(
+    noise: Thermal, group: Callable[[str], str], order: Sequence[str] = ()
 ) -> dict[str, Float[np.ndarray, " frequency"]]:
-    """Sum sources by group; beyond `LINES` lines, the smallest groups become one."""
+    """Sum amplitudes (f,) of sources by group; beyond `LINES`, the smallest groups become one."""
     square: dict[str, Float[np.ndarray, " frequency"]] = {}
     for source, density in zip(noise.source, noise.density, strict=True):
         if density.any():
             square[group(source)] = square.get(group(source), 0.0) + density
+    place = [*order, *sorted(square), OTHER]
     if len(square) > LINES - 1:
         total = noise.density.sum(0)
         total = np.where(total > 0, total, 1.0)
         largest = sorted(square, key=lambda name: -float((square[name] / total).max()))
         square[OTHER] = sum((square.pop(name) for name in largest[LINES - 2 :]), np.zeros(()))
-    return {name: np.sqrt(density) for name, density in square.items()}
+    return {name: np.sqrt(square[name]) for name in sorted(square, key=place.index)}
 
 
 def _panel(

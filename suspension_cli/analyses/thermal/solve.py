@@ -25,7 +25,7 @@ from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import EACH, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.frequency_terms import quadratic_form
-from suspension_cli.linear.pencil import EvaluatedBlock, Pencil
+from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -155,8 +155,12 @@ def compute_densities(
             if weights is not None:
                 moved = np.einsum("fso,cof->csf", weights[now], moved)
             for number in np.flatnonzero(moved.any((0, 2))):
-                lost = compute_dissipation(here, moved[:, number], temperature)
-                for (cause, warmth), power in lost.items():
+                motion = moved[:, number]
+                lost = [(cause, w, power) for (cause, w), power in here.dissipated(motion).items()]
+                viscous = here.omega * quadratic_form(block.damping, motion)
+                structural = quadratic_form(block.loss, motion)
+                lost += [("damping", temperature, viscous), ("support", temperature, structural)]
+                for cause, warmth, power in lost:
                     total = found[number].setdefault(cause, np.zeros(len(omega)))
                     total[now] += 4 * BOLTZMANN * warmth * power / omega[now]
     return [{name: power for name, power in one.items() if power.any()} for one in found]
@@ -177,26 +181,6 @@ def _check_powers(
             problem = "gives power back instead of dissipating it, so it has no thermal noise"
             remedy = "make its stiffness and damping matrices positive, or its loss angle 0"
             raise InputError.of(name, problem, remedy)
-
-
-def compute_dissipation(
-    here: EvaluatedBlock, motion: Inexact[np.ndarray, "coordinate frequency"], temperature: float
-) -> dict[tuple[str, float], Float[np.ndarray, " frequency"]]:
-    """Compute x^H Im(Z) x of motions x of a block, the support at rest.
-
-    The keys of the result are the name of a source and its temperature (K). `temperature` is that
-    of dampers and of the support's loss, K.
-    """
-    result: dict[tuple[str, float], Array] = here.dissipated(motion)
-    block = here.block
-    for cause, matrix, factor in (
-        ("damping", block.damping, here.omega),
-        ("support", block.loss, 1.0),
-    ):
-        if matrix.any():
-            power = factor * quadratic_form(matrix, motion)
-            result[cause, temperature] = result.get((cause, temperature), 0.0) + power
-    return result
 
 
 def parse_motion(model: LinearSystem, text: str, tilt: float = 0.0) -> Signal:

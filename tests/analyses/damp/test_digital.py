@@ -8,7 +8,7 @@ import tomli_w
 from scipy import signal
 
 import suspension_cli as sus
-from suspension_cli.analyses.damp import closed_loop_poles
+from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design import foton
 from suspension_cli.linear import statespace
 from tests.analyses.damp.test_control import loop, plant
@@ -43,7 +43,7 @@ def test_poles_are_those_of_the_sampled_system(rate, error):
     raw = plants.raw("triple")
     how = {"filter": {"design": DESIGN, "rate": rate}}
     closed = plant(raw, [loop("upper.yaw", delay=0.5 / rate, **how)], "string")
-    found = closed_loop_poles.find(closed)
+    found = damp.find_poles(closed)
     system = statespace.build(
         closed.model,
         plants.drives(closed.model, "upper.torque_yaw"),
@@ -55,7 +55,7 @@ def test_poles_are_those_of_the_sampled_system(rate, error):
     off = [np.abs(found.value / one - 1).min() for one in exact]
     assert max(off) < error
     late = plant(raw, [loop("upper.yaw", **how)], "string")
-    without = closed_loop_poles.find(late)
+    without = damp.find_poles(late)
     assert max(np.abs(without.value / one - 1).min() for one in exact) > 5 * max(off)
 
 
@@ -69,7 +69,7 @@ def test_roots_of_the_characteristic_equation(delay):
     text = text.replace(f"{numbers[0]};0.0;2;1", f"{numbers[0]};0.0;1;0")
     how = {"filter": {"design": text, "rate": rate}, "sensor_response": 'pole(9,"n") zero(2,"n")'}
     closed = plant(scenes.raw_of(STAGE), [loop("test.x", delay=delay, **how)], "string")
-    found = closed_loop_poles.find(closed).value
+    found = damp.find_poles(closed).value
 
     def evaluate(s):
         z, f = np.exp(s / rate), s / (2 * np.pi)

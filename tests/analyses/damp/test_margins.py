@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.damp import closed_loop_poles, control, margins
+from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
@@ -86,7 +86,7 @@ def test_filters(how):
             ):
                 expected *= (1j * GRID + value) ** power
     np.testing.assert_allclose(control.evaluate_filter(one, GRID), expected, rtol=1e-14)
-    made = closed_loop_poles.realise(one)
+    made = damp.realise(one)
     a, b, c, d = made.A, made.B, made.C, made.D
     assert all(np.isrealobj(matrix) for matrix in (a, b, c, d))
     s = 2j * np.pi * GRID
@@ -193,7 +193,7 @@ def of(design, level):
 
 
 def all_margins(plant):
-    return damp.find_margins(plant, closed_loop_poles.find(plant))[0]
+    return damp.find_margins(plant, damp.find_poles(plant))[0]
 
 
 @cache
@@ -221,7 +221,7 @@ def scaled(plant, n, factor):
 
 def growing(plant, n=0, factor=1.0):
     """How many poles grow with the gain of one loop multiplied."""
-    return int((closed_loop_poles.find(scaled(plant, n, factor)).growth_rate > 0).sum())
+    return int((damp.find_poles(scaled(plant, n, factor)).growth_rate > 0).sum())
 
 
 def loops_with_limits(plant, found, loops, near):

@@ -11,11 +11,7 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from suspension_cli.analyses.damp import (
-    closed_loop_poles,
-    control,
-    margins,
-)
+from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.control import NoiseSpectrum
 from suspension_cli.design.reader import read
@@ -30,7 +26,7 @@ MP.dps = 50
 
 
 def found_of(closed):
-    return closed_loop_poles.find(closed)
+    return damp.find_poles(closed)
 
 
 @pytest.mark.parametrize("c", [40.0, 5.0, 0.4, 1e-3, 1e-8, 1e-12, 1e-20])
@@ -166,7 +162,7 @@ def test_one_lossy_oscillator_by_hand(angle, c):
         "materials": {"lossy": {"youngs_modulus": 1e11, "loss_angle": angle}}
     }
     closed = plant(raw, [loop("test.z", damper=c)], "string")
-    found = closed_loop_poles.find(closed)
+    found = damp.find_poles(closed)
     [z] = [
         value for value, state in zip(found.value, found.state, strict=True) if state == "test.z"
     ]
@@ -183,7 +179,7 @@ STAGE = scenes.hung({"count": 1, "l": 0.5, "k": 1e4, "d": 0.0}, 3.0, 0.1)
 
 def pole_values(closed):
     """Closed-loop poles of a plant, one of each conjugate pair."""
-    return closed_loop_poles.find(closed)
+    return damp.find_poles(closed)
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.3])
