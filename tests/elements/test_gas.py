@@ -46,19 +46,6 @@ def test_coefficients_from_the_maxwell_distribution():
     )
 
 
-def test_published_cube():
-    """Cavalleri et al. (2010), equation for a cube."""
-    side = 0.046
-    matrix = drag.body_damping(Body(shape="box", size=(side,) * 3, mass=2.0), AIR)
-    expected = (
-        AIR.pressure
-        * side**2
-        * math.sqrt(32 * AIR.molecule / (math.pi * BOLTZMANN * AIR.temperature))
-        * (1 + math.pi / 8)
-    )
-    np.testing.assert_allclose(np.diag(matrix)[:3], expected, rtol=1e-12)
-
-
 def summed(points, normals, areas):
     """Damping matrix of surface elements: forces -D v and their torques, for all six motions."""
     normal, along = drag.surface_drag(AIR)

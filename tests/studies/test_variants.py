@@ -13,13 +13,15 @@ from suspension_cli.linear.signals import bodies_with_signals, parse
 from suspension_cli.models import registry
 from suspension_cli.studies import builds, variants
 from tests.linear.test_stiff_wires import geo_tables
-from tests.models.test_gravity import FIELD
 from tests.models.test_links import DAMPER, design_text
 from tests.support import scenes
 from tests.support.designs import overridden
 from tests.support.paths import CONFIGS
 
 DOUBLE = (CONFIGS / "double.toml").read_text()
+
+
+FIELD = {"gravity": [0.3, -0.2, -9.7], "gravity_gradient": 2e-4, "wire_weight": True}
 
 
 def in_field():
