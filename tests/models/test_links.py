@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import suspension_cli as sus
+from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError
-from suspension_cli.linear import response, signals
+from suspension_cli.linear import damped, response, signals
 from suspension_cli.models import registry
 from tests.support import jets, plants
 
@@ -301,11 +303,6 @@ def test_table_of_stiffness(level: str) -> None:
 
 @pytest.mark.parametrize("level", ["string", "beam"])
 def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
-    from scipy.optimize import brentq
-
-    from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.linear import damped
-
     text = BLOCK.format(link=TABLE.format("20.0, 30.0, 60.0", "1e-4, 2e-4, 9e-4"))
     model = registry.by_name(level).system(reader.parse(text))
     frequency = np.array([0.3, 1.0, 4.0])
@@ -318,12 +315,8 @@ def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
     hand = -4 * BOLTZMANN * 290.0 / omega * susceptibility.imag
     np.testing.assert_allclose(found.amplitude**2, hand, rtol=1e-12)
     modes = damped.solve(model)
-    expected = brentq(
-        lambda f: np.interp(np.log(f), at, [20.0, 30.0, 60.0]) + 80 - 2 * (2 * np.pi * f) ** 2,
-        0.5,
-        5.0,
-        xtol=1e-14,
-    )
+    table = lambda f: np.interp(np.log(f), at, [20.0, 30.0, 60.0])  # noqa: E731
+    expected = brentq(lambda f: table(f) + 80 - 2 * (2 * np.pi * f) ** 2, 0.5, 5.0, xtol=1e-14)
     nearest = modes.frequency[np.abs(modes.frequency - expected).argmin()]
     assert nearest == pytest.approx(expected, rel=1e-9)
 
