@@ -251,8 +251,8 @@ class Block:
 
     def is_driven(
         self,
-        moves: Float[np.ndarray, "6 input #system"],
-        forces: Float[np.ndarray, "coordinate input #system"],
+        moves: Float[np.ndarray, "6 input"],
+        forces: Float[np.ndarray, "coordinate input"],
     ) -> Bool[np.ndarray, " input"]:
         """Whether each input, a motion of the support or a force, drives this block."""
         driven = (moves[self.pull] != 0).any(0) | (forces[self.keep] != 0).any(0)
@@ -466,7 +466,7 @@ class Pencil:
         return np.asarray(result)
 
     @cached_property
-    def weights(self) -> list[Float[np.ndarray, "function column column"]]:
+    def weights(self) -> list[Float[np.ndarray, "function _ _"]]:
         """A_n of each term among its columns, without rounding errors."""
         result = []
         for term in self.model.terms:

@@ -130,10 +130,7 @@ def test_wires_against_long_bodies():
     long = 1e6
     pole = Body(shape="cylinder", axis="z", radius=2e-4, length=long, mass=1.0)
     plate = Body(shape="box", size=(1e-4, 1e-3, long), mass=1.0)
-    for body, shape in (
-        (pole, circle(2e-4, 2e-4)),
-        (plate, rectangle(width=1e-3, thickness=1e-4)),
-    ):
+    for body, shape in ((pole, circle(2e-4, 2e-4)), (plate, rectangle(width=1e-3, thickness=1e-4))):
         expected = np.diag(drag.body_damping(body, AIR))[[0, 1, 2, 5]] / long
         np.testing.assert_allclose(shape.drag(*drag.surface_drag(AIR)), expected, rtol=1e-8)
 

@@ -66,10 +66,7 @@ def test_surface_of_a_round_wire():
 
 @pytest.mark.parametrize(("t", "w"), [(1e-4, 1e-3), (1e-3, 1e-3), (1e-3, 2e-4)])
 def test_surface_of_a_ribbon(t, w):
-    shape, (nodes, weights) = (
-        rectangle(thickness=t, width=w),
-        np.polynomial.legendre.leggauss(8),
-    )
+    shape, (nodes, weights) = (rectangle(thickness=t, width=w), np.polynomial.legendre.leggauss(8))
     x, y = nodes * t / 2, nodes * w / 2
     for strain, found in (
         (lambda x, y: x + 0 * y, shape.bending_ratio(0)),

@@ -30,10 +30,7 @@ SHIPPED = (
     "ligo-quad-2005",
     "triple-tolerance",
 )
-STRUCTURE = {
-    "stiffness": {"x": 2e6, "z": 5e6, "pitch": 3e5, "yaw": 4e5},
-    "loss_angle": 1e-3,
-}
+STRUCTURE = {"stiffness": {"x": 2e6, "z": 5e6, "pitch": 3e5, "yaw": 4e5}, "loss_angle": 1e-3}
 
 
 def with_tables(**tables):

@@ -38,12 +38,7 @@ def pendulum(**section):
             upper, lower = [0.9 * x, 0.8 * y, 0.0], [x, y, 0.004]
             span = math.dist(upper, [x, y, 0.004 - height])
             wires.append(
-                {
-                    "upper": upper,
-                    "lower": lower,
-                    "natural_length": span - mass * G / 4 / k,
-                    "k": k,
-                }
+                {"upper": upper, "lower": lower, "natural_length": span - mass * G / 4 / k, "k": k}
                 | section
             )
     stage = {

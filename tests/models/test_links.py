@@ -32,11 +32,7 @@ POSITION = {
     "reaction": (0.0, 0.0, -1.004),
 }
 MASS = {"platform": 20.0, "test": 10.0, "reaction": 8.0}
-INERTIA = {
-    "platform": (0.3, 0.2, 0.25),
-    "test": (0.1, 0.08, 0.09),
-    "reaction": (0.12, 0.09, 0.1),
-}
+INERTIA = {"platform": (0.3, 0.2, 0.25), "test": (0.1, 0.08, 0.09), "reaction": (0.12, 0.09, 0.1)}
 # upper body, lower body, length, s, t, d, d_upper, k
 WIRES = (
     ("support", "platform", 0.5, 0.05, 0.1, 0.0, 0.0, 5.0e4),

@@ -237,10 +237,7 @@ CHANGES = {
         [f"stage.ip.inverted_pendulum.{part}stiffness" for part in ("", "top_", "yaw_")],
         ("ip.leg1", "ip.leg2", "ip.leg3"),
     ),
-    "blade": (
-        [f"stage.ip.filter.{part}stiffness" for part in ("", "lateral_", "tilt_")],
-        ("ip",),
-    ),
+    "blade": ([f"stage.ip.filter.{part}stiffness" for part in ("", "lateral_", "tilt_")], ("ip",)),
     "link": ([f"link.heat.stiffness.{n}" for n in range(1, 7)], ("heat",)),
 }
 

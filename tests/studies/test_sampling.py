@@ -5,17 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.tolerance.summary import (
-    sobol_indices,
-    standard_error,
-)
+from suspension_cli.analyses.tolerance.summary import sobol_indices, standard_error
 from suspension_cli.studies.parameters import natural_step
-from suspension_cli.studies.sampling import (
-    REPLICATES,
-    SamplePoints,
-    largest_count,
-    smallest_count,
-)
+from suspension_cli.studies.sampling import REPLICATES, SamplePoints, largest_count, smallest_count
 
 GROUPS = (0, 1, 1, 2)
 

@@ -193,13 +193,7 @@ def spring(rng: Generator) -> Raw:
 
 
 def crooked_stage(
-    rng: Generator,
-    name: str,
-    load: float,
-    *,
-    blades: bool = False,
-    springs: int = 0,
-    **more: Any,
+    rng: Generator, name: str, load: float, *, blades: bool = False, springs: int = 0, **more: Any
 ) -> Raw:
     """Four explicit wires with nothing symmetric left, cut to natural lengths that roughly carry
     `load` (N)."""
