@@ -14,6 +14,7 @@ from suspension_cli.models import registry
 from suspension_cli.studies import builds, variants
 from tests.linear.test_stiff_wires import geo_tables
 from tests.models.test_links import DAMPER, design_text
+from tests.studies.test_derivatives import TILTED
 from tests.support import scenes
 from tests.support.designs import overridden
 from tests.support.paths import CONFIGS
@@ -21,13 +22,10 @@ from tests.support.paths import CONFIGS
 DOUBLE = (CONFIGS / "double.toml").read_text()
 
 
-FIELD = {"gravity": [0.3, -0.2, -9.7], "gravity_gradient": 2e-4, "wire_weight": True}
-
-
 def in_field():
     """Wires with weight, on blades, in a tilted field with a gradient."""
     raw = scenes.fibred(scenes.bladed_chain(np.random.default_rng(4), 2, tip_mass=True))
-    return tomli_w.dumps(scenes.plain(raw | {"constants": FIELD}))
+    return tomli_w.dumps(scenes.plain(raw | {"constants": TILTED}))
 
 
 def damped():
