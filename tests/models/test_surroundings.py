@@ -74,8 +74,11 @@ def test_a_stiff_structure_is_none(level):
     found = solved(stiff, frequency, inputs, outputs)
     assert np.array_equal(found == 0, expected == 0)
     away = np.max(np.abs(found - expected) / np.where(expected == 0, 1, np.abs(expected)))
-    # the structure's mass on its stiffness, at the highest frequency
-    assert away == pytest.approx((2 * np.pi * 90) ** 2 * 100.0 / 1e9, rel=0.1)
+    # the structure's mass on its stiffness, at the highest frequency, and its inertia in yaw
+    own = (2 * np.pi * 90) ** 2 / 1e9
+    assert away == pytest.approx(own * 100.0, rel=0.1)
+    turned = np.abs(found[-1, 5::6, 5] / expected[-1, 5::6, 5] - 1)
+    np.testing.assert_allclose(turned, own * 5.0, rtol=0.1)
 
 
 def test_directions_left_out_are_rigid():
