@@ -182,10 +182,10 @@ def test_dampers_resist_relative_motion_at_their_point_alone() -> None:
     rigid = np.concatenate([model.rigid, np.eye(6)])
     assert np.abs(whole @ rigid).max() < 1e-14
     velocity = np.random.default_rng(1).normal(size=30)
-    position = {"platform": 1, "test": 2, "reaction": 3, "ground": 4}
+    place = {"platform": 6, "test": 12, "reaction": 18, "ground": 24}
 
     def at(body: str, point: Any) -> Any:
-        v = velocity[6 * position[body] : 6 * position[body] + 6]
+        v = velocity[place[body] : place[body] + 6]
         return np.concatenate([v[:3] + np.cross(v[3:], point), v[3:]])
 
     one = at("test", [0, 0.02, 0.03]) - at("reaction", [0, 0.02, 0.03 + 0.101])

@@ -60,7 +60,7 @@ def below_blades(wires, blades, rng):
 
 DESIGNS = {
     "table 1": lambda: [paper.table_1(case) for case in paper.TABLE_1],
-    "singles": lambda: [scenes.closed(rng) for rng in rngs(count=20)],
+    "singles": lambda: [scenes.single(rng, splayed=False) for rng in rngs(count=20)],
     "chains": lambda: [scenes.chain(rng, n) for n in range(1, 6) for rng in rngs(1, n)],
     "blades above vertical wires": lambda: [
         scenes.bladed_chain(rng, n) for n in range(1, 6) for rng in rngs(2, n)
