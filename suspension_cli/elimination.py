@@ -331,7 +331,7 @@ class Equations:
         return self.pattern.solve(self.in_pattern(values), right)[:own]
 
     def in_pattern(
-        self, values: Inexact[np.ndarray, "element system"]
+        self, values: Inexact[np.ndarray, "_ system"]
     ) -> Inexact[np.ndarray, "element system"]:
         """The elements of the pattern."""
         result = np.zeros((len(self.pattern.row), values.shape[1]), dtype=values.dtype)

@@ -329,11 +329,11 @@ class PartAtFrequencies:
     def _length(self) -> Any:
         return sum(section.length for section in self.sections)
 
-    def _tension(self, section: Section) -> Inexact[np.ndarray, " frequency"] | float:
+    def _tension(self, section: Section) -> Inexact[np.ndarray, "*frequency"] | float:
         """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
         return self.strand.tension + (section.tension_offset if self.strand.massive else 0.0)
 
-    def _rigidity(self, section: Section) -> Inexact[np.ndarray, " frequency"] | complex:
+    def _rigidity(self, section: Section) -> Inexact[np.ndarray, "*frequency"] | complex:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
         factor = 1.0
         if self.strand.lossy:
@@ -344,7 +344,7 @@ class PartAtFrequencies:
 
     def _loss_angle(
         self, section: Section, temperature: float
-    ) -> Inexact[np.ndarray, " frequency"]:
+    ) -> Inexact[np.ndarray, "*frequency"]:
         omega = np.real(self.omega)
         if self.bends:
             tension = self.strand.tension
@@ -388,10 +388,10 @@ def _twisting(
 
 def fit_to_equilibrium(
     fibre: Fibre,
-    length: Inexact[np.ndarray, " frequency"] | complex,
-    k: Inexact[np.ndarray, " frequency"] | complex,
-    tension: Inexact[np.ndarray, " frequency"] | complex,
-    torsion: Inexact[np.ndarray, " frequency"] | complex,
+    length: Inexact[np.ndarray, "*frequency"] | complex,
+    k: Inexact[np.ndarray, "*frequency"] | complex,
+    tension: Inexact[np.ndarray, "*frequency"] | complex,
+    torsion: Inexact[np.ndarray, "*frequency"] | complex,
 ) -> Fibre:
     """Scale a fibre to its length in equilibrium and to the stiffnesses of the scene's wire.
 

@@ -225,7 +225,7 @@ def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
 
 
 def section_motions(
-    motions: list[tuple[Inexact[np.ndarray, "end end pair *#shape"], ...]],
+    motions: list[tuple[Inexact[np.ndarray, "end end _ *#shape"], ...]],
     motion: Inexact[np.ndarray, "end motion *shape"],
 ) -> Inexact[np.ndarray, "section end motion *shape"]:
     """Motion of every section, from r motions of the whole, in the coordinates that joined them."""

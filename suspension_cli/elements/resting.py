@@ -103,7 +103,7 @@ def hinge_distances(
 
 
 def principal_planes(
-    plane: Inexact[np.ndarray, "*wire 3"], clamp: Inexact[np.ndarray, "*wire 3"]
+    plane: Inexact[np.ndarray, "*#wire 3"], clamp: Inexact[np.ndarray, "*#wire 3"]
 ) -> Inexact[np.ndarray, "*wire 2 3"]:
     """Unit vectors (..., 2, 3) of both principal planes, across a clamp (..., 3)."""
     first = plane - (plane * clamp).sum(-1, keepdims=True) * clamp

@@ -226,7 +226,7 @@ class EvaluatedWires:
 
     def functions(
         self, which: Int[np.ndarray, " function"]
-    ) -> list[Inexact[np.ndarray, " frequency"]]:
+    ) -> list[Inexact[np.ndarray, " #frequency"]]:
         """Select functions f_n by number."""
         result = []
         for part, i, j in (self.term.places[n] for n in which):

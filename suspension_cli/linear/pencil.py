@@ -248,8 +248,8 @@ class Block:
 
     def is_driven(
         self,
-        moves: Float[np.ndarray, "6 input #system"],
-        forces: Float[np.ndarray, "coordinate input #system"],
+        moves: Float[np.ndarray, "6 input"],
+        forces: Float[np.ndarray, "coordinate input"],
     ) -> Bool[np.ndarray, " input"]:
         """Whether each input, a motion of the support or a force, drives this block."""
         driven = (moves[self.pull] != 0).any(0) | (forces[self.keep] != 0).any(0)

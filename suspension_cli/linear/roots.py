@@ -345,7 +345,7 @@ def _step(
 
 def _diagonalise(
     matrix: Complex[np.ndarray, "vector vector"], alike: float
-) -> tuple[Complex[np.ndarray, " vector"], Complex[np.ndarray, "vector vector"]]:
+) -> tuple[Inexact[np.ndarray, " vector"], Inexact[np.ndarray, "vector vector"]]:
     """Eigenvalues and vectors; of those `alike`, vectors that are close to unit vectors."""
     if len(matrix) == 1:
         return matrix[0], np.eye(1)

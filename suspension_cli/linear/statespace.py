@@ -32,7 +32,7 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Int
+    from jaxtyping import Complex, Float, Inexact, Int
 
 SOLVED = 1 << 21
 """Most numbers in the matrices that are solved at once."""
@@ -280,10 +280,10 @@ def _block(
 
 
 def _sum(
-    direct: Float[np.ndarray, "row column"],
-    matrix: Float[np.ndarray, "row inner"],
-    shift: Float[np.ndarray, "inner column"],
-) -> Float[np.ndarray, "row column"]:
+    direct: Inexact[np.ndarray, "row column"],
+    matrix: Inexact[np.ndarray, "row inner"],
+    shift: Inexact[np.ndarray, "inner column"],
+) -> Inexact[np.ndarray, "row column"]:
     """Compute direct + matrix @ shift, exactly 0 where its terms cancel to rounding.
 
     A residue of 1e-16 would be a spurious coupling with transmission zeros of its own.

@@ -31,7 +31,7 @@ from suspension_cli.scene.scene import Scene, select_scenes
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
-    from jaxtyping import Bool, Float, Inexact, Int
+    from jaxtyping import Bool, Float, Inexact, Int, Real
 
     from suspension_cli.scene.composition import Fibre
 
@@ -129,7 +129,7 @@ def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     return Symmetry(basis, allowed, tuple("xy"[axis] for axis in mirrors))
 
 
-def _chains(scene: Scene) -> list[Int[np.ndarray, " body"]]:
+def _chains(scene: Scene) -> list[Int[np.ndarray, " _"]]:
     """Groups of bodies that nothing but the support joins; none if one hangs on the z axis."""
     count = len(scene.bodies.name) + 1
     joined = np.eye(count, dtype=bool)
@@ -382,7 +382,7 @@ def rotation_about_z(angle: float) -> Float[np.ndarray, "6 6"]:
     return np.kron(np.eye(2), once)
 
 
-def _images(scene: Scene, operation: Float[np.ndarray, "6 6"], *, exact: bool = True) -> Pairs:
+def _images(scene: Scene, operation: Real[np.ndarray, "6 6"], *, exact: bool = True) -> Pairs:
     """Pair the members of all parts but bodies that a mirror or rotation maps onto each other."""
     parts = {name: part for name, part in scene.parts.items() if name != "bodies" and part.label}
     pairs = {name: _alike(part, operation, exact=exact) for name, part in parts.items()}
@@ -408,7 +408,7 @@ def _images(scene: Scene, operation: Float[np.ndarray, "6 6"], *, exact: bool = 
 
 
 def _alike(
-    part: DataclassInstance, operation: Float[np.ndarray, "6 6"], *, exact: bool
+    part: DataclassInstance, operation: Real[np.ndarray, "6 6"], *, exact: bool
 ) -> Bool[np.ndarray, "*#batch member member"]:
     """Pair members of a part that are equal, and whose vectors are images in a mirror or rotation.
 
@@ -431,7 +431,7 @@ def _alike(
 
 
 def _on_components(
-    shape: tuple[int, ...], operation: Float[np.ndarray, "6 6"]
+    shape: tuple[int, ...], operation: Real[np.ndarray, "6 6"]
 ) -> Float[np.ndarray, "component component"]:
     """Matrix of a mirror or rotation for the components of a vector or tensor of a shape."""
     result = np.ones((1, 1))
@@ -441,7 +441,7 @@ def _on_components(
 
 
 def _wire_images(
-    fibres: tuple[Fibre, ...], operation: Float[np.ndarray, "3 3"]
+    fibres: tuple[Fibre, ...], operation: Real[np.ndarray, "3 3"]
 ) -> Bool[np.ndarray, "wire wire"]:
     """Pair wires whose clamps and bending planes are images."""
     pairs = np.ones((len(fibres), len(fibres)), dtype=bool)

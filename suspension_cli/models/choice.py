@@ -278,7 +278,7 @@ def away_from_modes(
 
 
 def spectrum_change(
-    old: Complex[np.ndarray, "frequency ..."], new: Complex[np.ndarray, "frequency ..."]
+    old: Inexact[np.ndarray, "frequency ..."], new: Inexact[np.ndarray, "frequency ..."]
 ) -> Float[np.ndarray, "frequency ..."]:
     """Relative change of spectra; infinite where one is 0 and the other is not.
 

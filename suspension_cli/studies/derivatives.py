@@ -88,7 +88,7 @@ class Differences:
         return np.where(value == 0, np.abs(rate), along)
 
 
-def _bend(sides: Inexact[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+def _bend(sides: Inexact[np.ndarray, "side ..."]) -> Float[np.ndarray, ...]:
     """Second difference of a function over its first one."""
     above, nominal, below = sides
     return np.nan_to_num(np.abs((above - nominal) - (nominal - below)) / np.abs(above - below))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import mpmath
 import numpy as np
@@ -22,7 +20,6 @@ from suspension_cli.design.cross_sections import (
 from suspension_cli.design.materials import Bulk, Mechanism, Thermoelastic
 from suspension_cli.elements import loss
 from suspension_cli.scene.composition import BladeLoss, Section
-from tests.support.commandline import run, strict_json, written
 
 GLASS = Bulk(4.1e-10, surface_depth=1.5e-2)
 HEAT = Thermoelastic(
@@ -69,10 +66,7 @@ def test_surface_of_a_round_wire():
 
 @pytest.mark.parametrize(("t", "w"), [(1e-4, 1e-3), (1e-3, 1e-3), (1e-3, 2e-4)])
 def test_surface_of_a_ribbon(t, w):
-    shape, (nodes, weights) = (
-        rectangle(thickness=t, width=w),
-        np.polynomial.legendre.leggauss(8),
-    )
+    shape, (nodes, weights) = (rectangle(thickness=t, width=w), np.polynomial.legendre.leggauss(8))
     x, y = nodes * t / 2, nodes * w / 2
     for strain, found in (
         (lambda x, y: x + 0 * y, shape.bending_ratio(0)),
@@ -115,32 +109,9 @@ def test_surface_of_a_twisted_thin_ribbon():
 # ---------------------------------------------------------------- angles
 
 
-def peak(losses: Thermoelastic, diameter: float) -> float:
-    """The angular frequency at which the slowest relaxation is at its peak: tau = 0.0737 rho C
-    d^2/kappa (Cagnoli and Willems)."""
-    return losses.conductivity / (0.0737 * losses.density * losses.heat_capacity * diameter**2)
-
-
-def test_published_peak():
-    """Cagnoli and Willems' strain without loss, alpha/beta = 0.26 %, and the peak of an unloaded
-    fibre of fused silica, which is 1 % lower than Delta/2."""
-    fibre, free = wire(), 290.0
-    delta = 7.2e10 * free * 3.9e-7**2 / (2200 * 772)
-    omega = peak(HEAT, 4e-4) * np.linspace(0.9, 1.1, 401)
-    extra = loss.bending_angle(fibre, 0, omega, 0.0, free) - loss.bending_angle(
-        wire(COLD), 0, omega, 0.0, free
-    )
-    assert extra.max() == pytest.approx(delta / 2, rel=0.011)
-    assert omega[extra.argmax()] == pytest.approx(peak(HEAT, 4e-4), rel=5e-3)
-    nulling = fibre.shape.area * 7.2e10 * 3.9e-7 / 1.52e-4
-    assert loss.bending_angle(fibre, 0, OMEGA, nulling, free) == pytest.approx(
-        loss.bending_angle(wire(COLD), 0, OMEGA, 0.0, free), rel=1e-12
-    )
-
-
 def test_strain_against_temperature():
     """alpha - u beta is how the strain at constant stress changes with temperature."""
-    stress, step, omega = 8e8, 1e-3, peak(HEAT, 4e-4)
+    stress, step, omega = 8e8, 1e-3, 7e3
 
     def strain(temperature):
         return stress / (7.2e10 * (1 + 1.52e-4 * temperature)) + 3.9e-7 * temperature
@@ -264,29 +235,3 @@ def test_analytic_in_the_frequency(order: float, centre: float):
     found = relaxation(around, order)
     assert found.mean() == pytest.approx(relaxation(np.array([centre]), order)[0], rel=1e-11)
     np.testing.assert_allclose(found, found[::-1].conj(), rtol=1e-12)
-
-
-def test_of_a_pendulum(tmp_path: Path):
-    """The noise of a heavy mass far above its pendulum mode goes with the square root of the loss
-    angle: by the command, in steel."""
-    wires: dict[str, Any] = {"count": 1, "l": 0.5, "d": 0.0, "material": "warm", "radius": 1e-3}
-    plain = {"youngs_modulus": 2.1e11, "density": 7800.0}
-    heat = {"thermal_expansion": 1.2e-5, "specific_heat": 486.0, "thermal_conductivity": 49.0}
-    stage = {"name": "test", "body": {"mass": 100.0, "inertia": [1e9, 1e9, 1e9]}, "wires": wires}
-    raw = {
-        "design": {"name": "warm"},
-        "materials": {"warm": plain | heat, "plain": plain | {"loss": {"angle": 1e-3}}},
-        "stage": [stage],
-    }
-    frequency = 80.0
-    way = ("--output", "test.x", "--frequency", frequency, "--fidelity", "beam", "--json")
-    densities = []
-    for name in ("warm", "plain"):
-        wires["material"] = name
-        done = run("thermal", written(tmp_path, raw), *way, "--no-plot", "--out", tmp_path)
-        parts = strict_json(done.stdout)["contributions"]
-        densities.append(sum(parts[f"test.bending-{end}"][0] ** 2 for end in ("upper", "lower")))
-    phase = 2 * np.pi * frequency * 1e-3**2 / DIFFUSIVITY
-    assert densities[0] / densities[1] == pytest.approx(
-        DELTA * of_heat(phase, is_round=True) / 1e-3, rel=1e-6
-    )

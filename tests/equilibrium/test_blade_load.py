@@ -28,15 +28,9 @@ def built(aside=(0.0, 0.0, 0.0), lengths=(0.0,) * 8, load=None):
             loaded = np.linalg.norm(lower - upper - [0, 0, drop])
             tension = carried * loaded / (drop - 0.002)
             natural = loaded - tension / WIRE + lengths[4 * n + i]
-            wires.append(
-                {
-                    "upper": upper.tolist(),
-                    "lower": lower.tolist(),
-                    "k": WIRE,
-                    "natural_length": natural,
-                    "blade": "left" if y > 0 else "right",
-                }
-            )
+            side = "left" if y > 0 else "right"
+            wire = {"upper": upper, "lower": lower, "k": WIRE, "blade": side}
+            wires.append(wire | {"natural_length": natural})
         given = {} if load is None else {"load": load * 2 * carried}
         blades = [
             {"name": side, "at": [0.0, y, 0.0], "stiffness": STIFFNESS} | given
@@ -86,14 +80,9 @@ def test_loads_that_follow_carry_the_weight():
 def test_a_set_sags_under_more_than_its_load(load):
     """(W - load) / k of a symmetric set, on the string model, as the force model has no pose to
     solve for."""
-    raw = scenes.raw_of(
-        {
-            "name": "test",
-            "body": {"mass": 8.0, "inertia": [0.1] * 3},
-            "wires": {"count": 4, "l": 0.5, "s": 0.02, "t1": 0.1, "t2": 0.1, "k": 5e4},
-        }
-    )
-    raw["stage"][0]["blades"] = {"count": 2, "stiffness": 1.5e3, "load": load * 4 * G}
+    wires = {"count": 4, "l": 0.5, "s": 0.02, "t1": 0.1, "t2": 0.1, "k": 5e4}
+    blades = {"count": 2, "stiffness": 1.5e3, "load": load * 4 * G}
+    raw = scenes.raw_of(scenes.hung(wires, 8.0, 0.1, blades=blades))
     scene = scenes.scene_of(raw)
     found = equilibrium.solve(scene)
     np.testing.assert_allclose(found.pose.deflection[:, 2], -(1 - load) * 4 * G / 1.5e3, atol=1e-12)
@@ -107,23 +96,12 @@ def test_least_energy_of_a_lopsided_pair():
     mass, k, blade, load, natural = 6.0, 3e4, 1.2e3, (25.0, 32.0), (0.497, 0.503)
     wires, blades = [], []
     for n, y in enumerate((0.1, -0.1)):
-        wires.append(
-            {
-                "upper": [0, y, 0],
-                "lower": [0, 0.8 * y, 0.01],
-                "k": k,
-                "natural_length": natural[n],
-                "blade": f"b{n}",
-            }
-        )
+        wire = {"upper": [0, y, 0], "lower": [0, 0.8 * y, 0.01], "blade": f"b{n}"}
+        wires.append(wire | {"k": k, "natural_length": natural[n]})
         blades.append({"name": f"b{n}", "at": [0, y, 0], "stiffness": blade, "load": load[n]})
-    stage = {
-        "name": "test",
-        "body": {"mass": mass, "inertia": [0.05, 0.05, 0.05]},
-        "position": [0, 0.02, -0.45],
-        "wire": wires,
-        "blade": blades,
-    }
+    body = {"mass": mass, "inertia": [0.05, 0.05, 0.05]}
+    stage = {"name": "test", "body": body, "position": [0, 0.02, -0.45]}
+    stage |= {"wire": wires, "blade": blades}
     scene = scenes.scene_of(scenes.raw_of(stage))
     found = equilibrium.solve(scene)
 

@@ -24,22 +24,16 @@ def perturbed(kind, rng):
         return scenes.scene_of(scenes.crooked(rng))
     if kind == "one stage":
         raw = scenes.single(rng)
-    elif kind == "chain":
-        raw = scenes.raw_of(
-            *(scenes.stage(rng, f"mass{n}", int(rng.choice([2, 4]))) for n in range(4))
-        )
-    elif kind == "single wires":
-        raw = scenes.raw_of(
-            *(scenes.stage(rng, f"mass{n}", count) for n, count in enumerate((1, 4, 1)))
-        )
+    elif kind in ("chain", "single wires"):
+        counts = (1, 4, 1) if kind == "single wires" else rng.choice([2, 4], 4).tolist()
+        raw = scenes.raw_of(*(scenes.stage(rng, f"m{n}", count) for n, count in enumerate(counts)))
     else:
         pairs = [scenes.BLADE_COUNTS[n] for n in rng.integers(1, 5, 2)]
-        raw = scenes.raw_of(
-            *(
-                scenes.bladed_stage(rng, f"mass{n}", *pair, tip_mass=True, lateral=True)
-                for n, pair in enumerate(pairs)
-            )
-        )
+        stages = [
+            scenes.bladed_stage(rng, f"m{n}", *pair, tip_mass=True, lateral=True)
+            for n, pair in enumerate(pairs)
+        ]
+        raw = scenes.raw_of(*stages)
     return scenes.scene_of(scenes.perturbations(rng, raw))
 
 
@@ -258,11 +252,9 @@ def test_a_light_stage_below_a_heavy_one_is_not_taken_for_rounding(mass):
     heavy = {"name": "heavy", "body": {"mass": 1e3, "inertia": [60.0] * 3}}
     heavy["wires"] = FOUR | {"d": 0.001, "s": 0.2, "k": 5e6}
     error = {"wire": "light.1", "lower_offset": [1e-6 * size, 0.0, 0.0]}
-    tilt = [
-        equilibrium.solve(scenes.scene_of(scenes.raw_of(*stages, perturbation=[error]))).pose.turn[
-            -1, 0, 2
-        ]
-        for stages in ([light], [heavy, light])
-    ]
+    tilt = []
+    for stages in ([light], [heavy, light]):
+        scene = scenes.scene_of(scenes.raw_of(*stages, perturbation=[error]))
+        tilt.append(equilibrium.solve(scene).pose.turn[-1, 0, 2])
     assert tilt[0] != 0
     assert tilt[1] == pytest.approx(tilt[0], rel=2 * mass / 1e3 + 1e-9)

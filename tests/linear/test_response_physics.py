@@ -82,26 +82,6 @@ def test_a_moving_support_is_a_leaning_and_accelerating_world(kind, level):
     ).all()
 
 
-@pytest.mark.parametrize("level", ["force", "string"])
-def test_single_pendulum_by_hand(level):
-    """On one wire through its COM: g / l, with a damper c against the support, (g / l + i w c / m)
-    / (g / l - w^2 + i w c / m)."""
-    mass, length, c = 3.0, 0.7, 0.4
-    stage = scenes.hung({"count": 1, "l": length, "k": 1e5}, mass, 0.1, damping={"x": c})
-    model = registry.by_name(level).system(scenes.design_of(scenes.raw_of(stage)))
-    frequency = np.geomspace(1e-3, 1e3, 500)
-    s = 2j * np.pi * frequency
-    by_support, by_force = solved(
-        model,
-        frequency,
-        plants.drives(model, "support.x", "test.force_x"),
-        plants.motions(model, "test.x"),
-    )[:, 0].T
-    below = 9.81 / length + s**2 + s * c / mass
-    np.testing.assert_allclose(by_support, (9.81 / length + s * c / mass) / below, rtol=1e-12)
-    np.testing.assert_allclose(by_force, 1 / mass / below, rtol=1e-12)
-
-
 def test_points_move_with_their_body():
     """x + t x p at a point, a force there with its torque about the COM."""
     model = plants.model("five")

@@ -63,7 +63,7 @@ def along(modes):
     return int(np.argmax(apart))
 
 
-@pytest.mark.parametrize("radii", [RADII, (2200.0, 2200.0), (1e6, 1e4), (1e4, 5e4)])
+@pytest.mark.parametrize("radii", [RADII, (1e4, 5e4)])
 def test_stiffness_is_the_curvature_of_the_energy_of_the_pressure(radii):
     """-F l with finite motions, l the path between spheres along the line through their centres."""
     system = registry.STRING.system
@@ -85,20 +85,6 @@ def test_stiffness_is_the_curvature_of_the_energy_of_the_pressure(radii):
     assert np.abs(own - curved).max() < 1e-4 * np.abs(curved).max()
 
 
-@pytest.mark.parametrize(("g", "h"), [(-0.9, -0.9), (0.6, 0.6), (-1.065, -0.779)])
-def test_hard_and_soft_modes(g, h):
-    """omega^2 = omega_0^2 + k / I with the eigenvalues k of the matrix of Sidles and Sigg."""
-    power = 4e4
-    found = sus.modes(
-        sus.parse(two_mirrors(power, (ARM / (1 - g), ARM / (1 - h)))), fidelity="string"
-    )
-    torque = 2 * power * ARM / (c * (1 - g * h)) * np.array([[h, -1], [-1, g]])
-    squared = (TORSION - np.linalg.eigvalsh(torque)[::-1]) / INERTIA
-    for dof in ("pitch", "yaw"):
-        # mirrors that also move sideways or up turn the beam: a part of 1e-7 here
-        np.testing.assert_allclose(found.of(dof), np.sqrt(squared) / (2 * np.pi), rtol=1e-6)
-
-
 def test_critical_power():
     """The soft mode of a symmetric cavity with g < 0 has the stiffness -F L / (1 + |g|)."""
     g = -0.9
@@ -114,15 +100,6 @@ def test_critical_power():
     assert np.isnan(swept.value[3, 0]) and swept.status.tolist() == [0, 0, 0, 3]
     with pytest.raises(sus.InputError, match="power: the pressure of the light makes"):
         sus.response(design.replace({"cavity.arm.power": grid[3]}), frequency=[1.0])
-
-
-def test_optical_spring_far_below_the_pole():
-    """The motion along the arm has the frequency sqrt(K / mu), with that of the pendulums."""
-    spring, *_, design = detuned(1e3, pole=1e4, power=1e7)
-    found = sus.modes(design, fidelity="string")
-    number = along(found)
-    assert spring > 300 * MU * PENDULUM**2
-    assert found.omega_squared[number] == pytest.approx(PENDULUM**2 + spring / MU, rel=1e-4)
 
 
 @pytest.mark.parametrize(

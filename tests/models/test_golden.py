@@ -58,9 +58,10 @@ def assert_close(found, expected, name=""):
         assert found == expected, name
 
 
-ROUNDING = {"arm-cavity": 1e-17, "pulled-fibres": 1e-14, "reaction-chain": 1e-14, "tower": 1e-15}
-"""Largest response times this: how far kernels of the linear algebra library differ in couplings
-that would be 0 by symmetry but for rounding. Others are 0 exactly, or known to all digits."""
+ROUNDED = ("arm-cavity", "pulled-fibres", "reaction-chain", "tower")
+"""Designs with couplings that would be 0 by symmetry but for rounding, which differs from one
+processor to the next: they are compared to 1e-14 of the largest response, the accuracy that
+`tests/linear/test_response_accuracy.py` finds. Others are 0 exactly, or known to all digits."""
 
 
 @pytest.mark.parametrize("config", golden.configs(), ids=lambda path: path.stem)
@@ -86,7 +87,7 @@ def test_models_are_the_golden_ones(config):
             np.array(part["violin"]["real"]) + 1j * np.array(part["violin"]["imag"])
             for part in (found, expected)
         )
-        rounding = ROUNDING.get(config.stem, 1e-18)
+        rounding = 1e-14 if config.stem in ROUNDED else 1e-18
         limit = 1e-8 * np.abs(other) + rounding * np.abs(other).max()
         assert (np.abs(one - other) <= limit).all()
 
@@ -101,24 +102,10 @@ def test_every_golden_file_belongs_to_something():
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        {"real": 1.0 + 1e-6},
-        {"q": 9.0},
-        {"label": "test roll"},
-        {"missing": None},
-        {"modes": [1.0, 2.0]},
-    ],
+    "change", [{"real": 1.0 + 1e-6}, {"q": 9.0}, {"missing": None}, {"modes": [1.0]}]
 )
 def test_differences_are_seen(change):
-    document = {
-        "real": 1.0,
-        "imag": 1e-3,
-        "q": 10.0,
-        "label": "test pitch",
-        "modes": [1.0, 2.0, 3.0],
-        "fraction": 1e-12,
-    }
+    document = {"real": 1.0, "imag": 1e-3, "q": 10.0, "modes": [1.0, 2.0], "fraction": 1e-12}
     assert_close({**document, "fraction": 2e-12, "imag": 1e-3 + 1e-9}, document)
     with pytest.raises(AssertionError):
         assert_close({**document, **change}, document)

@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import suspension_cli as sus
+from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError
-from suspension_cli.linear import response, signals
+from suspension_cli.linear import damped, response, signals
 from suspension_cli.models import registry
 from tests.support import jets, plants
 
@@ -30,11 +32,7 @@ POSITION = {
     "reaction": (0.0, 0.0, -1.004),
 }
 MASS = {"platform": 20.0, "test": 10.0, "reaction": 8.0}
-INERTIA = {
-    "platform": (0.3, 0.2, 0.25),
-    "test": (0.1, 0.08, 0.09),
-    "reaction": (0.12, 0.09, 0.1),
-}
+INERTIA = {"platform": (0.3, 0.2, 0.25), "test": (0.1, 0.08, 0.09), "reaction": (0.12, 0.09, 0.1)}
 # upper body, lower body, length, s, t, d, d_upper, k
 WIRES = (
     ("support", "platform", 0.5, 0.05, 0.1, 0.0, 0.0, 5.0e4),
@@ -184,10 +182,10 @@ def test_dampers_resist_relative_motion_at_their_point_alone() -> None:
     rigid = np.concatenate([model.rigid, np.eye(6)])
     assert np.abs(whole @ rigid).max() < 1e-14
     velocity = np.random.default_rng(1).normal(size=30)
-    position = {"platform": 1, "test": 2, "reaction": 3, "ground": 4}
+    place = {"platform": 6, "test": 12, "reaction": 18, "ground": 24}
 
     def at(body: str, point: Any) -> Any:
-        v = velocity[6 * position[body] : 6 * position[body] + 6]
+        v = velocity[place[body] : place[body] + 6]
         return np.concatenate([v[:3] + np.cross(v[3:], point), v[3:]])
 
     one = at("test", [0, 0.02, 0.03]) - at("reaction", [0, 0.02, 0.03 + 0.101])
@@ -301,11 +299,6 @@ def test_table_of_stiffness(level: str) -> None:
 
 @pytest.mark.parametrize("level", ["string", "beam"])
 def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
-    from scipy.optimize import brentq
-
-    from suspension_cli.analyses.thermal import solve as thermal
-    from suspension_cli.linear import damped
-
     text = BLOCK.format(link=TABLE.format("20.0, 30.0, 60.0", "1e-4, 2e-4, 9e-4"))
     model = registry.by_name(level).system(reader.parse(text))
     frequency = np.array([0.3, 1.0, 4.0])
@@ -318,12 +311,8 @@ def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
     hand = -4 * BOLTZMANN * 290.0 / omega * susceptibility.imag
     np.testing.assert_allclose(found.amplitude**2, hand, rtol=1e-12)
     modes = damped.solve(model)
-    expected = brentq(
-        lambda f: np.interp(np.log(f), at, [20.0, 30.0, 60.0]) + 80 - 2 * (2 * np.pi * f) ** 2,
-        0.5,
-        5.0,
-        xtol=1e-14,
-    )
+    table = lambda f: np.interp(np.log(f), at, [20.0, 30.0, 60.0])  # noqa: E731
+    expected = brentq(lambda f: table(f) + 80 - 2 * (2 * np.pi * f) ** 2, 0.5, 5.0, xtol=1e-14)
     nearest = modes.frequency[np.abs(modes.frequency - expected).argmin()]
     assert nearest == pytest.approx(expected, rel=1e-9)
 

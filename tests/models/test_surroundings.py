@@ -39,38 +39,15 @@ def bouncer(level, *, loss=0.0, **support):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_structure_without_mass_is_a_spring_in_series(level):
-    model = bouncer(level, stiffness={"z": FRAME})
-    assert model.massless[model.coordinate.index("frame.z")]
-    series = 1 / (1 / K + 1 / FRAME)
-    frequency = np.array([0.0, 0.1, 3.0, 30.0])
-    square = (2 * np.pi * frequency) ** 2
-    value = solved(model, frequency, ["test.force_z", "support.z"], ["test.z", "frame.z"])
-    np.testing.assert_allclose(value[:, 0, 0], 1 / (series - MASS * square), rtol=1e-13)
-    np.testing.assert_allclose(value[:, 0, 1], series / (series - MASS * square), rtol=1e-13)
-    np.testing.assert_allclose(value[:, 1, 0], K / (K + FRAME) * value[:, 0, 0], rtol=1e-13)
-    np.testing.assert_allclose(
-        value[1:, 1, 1], (K / (K + FRAME) * (value[:, 0, 1] - 1))[1:], rtol=1e-9
-    )
-    # the structure is not deflected by a ground at rest somewhere else
-    assert abs(value[0, 1, 1]) < 1e-15
-
-
-@pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("loss", [0.0, 2e-3])
-def test_a_heavy_structure_by_hand(level, loss):
-    """Two masses in a row: the structure stands on the ground by a spring and a damper, the body
-    hangs from the structure."""
-    heavy, c, frame_loss = 50.0, 30.0, 5 * loss
-    model = bouncer(
-        level,
-        loss=loss,
-        stiffness={"z": FRAME},
-        mass=heavy,
-        damping={"z": c},
-        loss_angle=frame_loss,
-    )
-    frequency = np.geomspace(0.05, 200, 60)
+@pytest.mark.parametrize(("heavy", "loss"), [(0.0, 0.0), (50.0, 0.0), (50.0, 2e-3)])
+def test_a_structure_by_hand(level, heavy, loss):
+    """Two masses in a row: the structure (with mass or without) stands on the ground by a spring
+    and a damper, the body hangs from the structure."""
+    c, frame_loss = 30.0, 5 * loss
+    structure = {"stiffness": {"z": FRAME}, "mass": heavy, "damping": {"z": c}}
+    model = bouncer(level, loss=loss, loss_angle=frame_loss, **structure)
+    assert model.massless[model.coordinate.index("frame.z")] == (heavy == 0)
+    frequency = np.append(0.0, np.geomspace(0.05, 200, 60))
     omega = 2 * np.pi * frequency
     wire, ground = K * (1 + 1j * loss), FRAME * (1 + 1j * frame_loss) + 1j * omega * c
     value = solved(model, frequency, ["support.z", "test.force_z"], ["test.z", "frame.z"])
@@ -89,28 +66,19 @@ def test_a_stiff_structure_is_none(level):
     raw = plants.raw("triple", loss=True)
     bare = registry.by_name(level).system(scenes.design_of(raw))
     frequency = np.geomspace(0.11, 90, 30)
-    inputs, outputs = (
-        [f"support.{dof}" for dof in DOFS],
-        [f"{body}.{dof}" for body in bare.body for dof in DOFS],
-    )
+    inputs = [f"support.{dof}" for dof in DOFS]
+    outputs = [f"{body}.{dof}" for body in bare.body for dof in DOFS]
     expected = solved(bare, frequency, inputs, outputs)
-    away = []
-    for stiffness in (1e9, 1e12, 1e15):
-        support = {
-            "stiffness": dict.fromkeys(DOFS, stiffness),
-            "mass": 100.0,
-            "inertia": [5.0, 5.0, 5.0],
-        }
-        stiff = registry.by_name(level).system(scenes.design_of(raw | {"support": support}))
-        assert stiff.size == bare.size + 6
-        found = solved(stiff, frequency, inputs, outputs)
-        assert np.array_equal(found == 0, expected == 0)
-        away.append(np.max(np.abs(found - expected) / np.where(expected == 0, 1, np.abs(expected))))
-    # the structure's mass on its stiffness, at the highest frequency
-    own = (2 * np.pi * 90) ** 2 * 100.0 / 1e9
-    assert away[0] == pytest.approx(own, rel=0.1)
-    assert away[1] < 1.1e-3 * away[0]
-    assert away[2] < 1e-7
+    support = {"stiffness": dict.fromkeys(DOFS, 1e9), "mass": 100.0, "inertia": [5.0] * 3}
+    stiff = registry.by_name(level).system(scenes.design_of(raw | {"support": support}))
+    found = solved(stiff, frequency, inputs, outputs)
+    assert np.array_equal(found == 0, expected == 0)
+    away = np.max(np.abs(found - expected) / np.where(expected == 0, 1, np.abs(expected)))
+    # the structure's mass on its stiffness, at the highest frequency, and its inertia in yaw
+    own = (2 * np.pi * 90) ** 2 / 1e9
+    assert away == pytest.approx(own * 100.0, rel=0.1)
+    turned = np.abs(found[-1, 5::6, 5] / expected[-1, 5::6, 5] - 1)
+    np.testing.assert_allclose(turned, own * 5.0, rtol=0.1)
 
 
 def test_directions_left_out_are_rigid():
@@ -152,12 +120,8 @@ def test_dampers_do_not_resist_what_moves_as_one(against):
     own = slice(model.index("test", "x"), model.index("test", "x") + 6)
     np.testing.assert_array_equal(np.diag(model.damping)[own], list(values.values()))
     other = {"support": 0, "upper": 6, "middle": 12}[against]
-    touched = sorted({*np.flatnonzero(model.damping.any(0))})
-    assert touched == [*range(other, other + 6), *range(own.start, own.stop)]
     # a force between the two bodies: what one gets the other gives
-    relative = np.zeros(model.size)
-    relative[own.start] = 1.0
-    force = -model.damping @ relative
+    force = -model.damping[:, own.start]
     assert force[own.start] == -3.0
     assert force[other] == 3.0
     lever = com_positions(design)["test"][2] - com_positions(design)[against][2]

@@ -10,6 +10,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.linear.signals import FORCES
 from suspension_cli.linear.symmetry import find_symmetry
 from suspension_cli.models import registry
 from suspension_cli.rotations import rotation_matrix
@@ -17,44 +18,6 @@ from suspension_cli.scene.pose import layout
 from tests.support import jets
 
 G = 9.81
-
-TOWER = """
-[design]
-name = "tower"
-[[stage]]
-name = "ip"
-body = { mass = 310.0, inertia = [30.0, 28.0, 55.0] }
-[stage.inverted_pendulum]
-length = 0.45
-count = 3
-radius = 0.55
-top = 0.06
-phase = 0.4
-stiffness = 700.0
-top_stiffness = 21.0
-yaw_stiffness = 55.0
-axial_stiffness = 3e7
-leg_mass = 2.2
-leg_com = 0.25
-leg_inertia = 0.05
-counterweight = { mass = 1.3, below = 0.15 }
-loss_angle = 1e-3
-[stage.filter]
-at = [0.0, 0.0, -0.08]
-stiffness = 310.0
-lateral_stiffness = 2e6
-tilt_stiffness = 4e3
-mass_coupling = 0.35
-q = 80.0
-keystone = { mass = 2.4, inertia = [0.004, 0.005, 0.006] }
-[[stage]]
-name = "f"
-body = { mass = 120.0, inertia = [4.0, 5.0, 6.0] }
-wires = { count = 4, l = 1.1, s = 0.03, t1 = 0.04, t2 = 0.04, d = 0.02, d_upper = 0.01, k = 4e5 }
-"""
-
-
-# ---------------------------------------------------------------- one inverted pendulum alone
 
 ALONE = """
 [design]
@@ -68,6 +31,21 @@ count = 3
 radius = 0.6
 {more}
 """
+TOWER = ALONE.format(
+    more="""stiffness = 700.0
+top_stiffness = 21.0
+phase = 0.4
+leg_mass = 2.2
+[stage.filter]
+stiffness = 310.0
+lateral_stiffness = 2e6
+keystone = { mass = 2.4, inertia = [0.004, 0.005, 0.006] }
+[[stage]]
+name = "f"
+body = { mass = 120.0, inertia = [4.0, 5.0, 6.0] }
+wires = { count = 4, l = 1.1, s = 0.03, t1 = 0.04, t2 = 0.04, d = 0.02, k = 4e5 }
+"""
+)
 
 
 def alone(**keys):
@@ -76,14 +54,8 @@ def alone(**keys):
 
 
 def transfer(design, source, target, frequency):
-    found = sus.response(
-        design,
-        inputs=[source],
-        outputs=[target],
-        frequency=np.atleast_1d(frequency),
-        fidelity="string",
-    )
-    return found.value[:, 0, 0]
+    way = {"inputs": [source], "outputs": [target], "fidelity": "string"}
+    return sus.response(design, frequency=np.atleast_1d(frequency), **way).value[:, 0, 0]
 
 
 PRELOADS = {
@@ -175,8 +147,10 @@ def solve_tilted(gravity, flexure, top_joint):
     return shift, compliance, np.sqrt(square) / (2 * np.pi)
 
 
-@pytest.mark.parametrize(("tilt", "tolerance"), [(2.3e-3, 1e-9), (0.02, 1e-8)])
-@pytest.mark.parametrize(("flexure", "top_joint"), [(600.0, 0.0), (900.0, 70.0)])
+@pytest.mark.parametrize(
+    ("flexure", "top_joint", "tilt", "tolerance"),
+    [(600.0, 0.0, 2.3e-3, 1e-9), (900.0, 70.0, 2.3e-3, 1e-9), (900.0, 70.0, 0.02, 1e-8)],
+)
 def test_leaning_legs_are_those_of_energies_of_finite_angles(flexure, top_joint, tilt, tolerance):
     gravity = [0.8 * G * np.sin(tilt), 0.6 * G * np.sin(tilt), -G * np.cos(tilt)]
     keys = {"stiffness": flexure, "top_stiffness": top_joint, "yaw_stiffness": 40.0}
@@ -188,14 +162,8 @@ def test_leaning_legs_are_those_of_energies_of_finite_angles(flexure, top_joint,
     np.testing.assert_allclose(body["shift_m"], shift, rtol=tolerance)
     found = sus.modes(design, fidelity="string").frequency
     np.testing.assert_allclose(found, frequency, rtol=tolerance)
-    forces = [f"ip.force_{axis}" for axis in "xyz"] + [f"ip.torque_{axis}" for axis in DOFS[3:]]
-    static = sus.response(
-        design,
-        inputs=forces,
-        outputs=[f"ip.{axis}" for axis in DOFS],
-        frequency=[1e-9],
-        fidelity="string",
-    ).value[0]
+    way = {"inputs": [f"ip.{force}" for force in FORCES], "outputs": [f"ip.{dof}" for dof in DOFS]}
+    static = sus.response(design, frequency=[1e-9], fidelity="string", **way).value[0]
     size = np.sqrt(np.diag(compliance))
     error = (static.real - compliance) / np.outer(size, size)
     assert np.abs(error).max() < tolerance
@@ -276,12 +244,11 @@ wires = {{ count = 4, l = 0.5, s = 0.1, t1 = 0.1, t2 = 0.1, d = 0.1, k = 1e12 }}
 
 def test_symmetry_of_legs_and_filters_is_exact():
     """Three legs with a mirror couple no more directions than four."""
-    for phase, mirrors in ((0.0, ("x", "y")), (np.pi / 2, ("x", "y")), (0.1, ())):
-        scene = expand(reader.parse(TOWER.replace("phase = 0.4", f"phase = {phase}")))
-        assert find_symmetry(scene, layout(scene)).mirrors == mirrors
-    four = TOWER.replace("count = 3", "count = 4").replace("phase = 0.4", "")
-    scene = expand(reader.parse(four))
-    assert find_symmetry(scene, layout(scene)).mirrors == ("x", "y")
+    cases = ((3, 0.0, "xy"), (3, np.pi / 2, "xy"), (3, 0.1, ""), (4, 0.0, "xy"))
+    for count, phase, mirrors in cases:
+        text = TOWER.replace("count = 3", f"count = {count}")
+        scene = expand(reader.parse(text.replace("phase = 0.4", f"phase = {phase}")))
+        assert find_symmetry(scene, layout(scene)).mirrors == tuple(mirrors)
 
 
 def test_chain_models_say_why_they_do_not_fit():

@@ -47,30 +47,21 @@ def in_sections(*parts: Any, **more: Any) -> Any:
     return raw
 
 
-@pytest.mark.parametrize(
-    ("keys", "moments", "area", "torsion", "across"),
-    [
-        (
-            {"radius": 2e-4},
-            (math.pi * 2e-4**4 / 4,) * 2,
-            math.pi * 2e-4**2,
-            math.pi * 2e-4**4 / 2,
-            (4e-4, 4e-4),
-        ),
-        (
-            {"section": {"width": 1e-3, "thickness": 1e-4}},
-            (1e-15 / 12, 1e-13 / 12),
-            1e-7,
-            rectangle_torsion(1e-3, 1e-4),
-            (1e-4, 1e-3),
-        ),
-    ],
-    ids=["round", "ribbon"],
-)
-def test_one_section(keys, moments, area, torsion, across):
+ROUND = {"radius": 2e-4}
+RIBBON = {"section": {"width": 1e-3, "thickness": 1e-4}}
+
+
+@pytest.mark.parametrize("keys", [ROUND, RIBBON], ids=["round", "ribbon"])
+def test_one_section(keys):
     """Of fused silica; a ribbon bends in x first."""
+    r, (b, d) = 2e-4, (1e-3, 1e-4)
+    moments, area, torsion, across = (
+        ((math.pi * r**4 / 4,) * 2, math.pi * r**2, math.pi * r**4 / 2, (2 * r, 2 * r))
+        if keys is ROUND
+        else ((b * d**3 / 12, d * b**3 / 12), b * d, rectangle_torsion(b, d), (d, b))
+    )
     raw = edited(SINGLE, {(*WIRES, key): value for key, value in keys.items()})
-    if "section" in keys:
+    if keys is RIBBON:
         del raw["stage"][0]["wires"]["radius"]
     fibre = compose(convert(raw)).wire[0]
     (section,) = fibre.sections
@@ -82,27 +73,18 @@ def test_one_section(keys, moments, area, torsion, across):
     assert section.mass == pytest.approx(density * area, rel=1e-12)
     assert section.polar == pytest.approx(density * sum(moments), rel=1e-12)
     assert section.shape.depth == pytest.approx(across, rel=1e-12)
-    assert section.round == ("radius" in keys)
+    assert section.round == (keys is ROUND)
     assert abs(fibre.plane[0]) > 0.99
 
 
 def test_torsion_of_rectangles():
     """Timoshenko and Goodier's table: 0.1406 a^4 and so on; the thin limit; any order of the
     sides."""
-    for ratio, factor in (
-        (1.0, 0.1406),
-        (1.2, 0.166),
-        (1.5, 0.196),
-        (2.0, 0.229),
-        (3.0, 0.263),
-        (5.0, 0.291),
-        (10.0, 0.312),
-    ):
+    for ratio, factor in ((1.0, 0.1406), (2.0, 0.229), (10.0, 0.312)):
         assert rectangle_torsion(ratio, 1.0) == pytest.approx(factor * ratio, rel=3e-3)
     assert rectangle_torsion(1.0, 1.0) == pytest.approx(0.140577, abs=1e-6)
-    assert rectangle_torsion(1e-3, 1e-5) == pytest.approx(
-        1e-18 / 3 * (1 - 0.63025 * 1e-2), rel=1e-6
-    )
+    thin = 1e-18 / 3 * (1 - 0.63025 * 1e-2)
+    assert rectangle_torsion(1e-3, 1e-5) == pytest.approx(thin, rel=1e-6)
     assert rectangle_torsion(1.0, 3.0) == rectangle_torsion(3.0, 1.0)
 
 

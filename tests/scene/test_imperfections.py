@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from suspension_cli.design import reader
 from suspension_cli.design.imperfections import IMPERFECTIONS, swept
@@ -46,17 +49,20 @@ def test_acts_unless_neutral(item):
 
 
 def test_short_names():
-    assert {name: item.unit for name, (item, _) in swept().items()} == {
-        **dict.fromkeys(("k", "mass", "inertia"), "1"),
-        **dict.fromkeys(
-            (
-                "length",
-                *(
-                    stem + axis
-                    for stem in ("offset", "lower_offset", "com")
-                    for axis in ("", "_y", "_z")
-                ),
-            ),
-            "m",
-        ),
-    }
+    units = {name: item.unit for name, (item, _) in swept().items()}
+    places = [
+        f"{what}{axis}" for what in ("offset", "lower_offset", "com") for axis in ("", "_y", "_z")
+    ]
+    factors = dict.fromkeys(("k", "mass", "inertia"), "1")
+    assert units == factors | dict.fromkeys(("length", *places), "m")
+
+
+def test_a_turned_mass_has_a_turned_inertia():
+    """R I R^T, with products of inertia that tell the sense of the rotation."""
+    turn, inertia = [0.1, -0.2, 0.3], np.diag([0.01, 0.02, 0.03]) + 0.002
+    bodies = SCENES["body"].bodies
+    bodies = replace(bodies, inertia=np.array([inertia] * len(bodies.name)))
+    scene = replace(SCENES["body"], bodies=bodies)
+    found = impose(scene, "body", 1, {"rotation": np.array(turn)})
+    r = Rotation.from_rotvec(turn).as_matrix()
+    np.testing.assert_allclose(found.bodies.inertia[0], r @ inertia @ r.T, rtol=1e-12)

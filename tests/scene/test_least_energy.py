@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from suspension_cli.equilibrium import solve as equilibrium
-from suspension_cli.scene import expand
 from tests.support import scenes
 
 MASS, GRAVITY = 12.0, 9.81
@@ -139,13 +138,3 @@ def test_tensions_given_are_kept():
     assert found[0] == wires[0]["tension"]
     wrench = np.array([[1.0, wire["lower"][0], wire["lower"][1]] for wire in wires]).T @ found
     np.testing.assert_allclose(wrench, [MASS * GRAVITY, 0, 0], atol=1e-10)
-
-
-def test_what_least_energy_leaves_over():
-    """Two wires cannot hold a torque about the line between them; the rest they do carry."""
-    wrenches = np.array([[0, 0, 1, 0.1, 0, 0], [0, 0, 1, -0.1, 0, 0]], dtype=float)
-    tension, left_over = expand.least_energy(
-        wrenches, np.array([0, 0, -20.0, 0.5, 0.7, 0]), np.diag([1e-4, 1e-4])
-    )
-    np.testing.assert_allclose(tension, [7.5, 12.5], rtol=1e-12)
-    np.testing.assert_allclose(left_over, [0, 0, 0, 0, 0.7, 0], atol=1e-12)

@@ -20,21 +20,12 @@ def lopsided_tree(rng, *, blades=True, springs=True):
         ("right", (-0.02, -0.05, -0.3), "upper"),
     ):
         points = [[*(0.12 * np.array([np.cos(a), np.sin(a)])), 0.01] for a in (0.3, 1.9, 3.6, 5.0)]
-        offset = np.array(where)
         wires = [
-            {
-                "upper": [p[0] + offset[0], p[1] + offset[1], -0.02],
-                "lower": p,
-                "k": scenes.log_uniform(rng, 1e4, 4e4),
-            }
-            for p in points
+            {"upper": [*(np.array(p[:2]) + where[:2]), -0.02], "lower": p, "k": k}
+            for p, k in zip(points, rng.uniform(1e4, 4e4, 4), strict=True)
         ]
-        one = {
-            "name": name,
-            "body": {"mass": scenes.uniform(rng, 4, 8), "inertia": [0.05, 0.05, 0.05]},
-            "position": offset,
-            "wire": wires,
-        }
+        body = {"mass": scenes.uniform(rng, 4, 8), "inertia": [0.05, 0.05, 0.05]}
+        one = {"name": name, "body": body, "position": where, "wire": wires}
         if parent:
             one["hangs_from"] = parent
         if blades:
@@ -45,13 +36,9 @@ def lopsided_tree(rng, *, blades=True, springs=True):
             for number, wire in enumerate(wires):
                 wire["blade"] = ("soft", "stiff")[number % 2]
         if springs:
-            one["spring"] = [
-                {
-                    "stiffness": [20.0] * 6,
-                    "at": [0.05, 0.02, 0.01],
-                    "preload": [0.0, 0.0, 3.0, 0.2, -0.1, 0.0],
-                }
-            ]
+            preload = [0.0, 0.0, 3.0, 0.2, -0.1, 0.0]
+            spring = {"stiffness": [20.0] * 6, "at": [0.05, 0.02, 0.01], "preload": preload}
+            one["spring"] = [spring]
         stages.append(one)
     return scenes.raw_of(*stages)
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from suspension_cli.design.links import EddyCurrent
 from suspension_cli.rotations import cross_matrix
@@ -53,15 +54,12 @@ def _dense(kind: str, length: float, count: int) -> Any:
         flat = np.column_stack([radius * (1 - np.cos(a)), -first - radius * np.sin(a)])
         flat = np.vstack([[0, 0], flat, [width, END[2]]])
     else:
-        from scipy.optimize import brentq
-
         target = np.sqrt(length**2 - END[2] ** 2)
         a = brentq(lambda a: 2 * a * np.sinh(width / (2 * a)) - target, 1e-3, 10, xtol=1e-15)
-        b = brentq(
-            lambda b: a * (np.cosh((width - b) / a) - np.cosh(b / a)) - END[2], -1, 1, xtol=1e-15
-        )
+        height = lambda x, b: a * (np.cosh((x - b) / a) - np.cosh(b / a))  # noqa: E731
+        b = brentq(lambda b: height(width, b) - END[2], -1, 1, xtol=1e-15)
         x = np.linspace(0, width, count)
-        flat = np.column_stack([x, a * (np.cosh((x - b) / a) - np.cosh(b / a))])
+        flat = np.column_stack([x, height(x, b)])
     return np.column_stack([flat[:, :1] * END[:2] / width, flat[:, 1]])
 
 
@@ -80,18 +78,10 @@ def test_stiffness_of_curves_against_frames_of_beams(kind: str) -> None:
 def test_straight_wire_is_a_beam_and_a_polyline_a_frame() -> None:
     length = 0.3
     k = links.curve_stiffness(links.polyline(np.array([[0, 0, 0], [length, 0, 0]])), WIRE)
-    b = WIRE.bending
-    assert np.diag(k) == pytest.approx(
-        [
-            WIRE.stretching / length,
-            12 * b / length**3,
-            12 * b / length**3,
-            WIRE.twisting / length,
-            4 * b / length,
-            4 * b / length,
-        ],
-        rel=1e-12,
-    )
+    across, turning = 12 * WIRE.bending / length**3, 4 * WIRE.bending / length
+    along, twisting = WIRE.stretching / length, WIRE.twisting / length
+    expected = [along, across, across, twisting, turning, turning]
+    assert np.diag(k) == pytest.approx(expected, rel=1e-12)
     points = np.array([[0, 0, 0], [0.1, 0.02, -0.2], [0.2, 0.1, -0.1], [0.3, 0.0, 0.1]])
     found = links.curve_compliance(links.polyline(points), WIRE)
     np.testing.assert_allclose(found, _frame(points), rtol=1e-11, atol=1e-12)

@@ -4,7 +4,6 @@ when it is interrupted."""
 from __future__ import annotations
 
 import gc
-import io
 import os
 import pickle
 import shutil
@@ -13,7 +12,6 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -33,6 +31,7 @@ from suspension_cli.studies.job import Axis
 from tests.support import counting_sweep, scenes
 from tests.support.commandline import edited, run
 from tests.support.couplings import FILE, TRIPLE, TRIPLE_FILE, question
+from tests.support.files import numbers_of
 from tests.support.golden import CONFIGS
 
 GRID = ("--sweep", "k=0.6:1.4:23,offset=-2e-3:2e-3:19")
@@ -85,20 +84,6 @@ def test_chunks_change_results_by_rounding_alone(name, whole, tmp_path):
         size = np.abs(np.nan_to_num(values)).max(initial=0.0)
         if "residual" not in key:
             np.testing.assert_allclose(found[key], values, rtol=1e-8, atol=1e-10 * size)
-
-
-def numbers_of(content):
-    """Datasets of numbers in the bytes of an HDF5 file."""
-    found = {}
-    with h5py.File(io.BytesIO(content)) as file:
-        file.visititems(
-            lambda name, item: (
-                found.update({name: item[()]})
-                if isinstance(item, h5py.Dataset) and item.dtype.kind in "fciu"
-                else None
-            )
-        )
-    return found
 
 
 def modes_of(text):
@@ -242,14 +227,10 @@ def test_processes_start_where_they_pay(pays, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("dies", [False, True])
 def test_a_worker_that_fails(dies, tmp_path):
-    path, job = (
-        tmp_path / "toy.h5",
-        counting_sweep.Toy(64 * 12, str(tmp_path / "log"), 64 * 7, dies),
-    )
-    with pytest.raises(
-        PendsusError if dies else RuntimeError,
-        match="a worker was killed, perhaps out of memory" if dies else "failure on request",
-    ):
+    path = tmp_path / "toy.h5"
+    job = counting_sweep.Toy(64 * 12, str(tmp_path / "log"), 64 * 7, dies)
+    words = "a worker was killed, perhaps out of memory" if dies else "failure on request"
+    with pytest.raises(PendsusError if dies else RuntimeError, match=words):
         counting_sweep.run(job, path, chunk=64, workers=2)
     noted = counting_sweep.finished(counting_sweep.part(path), job.count)
     healthy = counting_sweep.Toy(job.count, job.log)

@@ -12,7 +12,6 @@ import warnings
 from multiprocessing import resource_tracker
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from suspension_cli.studies import run as batch
 from tests.support.commandline import become, process, run
 from tests.support.counting_sweep import finished as finished_points
 from tests.support.couplings import FILE
+from tests.support.files import numbers_of
 
 NAME = "husman2000-figure6-xcouple.h5"
 SMALL = ("--sweep", "k=0.6:1.4:40,offset=-2e-3:2e-3:60", "--no-plot", "-q", "--chunk", "64")
@@ -222,20 +222,9 @@ def test_a_disk_that_fills_up(writes, bare, monkeypatch, tiny, tmp_path):
     assert result.stderr.count("\n") == 1
     assert "cannot be written (No space left on device)" in result.stderr
     assert finished_points(tmp_path / f"{NAME}.part", 15 * 15).sum() == 64 * writes
-    found, expected = (
-        numbers(image, tmp_path) for image in (finished(tmp_path, *TINY, "--resume"), tiny)
-    )
-    assert all(np.array_equal(found[name], expected[name]) for name in expected)
-
-
-def numbers(image, folder):
-    """All datasets of a file: the command that it records is that of the process."""
-    path = folder / "image.h5"
-    path.write_bytes(image)
-    with h5py.File(path) as file:
-        result = {name: values[:] for name, values in file["xcouple"].items()}
-    path.unlink()
-    return result
+    # the command that a file records is that of the process
+    found, expected = map(numbers_of, (finished(tmp_path, *TINY, "--resume"), tiny))
+    assert all(np.array_equal(found[name], expected[name], equal_nan=True) for name in expected)
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):

@@ -187,10 +187,8 @@ def test_nobody_without_the_key_is_let_in(scheme, encrypted, monkeypatch, tmp_pa
 SILENT = {
     "tcp://127.0.0.1:9": False,
     "nonsense": False,
-    "http://127.0.0.1:9": False,
     "": False,
     "tcp://192.0.2.1:8786": True,  # an address for documentation, of no machine
-    "192.0.2.1:8786": True,
     "tcp://[2001:db8::1]:8786": True,
     "tls://192.0.2.1:8786": False,
     "tcp://localhost:9": False,

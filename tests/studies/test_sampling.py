@@ -5,17 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.tolerance.summary import (
-    sobol_indices,
-    standard_error,
-)
+from suspension_cli.analyses.tolerance.summary import sobol_indices, standard_error
 from suspension_cli.studies.parameters import natural_step
-from suspension_cli.studies.sampling import (
-    REPLICATES,
-    SamplePoints,
-    largest_count,
-    smallest_count,
-)
+from suspension_cli.studies.sampling import REPLICATES, SamplePoints, largest_count, smallest_count
 
 GROUPS = (0, 1, 1, 2)
 
@@ -107,15 +99,11 @@ def test_indices_of_what_fails_or_does_not_vary():
     ("path", "step"),
     [
         ("stage.test.wires.d", (1e-3, "mm")),
-        ("stage.test.wires.radius", (0.02, "%")),
         ("stage.test.wires.sections.2.radius.1", (0.02, "%")),
         ("stage.wire.body.radius", (1e-3, "mm")),
-        ("stage.test.wire.1.upper.2", (1e-3, "mm")),
         ("stage.test.blades.geometry.thickness", (0.02, "%")),
-        ("stage.test.blades.stiffness", (0.02, "%")),
         ("perturbation.1.rotation.3", (1e-3, "mrad")),
         ("materials.steel302.loss_angle", (0.02, "%")),
-        ("constants.gravity", (0.02, "%")),
         ("link.strap.strands.diameter", (0.02, "%")),
     ],
 )

@@ -13,8 +13,8 @@ from suspension_cli.linear.signals import bodies_with_signals, parse
 from suspension_cli.models import registry
 from suspension_cli.studies import builds, variants
 from tests.linear.test_stiff_wires import geo_tables
-from tests.models.test_gravity import FIELD
 from tests.models.test_links import DAMPER, design_text
+from tests.studies.test_derivatives import TILTED
 from tests.support import scenes
 from tests.support.designs import overridden
 from tests.support.paths import CONFIGS
@@ -25,7 +25,7 @@ DOUBLE = (CONFIGS / "double.toml").read_text()
 def in_field():
     """Wires with weight, on blades, in a tilted field with a gradient."""
     raw = scenes.fibred(scenes.bladed_chain(np.random.default_rng(4), 2, tip_mass=True))
-    return tomli_w.dumps(scenes.plain(raw | {"constants": FIELD}))
+    return tomli_w.dumps(scenes.plain(raw | {"constants": TILTED}))
 
 
 def damped():

@@ -1,9 +1,9 @@
 """Numbers of Husman et al., Rev. Sci. Instrum. 71, 2546 (2000), that tests compare with.
 
-Table I: theory values in Hz, lengths in m. The geometries that the paper captions case 1 and case 2
+Table I: lengths in m. The geometries that the paper captions case 1 and case 2
 are swapped there (section 4c says that the first case had vertical wires); they stand the right way
 round here. The moments of inertia and the radius are not printed; one set was fitted to the 24
-values and meets them within 4.2 %.
+frequencies and meets them within 4.2 %.
 """
 
 from __future__ import annotations
@@ -19,13 +19,6 @@ TABLE_1: dict[int, dict[str, float]] = {
     2: {"l": 0.26, "s": 0.025, "t1": 0.047, "t2": 0.133, "d": 0.0},
     3: {"l": 0.40, "s": 0.025, "t1": 0.0, "t2": 0.133, "d": 0.0},
     4: {"l": 0.36, "s": 0.025, "t1": 0.0, "t2": 0.133, "d": 0.032},
-}
-
-THEORY_1: dict[int, dict[str, float]] = {
-    1: {"pitch": 7.6, "x": 0.96, "roll": 22.2, "y": 0.96, "yaw": 1.78, "z": 14.3},
-    2: {"pitch": 4.5, "x": 1.01, "roll": 21.8, "y": 1.01, "yaw": 2.02, "z": 13.74},
-    3: {"pitch": 3.6, "x": 0.82, "roll": 17.6, "y": 0.8, "yaw": 1.37, "z": 11.1},
-    4: {"pitch": 3.9, "x": 0.85, "roll": 19.9, "y": 0.8, "yaw": 1.5, "z": 11.4},
 }
 
 

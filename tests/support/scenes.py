@@ -144,11 +144,6 @@ def single(rng: Generator, **options: bool) -> Raw:
     return raw_of(stage(rng, **options))
 
 
-def closed(rng: Generator) -> Raw:
-    """One stage for which the closed forms hold."""
-    return single(rng, splayed=False)
-
-
 def chain(rng: Generator, stages: int) -> Raw:
     """A symmetric chain without blades; 1, 2 or 4 wires a stage."""
     return raw_of(
@@ -193,13 +188,7 @@ def spring(rng: Generator) -> Raw:
 
 
 def crooked_stage(
-    rng: Generator,
-    name: str,
-    load: float,
-    *,
-    blades: bool = False,
-    springs: int = 0,
-    **more: Any,
+    rng: Generator, name: str, load: float, *, blades: bool = False, springs: int = 0, **more: Any
 ) -> Raw:
     """Four explicit wires with nothing symmetric left, cut to natural lengths that roughly carry
     `load` (N)."""

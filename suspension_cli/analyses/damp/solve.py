@@ -18,7 +18,8 @@ import numpy as np
 from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp.control import OsemMatrices, Plant
 from suspension_cli.analyses.damp.margins import Margins, SensitivityPeak
-from suspension_cli.design.schema import Design, Loop
+from suspension_cli.design.control import Loop
+from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, derived, in_unit

@@ -60,6 +60,7 @@ def test_one_factor_explains_everything(tmp_path):
 
 
 def test_more_builds_keep_the_earlier_ones(tmp_path):
+    """But for rounding: how a library solves a batch may depend on the number of builds in it."""
     file = scattered(
         tmp_path, wire=[{"stage": "test", "length": {"normal": 1e-5}, "k": {"normal": 0.01}}]
     )
@@ -69,8 +70,12 @@ def test_more_builds_keep_the_earlier_ones(tmp_path):
         h5py.File(tmp_path / "few/husman2000-figure6-tolerance.h5") as few,
         h5py.File(tmp_path / "many/husman2000-figure6-tolerance.h5") as many,
     ):
-        for name in ("frequency", "ratio", "status"):
-            assert few[f"tolerance/{name}"][:].tobytes() == many[f"tolerance/{name}"][:30].tobytes()
+        for name, limit in (("frequency", 1e-13), ("ratio", 1e-9), ("status", 0.0)):
+            expected = few[f"tolerance/{name}"][:]
+            size = np.abs(np.nan_to_num(expected)).max()
+            np.testing.assert_allclose(
+                many[f"tolerance/{name}"][:30], expected, rtol=limit, atol=1e-3 * limit * size
+            )
 
 
 def test_failures_are_reported(tmp_path):
