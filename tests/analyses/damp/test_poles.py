@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from functools import cache, partial
 
-import mpmath
 import msgspec
 import numpy as np
 import pytest
@@ -19,25 +18,18 @@ from suspension_cli.analyses.damp import (
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
 from suspension_cli.design.schema import NoiseSpectrum
-from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear import response
 from suspension_cli.models import registry
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
 from tests.support import plants, scenes, terms
 from tests.support.paths import CONFIGS
-
-MP = mpmath.mp.clone()
-MP.dps = 50
-
-
-def found_of(closed):
-    return closed_loop_poles.find(closed)
 
 
 @pytest.mark.parametrize("c", [40.0, 5.0, 0.4, 1e-3, 1e-8, 1e-12, 1e-20])
 def test_a_pendulum_by_hand(c):
     """m x'' + c x' + m g x / l = 0 decays with c / 2m, whatever its rounding."""
     mass, length = 3.0, 0.7
-    found = found_of(simple(c, mass=mass, length=length))
+    found = closed_loop_poles.find(simple(c, mass=mass, length=length))
     own = np.array([state.startswith("test.x") for state in found.state])
     others = ~np.array([state.startswith(("test.x", "test.pitch")) for state in found.state])
     root = np.emath.sqrt((c / (2 * mass)) ** 2 - 9.81 / length)
@@ -46,18 +38,6 @@ def test_a_pendulum_by_hand(c):
     np.testing.assert_allclose(np.sort(found.value[own].imag), expected.imag, rtol=1e-9)
     np.testing.assert_allclose(found.q[own], abs(expected) / (-2 * expected.real), rtol=1e-9)
     assert np.isinf(found.q[others]).all()
-
-
-def test_without_loops_it_is_the_q_of_modes():
-    """A spring of a tiny loss angle: to first order in the losses, which makes such a Q exact."""
-    raw = plants.raw("quadruple")
-    raw["stage"][0]["spring"] = [{"stiffness": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3], "loss_angle": 1e-9}]
-    closed = plant(raw, [loop(f"{raw['stage'][0]['name']}.x", damper=1e-9)], "string")
-    found = found_of(closed.with_loops([]))
-    expected = eigenmodes.solve(closed.model)
-    order = np.argsort(found.frequency)
-    np.testing.assert_allclose(found.frequency[order], expected.frequency, rtol=1e-9)
-    np.testing.assert_allclose(found.q[order], expected.q, rtol=1e-6)
 
 
 GRID = np.array([0.3, 0.6, 1.37, 3.3, 10.0, 36.174, 51.816])
@@ -181,18 +161,13 @@ def test_one_lossy_oscillator_by_hand(angle, c):
 STAGE = scenes.hung({"count": 1, "l": 0.5, "k": 1e4, "d": 0.0}, 3.0, 0.1)
 
 
-def pole_values(closed):
-    """Closed-loop poles of a plant, one of each conjugate pair."""
-    return closed_loop_poles.find(closed)
-
-
 @pytest.mark.parametrize("delay", [0.01, 0.3])
 def test_a_delayed_damper_of_a_free_body(delay):
     """J s^2 + c s exp(-s T) = 0 has s T = W(-c T / J) (Corless et al., Adv. Comput. Math. 5, 329
     (1996))."""
     c, inertia = 0.2, 0.1
     closed = plant(scenes.raw_of(STAGE), [loop("test.yaw", damper=c, delay=delay)], "string")
-    found = pole_values(closed)
+    found = closed_loop_poles.find(closed)
     values = found.value[[state == "test.yaw" for state in found.state]]
     expected = lambertw(-c * delay / inertia, 0) / delay
     assert np.abs(values / (expected.real + 1j * abs(expected.imag)) - 1).min() < 1e-12
@@ -203,7 +178,7 @@ def test_a_delayed_damper_of_a_free_body(delay):
 def test_roots_of_the_characteristic_equation(how, delay):
     """m s^2 + m g / l + H(s) exp(-s T), with the products of the filter written out."""
     closed = plant(scenes.raw_of(STAGE), [loop("test.x", delay=delay, **how)], "string")
-    found = pole_values(closed).value
+    found = closed_loop_poles.find(closed).value
 
     def evaluate(s):
         f = s / (2 * np.pi)
@@ -246,7 +221,7 @@ def test_margins_lie_on_the_axis(delay):
         (found.gain_up_frequency, changed(**gain)),
         (found.delay_frequency, changed(delay=delay + found.delay)),
     ):
-        values = pole_values(edge).value
+        values = closed_loop_poles.find(edge).value
         near = values[np.abs(values - 2j * np.pi * frequency).argmin()]
         assert near == pytest.approx(2j * np.pi * frequency, rel=1e-8)
 
@@ -276,7 +251,7 @@ def test_sensitivity_peak_of_two_coupled_loops():
     for first in (peak.gain_down, peak.gain_up):
         for second in (peak.gain_down, peak.gain_up):
             tables = [loops[0] | {"gain": 3e4 * first}, loops[1] | {"gain": 5.0 * second}]
-            assert pole_values(plant(raw, tables, "string")).stable
+            assert closed_loop_poles.find(plant(raw, tables, "string")).stable
 
 
 def test_noise_of_sensors():

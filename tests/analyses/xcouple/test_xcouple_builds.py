@@ -19,13 +19,11 @@ from suspension_cli.studies import builds
 from suspension_cli.studies.job import Axis
 from tests.support.couplings import (
     FILE,
-    TRIPLE_FILE,
     answers,
     exact,
     question,
 )
 
-RAW, TRIPLE_RAW = (tomllib.loads(file.read_text()) for file in (FILE, TRIPLE_FILE))
 AXES = ("", "_y", "_z")
 
 
