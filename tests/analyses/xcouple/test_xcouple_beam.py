@@ -14,7 +14,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
 from suspension_cli.studies import builds
-from tests.analyses.xcouple.test_xcouple_builds import perturbed, random_builds
+from tests.analyses.xcouple.test_xcouple_builds import one_by_one, perturbed, random_builds
 from tests.support import finite_elements, lossy, scenes
 from tests.support.commandline import edited
 from tests.support.couplings import FIGURE_6, FILE, TRIPLE_FILE, answers, question
@@ -22,21 +22,6 @@ from tests.support.couplings import FIGURE_6, FILE, TRIPLE_FILE, answers, questi
 LEVELS = ("beam", "violin")
 BY_TURNS = ("string", *LEVELS)
 on_both = pytest.mark.parametrize("level", LEVELS)
-
-
-def one_by_one(raw, requested, level):
-    """Over and under (f,) of one design by way of its file."""
-    model = registry.by_name(level).system(scenes.design_of(raw))
-    return (
-        response.solve(
-            model,
-            np.array(requested.frequency),
-            [requested.input],
-            [requested.over, requested.under],
-        )
-        .value[:, :, 0]
-        .T
-    )
 
 
 KINDS = {
