@@ -10,7 +10,6 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.errors import InputError
@@ -155,19 +154,6 @@ def test_equipartition_of_everything():
 
 
 # symmetry and frames
-
-
-def test_along_the_beam_of_an_arm():
-    """x and z of a symmetric design do not couple, so their noises add as the beam is tilted."""
-    model, tilt = model_of(raw("silica")), thermal.compute_arm_tilt(4000.0)
-    assert tilt == pytest.approx(3.14e-4, rel=1e-3)
-    along, x, z = noise(model, "test.x", tilt=tilt), noise(model, "test.x"), noise(model, "test.z")
-    np.testing.assert_allclose(
-        along.density.sum(0),
-        math.cos(tilt) ** 2 * x.density.sum(0) + math.sin(tilt) ** 2 * z.density.sum(0),
-        rtol=1e-12,
-    )
-    assert along.amplitude.argmax() == x.amplitude.argmax()
 
 
 def test_temperatures():
