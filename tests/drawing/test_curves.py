@@ -7,9 +7,6 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.response.picture import draw as draw_response
-from suspension_cli.analyses.sweep.picture import Crossing
-from suspension_cli.analyses.sweep.picture import draw as draw_sweep
-from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.analyses.xcouple.picture import draw as draw_coupling
 from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.drawing import curves, labels
@@ -60,27 +57,6 @@ def test_labels_at_line_ends_keep_apart_and_point_beyond_the_limits(top, first):
         labels.label_ends(axes, [(x, level * x / 2, name, "k") for name, level in levels.items()])
     assert [text.get_text() for text in axes.texts] == [first, "b", "c", "↓ low", "↓ lower"]
     assert_legible(figure)
-
-
-def test_slopes_and_peaks_are_found():
-    f = np.geomspace(0.01, 100, 2000)
-    size = 1 / np.abs(1 - f**2 + 1e-4j * f)
-    assert f[curves.find_peaks(size)] == pytest.approx([1.0], rel=5e-3)
-    ((power, low, high),) = curves.find_slopes(f, size)
-    assert power == -2
-    assert 1 < low < 10
-    assert high > 90
-
-
-def test_added_points_reach_a_tip_and_keep_the_grid():
-    def pole(f):
-        return (1 / (1 - f**2 + 1e-9j * f))[:, None, None]
-
-    grid = np.geomspace(0.1, 10, 50)
-    frequency, value = add_points(pole, grid, pole(grid), np.array([1.0001]))
-    assert set(grid) <= set(frequency)
-    assert np.abs(value).max() == pytest.approx(1e9, rel=0.05)
-    assert len(frequency) < 400
 
 
 def test_response_has_a_panel_per_unit_and_no_jump_of_phase(triple):
@@ -137,55 +113,25 @@ def test_response_without_loss_marks_its_peaks():
     assert_legible(figure)
 
 
-def sweep_result():
-    x = np.linspace(-0.003, 0.006, 7)
-    value = np.stack([1 + 0 * x, 0.6 + 30 * x, 0.7 - 20 * x, 40 + 0 * x], axis=1)
-    status = np.array([3, 3, 0, 0, 0, 1, 1])
-    value[status == 1] = np.nan
-    return SweepResult(
-        axes=(Axis("stage.test.wires.d", tuple(x.tolist())),),
-        drawn=(0.001,),
-        start=(3,),
-        result=("upper yaw", "test pitch", "upper roll", "test vertical"),
-        unit=("Hz",) * 4,
-        degree=("upper.yaw", "test.pitch", "upper.roll", "test.z"),
-        nominal=value[3],
-        value=value,
-        status=status,
-        overlap=1.0,
-    )
-
-
 def test_sweep_colours_what_moves_and_shades_what_fails():
-    modes = ("test pitch", "upper roll")
-    crossing = Crossing(0.002, 0.66, modes, 0.3)
-    figure = draw_sweep(sweep_result(), "A design", ["upper", "test"], [crossing])
+    """Pitch of the test mass and its pendulum mode mix where they come close."""
+    vary = {"stage.test.wires.d": "-0.005:0.015:9"}
+    found = sus.sweep(sus.example("double"), vary=vary, fidelity="string")
+    figure = found.plot()
     (axes,) = figure.axes
     assert axes.get_xlabel() == "stage.test.wires.d (mm)"
     words = said(figure)
-    assert {"test pitch", "upper roll", "unstable", "slack", "as designed: 1 mm", "a"} <= {*words}
-    assert "upper yaw" not in words
-    assert "grey: modes that change by less than 1 %" in words
-    assert "a: test pitch and upper roll mix: 70 % + 30 %" in words
-    by_name = {line.get_label(): line.get_color() for line in axes.lines}
-    assert by_name["upper roll"] == PALETTE[0]
-    assert by_name["test pitch"] == PALETTE[1]
-    assert_legible(figure)
-
-
-def test_avoided_crossings_are_found():
-    """Pitch of the test mass and its pendulum mode mix where they come close."""
-    found = sus.sweep(
-        sus.read(CONFIGS / "double.toml"),
-        vary={"stage.test.wires.d": "-0.005:0.015:9"},
-        fidelity="string",
-    )
-    figure = found.plot()
-    words = said(figure)
+    assert {"unstable", "as designed: 1 mm", "grey: modes that change by less than 1 %"} <= {*words}
     (mixed,) = [w for w in words if w.startswith("a: ") and " mix: " in w]
     modes = mixed.removeprefix("a: ").partition(" mix")[0].split(" and ")
     assert {*modes} <= {*found.result}
+    names = [line.get_label() for line in axes.lines]
+    colours = {line.get_color() for line in axes.lines if line.get_label() in found.result}
+    assert "test pitch" in names and "upper yaw" not in words and {*PALETTE[:2]} <= colours
     assert_legible(figure)
+    slack = {"perturbation.2.length_change": "-0.002:0.002:5"}
+    found = sus.sweep(sus.example("imperfect"), vary=slack, fidelity="string")
+    assert "slack" in said(found.plot())
 
 
 def test_poles_of_control_by_frequency_and_q():
