@@ -11,7 +11,7 @@ from PIL import Image
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.drawing import draw, style
+from suspension_cli.drawing import draw, labels, style
 from suspension_cli.equilibrium.nominal import expand
 from tests.support.legible import assert_legible
 from tests.support.legible import said as texts
@@ -99,6 +99,16 @@ def test_a_drawing_has_the_dimensions():
         and "10 / 5" in said
         and "2 × 1500" in said
     )
+
+
+def test_spread_keeps_order_and_gap_and_moves_no_more_than_needed():
+    assert labels.spread([0.0, 1.0, 2.0], 0.5) == pytest.approx([0.0, 1.0, 2.0])
+    assert labels.spread([1.0, 1.0], 0.4) == pytest.approx([0.8, 1.2])
+    found = labels.spread([0.3, 0.0, 0.1, 5.0, 0.2], 0.5)
+    assert np.diff(np.sort(found)).min() >= 0.5 - 1e-12 and found[3] == 5.0
+    assert np.argsort(found).tolist() == [1, 2, 4, 0, 3]
+    bounded = labels.spread([0.0, 0.1, 9.0, 9.9], 1.0, 0.0, 10.0)
+    assert bounded == pytest.approx([0.0, 1.0, 8.95, 9.95])
 
 
 # files
