@@ -218,11 +218,6 @@ def test_values_of_numpy_replace_those_of_designs(path, value, plain):
     assert design.replace({path: value}).text == design.replace({path: plain}).text
 
 
-def test_warnings_are_python_warnings():
-    with pytest.warns(sus.PendsusWarning, match="unstable"):
-        sus.modes(sus.read(DOUBLE).replace({"stage.test.wires.d": -0.05}), fidelity="string")
-
-
 @pytest.mark.parametrize(
     ("name", "said"), [("table1", "4  vertical"), ("figure6", "largest ratio: 5.901e-04")]
 )

@@ -99,16 +99,7 @@ def test_active_element_that_is_outweighed_is_stable(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "command",
-    [
-        ("response",),
-        ("thermal",),
-        ("budget",),
-        ("export",),
-        ("sensitivity",),
-        ("xcouple", "--matrix"),
-        ("tolerance",),
-    ],
+    "command", [("response",), ("budget",), ("export",), ("xcouple", "--matrix"), ("tolerance",)]
 )
 def test_no_steady_state_is_computed(tmp_path: Any, command: tuple[str, ...]) -> None:
     spread = '[[tolerance.body]]\nstage = "test"\ncom = {normal = 1e-4}\n'

@@ -43,9 +43,7 @@ def test_default_is_beside_the_file(results, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["renamed.h5", "renamed.png"]
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"no HDF5", TEXTS["single"].encode()], ids=["empty", "prose", "toml"]
-)
+@pytest.mark.parametrize("content", [b"", b"no HDF5"])
 def test_no_results(content, tmp_path):
     file = written(tmp_path, content, "x.h5")
     [line] = assert_refused(run("plot", file), file)
@@ -129,9 +127,10 @@ def test_several_results_in_one_picture(folder, tmp_path):
         (("--x", "4:0.6"), "two ascending numbers"),
         (("--x", "low:4"), "two ascending numbers"),
         (("--x", "0:4"), "logarithmic axis"),
+        (("--together",), "at least two"),
     ],
 )
-def test_limits_that_make_no_sense(options, words, folder, tmp_path):
+def test_options_that_make_no_sense(options, words, folder, tmp_path):
     done = run("plot", folder / "double-response.h5", *options, "--out", tmp_path / "out")
     assert done.exit_code == 2
     assert words in done.stderr
@@ -151,12 +150,6 @@ def test_limits_of_one_quantity_leave_the_others():
     assert first.get_ylim() == (0.1, 50.0) != third.get_ylim()
     labels = {text.get_text() for text in first.get_xticklabels()}
     assert {"0.5", "2", "5"} <= labels and "3" not in labels
-
-
-def test_one_result_alone_is_not_together(folder, tmp_path):
-    done = run("plot", folder / "double-response.h5", "--together", "--out", tmp_path)
-    assert done.exit_code == 2
-    assert "at least two" in done.stderr
 
 
 def test_a_drawing_has_no_axes(folder, tmp_path):

@@ -220,15 +220,6 @@ def test_no_space_for_results_in_earnest(tmp_path):
     assert list(out.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    "content", [FIVE, b"", bytes(range(256)), "a = ["], ids=["faults", "empty", "binary", "syntax"]
-)
-def test_faults_as_the_shell_sees_them(content, tmp_path):
-    file, out = written(tmp_path, content), tmp_path / "out"
-    assert_refused(process("modes", file, "--json", "--out", out), file, out)
-    assert not out.exists()
-
-
 def test_defaults_of_every_command_are_checked_by_any(tmp_path):
     out = tmp_path / "out"
     text = (

@@ -136,14 +136,6 @@ POINTS = 4
 """Of a grid LOW:HIGH:POINTS, at most."""
 
 
-PARTS = {
-    ("tradeoff", "configs/double.toml"): ["--quantity", "thermal"],
-    ("tradeoff", "configs/geo-silica-triple.toml"): ["--quantity", "coupling"],
-    ("fit", "measured/husman2000/table1.toml", "--json"): ["--fidelity", "string"],
-    ("tradeoff", "my.toml"): ["--quantity", "thermal"],
-}
-"""Options that shorten a line whose whole computation is tested elsewhere."""
-
 FEWER = {
     "damp": {"--frequency": f"0.1:100:{POINTS}", "--duration": "1", "--fidelity": "string"},
     "budget": {"--frequency": f"0.1:100:{POINTS}", "--fidelity": "string"},
@@ -270,7 +262,6 @@ def called(line: str) -> None:
     words = words_of(line)
     target = words[words.index(">") + 1] if ">" in words else None
     words = words[: words.index(">")] if target else words
-    words += PARTS.get(tuple(words), [])
     if not {"--measured", "--max-frequency", "--animate"} & {*words}:
         fewer = FEWER.get(words[0], {}).items()
         words += [word for pair in fewer if pair[0] not in words for word in pair]

@@ -52,16 +52,3 @@ def test_kept_resonances_are_where_the_determinant_changes_its_sign():
                 for off in (-1e-10, 1e-10)
             )
             assert (below > 0) != (above > 0)
-
-
-def test_numbers_survive():
-    values = [
-        1.1,
-        -3e-300,
-        2 + 0.1j,
-        {"a": [1.5, "b"]},
-        references.MP.mpf("0.1234567890123456789012345678"),
-    ]
-    again = references.numbers(references.plain(values))
-    assert again[:4] == values[:4]
-    assert abs(again[4] - values[4]) < references.MP.mpf(10) ** -29

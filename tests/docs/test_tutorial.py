@@ -127,24 +127,10 @@ def test_pictures_are_all_used():
     assert {path.name for path in (tutorial.DOCS / "images").iterdir()} == used
 
 
-@pytest.mark.parametrize(
-    ("shown", "found", "same"),
-    [
-        ("f 0.59105 Hz", "f 0.59106 Hz", True),
-        ("f 0.59105 Hz", "f 0.59125 Hz", False),
-        ("f 0.59105 Hz", "g 0.59105 Hz", False),
-        ("Q 3.174e+06", "Q 3.175e+06", True),
-        ("Q 3.174e+06", "Q 3.174e+07", False),
-        ("balanced to 9e-17", "balanced to 2e-16", True),
-        (
-            "$ pendsus modes my.toml --set a.d=0.003",
-            "$ pendsus modes my.toml --set a.d=0.005",
-            False,
-        ),
-    ],
-)
-def test_what_is_alike(shown, found, same):
-    assert alike(shown, found) is same
+def test_what_is_alike():
+    assert alike("Q 3.174e+06", "Q 3.175e+06") and not alike("Q 3.174e+06", "Q 3.174e+07")
+    assert not alike("f 0.59105 Hz", "g 0.59105 Hz")
+    assert alike("balanced to 9e-17", "balanced to 2e-16")
 
 
 def test_output_shown_in_part_is_made_anew():

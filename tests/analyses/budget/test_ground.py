@@ -10,52 +10,25 @@ import pytest
 from suspension_cli.analyses.budget import ground
 from suspension_cli.errors import InputError
 
-LOW = {
-    0.10: -168.0,
-    0.17: -166.7,
-    0.40: -166.7,
-    0.80: -169.2,
-    1.24: -163.7,
-    2.40: -148.6,
-    4.30: -141.1,
-    5.00: -141.1,
-    6.00: -149.0,
-    10.0: -163.8,
-    12.0: -166.2,
-    15.6: -162.1,
-    21.9: -177.5,
-    31.6: -185.0,
-    45.0: -187.5,
-    70.0: -187.5,
-    101.0: -185.0,
-    154.0: -185.0,
-    328.0: -187.5,
-    600.0: -184.4,
-    1e4: -151.9,
-    1e5: -103.1,
+CORNERS = {
+    "nlnm": """
+0.10 -168.0   0.17 -166.7   0.40 -166.7   0.80 -169.2   1.24 -163.7   2.40 -148.6
+4.30 -141.1   5.00 -141.1   6.00 -149.0   10.0 -163.8   12.0 -166.2   15.6 -162.1
+21.9 -177.5   31.6 -185.0   45.0 -187.5   70.0 -187.5   101.0 -185.0   154.0 -185.0
+328.0 -187.5   600.0 -184.4   1e4 -151.9   1e5 -103.1""",
+    "nhnm": """
+0.10 -91.5   0.22 -97.4   0.32 -110.5   0.80 -120.0   3.80 -98.0   4.60 -96.5
+6.30 -101.0   7.90 -113.5   15.4 -120.0   20.0 -138.5   354.8 -126.0   1e4 -80.1
+1e5 -48.5""",
 }
-HIGH = {
-    0.10: -91.5,
-    0.22: -97.4,
-    0.32: -110.5,
-    0.80: -120.0,
-    3.80: -98.0,
-    4.60: -96.5,
-    6.30: -101.0,
-    7.90: -113.5,
-    15.4: -120.0,
-    20.0: -138.5,
-    354.8: -126.0,
-    1e4: -80.1,
-    1e5: -48.5,
-}
-"""Peterson's models in dB at the corners of the curves, as published beside the coefficients."""
+"""Peterson's models at the corners of the curves (period in s, level in dB), as published beside
+the coefficients."""
 
 
-@pytest.mark.parametrize(("model", "published"), [("nlnm", LOW), ("nhnm", HIGH)])
-def test_models_at_their_corners(model, published):
+@pytest.mark.parametrize("model", CORNERS)
+def test_models_at_their_corners(model):
     """From either side: the curves have no steps but those of rounded coefficients."""
-    period, level = np.array([*published.items()]).T
+    period, level = np.array(CORNERS[model].split(), dtype=float).reshape(-1, 2).T
     for beside in (1 - 1e-9, 1 + 1e-9):
         at = 1 / (period * beside)
         acceleration = ground.parse([model], [], Path())["x"].at(at) * (2 * np.pi * at) ** 2
@@ -65,9 +38,6 @@ def test_models_at_their_corners(model, published):
 def test_displacement_of_the_ground():
     """As the acceleration over the square of the frequency, which is flat above 10 Hz."""
     motion = ground.parse(["nlnm"], [], Path())["x"]
-    assert motion.at(np.array([1 / 4.3]))[0] == pytest.approx(
-        10 ** (-141.1 / 20) / (2 * np.pi / 4.3) ** 2
-    )
     ten, hundred = motion.at(np.array([10.0, 100.0]))
     assert ten / hundred == pytest.approx(100.0, rel=1e-12)
     assert ten == pytest.approx(10 ** (-168.0 / 20) / (20 * np.pi) ** 2, rel=1e-12)

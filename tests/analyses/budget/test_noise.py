@@ -122,17 +122,6 @@ def test_rms_under_a_white_force(damper):
     assert (np.diff(found.rms) <= 0).all() and found.rms[-1] == 0
 
 
-def test_rms_of_thermal_noise_is_that_of_equipartition():
-    """k T / K of a pendulum at rest."""
-    closed = pendulum(damper=0.0).with_loops([])
-    [x] = plants.motions(closed.model, "test.x")
-    poles = np.roots([MASS, OWN, SPRING])
-    noises = Noises(closed, [x], {}, 300.0)
-    [found] = solve.solve(noises, np.geomspace(1e-3, 1e3, 300), poles[:1], {}, added=False)
-    assert found.mean_square[0, 0] == pytest.approx(BOLTZMANN * 300.0 / SPRING, rel=2e-3)
-    assert len(found.frequency) == 300
-
-
 def test_a_resonance_without_loss_has_no_rms():
     closed = pendulum(damper=0.0).with_loops([])
     closed = replace(closed, model=replace(closed.model, damping=0 * closed.model.damping))

@@ -11,7 +11,7 @@ import pytest
 import suspension_cli as sus
 from tests.support.commandline import document, run, written
 
-TRIPLE, DOUBLE = sus.example("geo-silica-triple"), sus.example("double")
+DOUBLE = sus.example("double")
 
 
 @pytest.fixture(scope="module")

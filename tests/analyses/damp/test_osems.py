@@ -126,25 +126,6 @@ def causes(closed, outputs):
     return noises.cause, noises.density(GRID)[0]
 
 
-def test_orthogonal_osems_add_up_to_independent_loops():
-    """Corners read x, pitch and yaw with noise n/2, n/(2 HIGH), n/(2 WIDE), without correlation."""
-    raw, n, f = plants.raw("triple", loss=True), 1e-10, 1e-9
-    sizes = {"x": 2.0, "pitch": 2 * HIGH, "yaw": 2 * WIDE}
-    bare = [loop(f"upper.{dof}", **LEAD | {"gain": 3e4 * size**2}) for dof, size in sizes.items()]
-    own = [
-        one | {"sensor_noise": n / size, "actuator_noise": f * size}
-        for one, size in zip(bare, sizes.values(), strict=True)
-    ]
-    found = []
-    for loops, given in ((bare, corners(sensor_noise=n, force_noise=f)), (own, [])):
-        closed = plant(raw, loops, given)
-        outputs = plants.motions(closed.model, "test.x", "test.pitch", "test.yaw", "upper.x")
-        answer = control.solve_responses(closed, GRID, [], outputs)
-        found.append(((answer.noise**2).sum(2), (answer.actuator_noise**2).sum(2)))
-    for spread, single in zip(*found, strict=True):
-        np.testing.assert_allclose(spread, single, rtol=1e-8)
-
-
 def test_rms_of_a_drive_against_quadrature():
     """One degree of freedom: ground, sensor, coil and thermal noise, integrated independently."""
     shown, force, c, white = 2e-7, 4e-7, 1.3, 3e-7

@@ -1,39 +1,36 @@
-"""Poles of closed loops that hardly decay, with losses at their own frequency and with delays: by
-hand, from responses, by Lambert's W and characteristic equations."""
+"""Poles of closed loops that hardly decay, with losses at their own frequency, delays and digital
+filters: by hand, from responses, by Lambert's W, characteristic equations and sampled systems."""
 
 from __future__ import annotations
 
 from functools import cache, partial
 
-import mpmath
 import msgspec
 import numpy as np
 import pytest
+import tomli_w
+from scipy import signal
 from scipy.special import lambertw
 
+import suspension_cli as sus
 from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp import solve as damp
+from suspension_cli.design import foton
 from suspension_cli.design.control import NoiseSpectrum
 from suspension_cli.design.reader import read
-from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear import response, statespace
 from suspension_cli.models import registry
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
 from tests.support import plants, scenes, terms
+from tests.support.foton import sections
 from tests.support.paths import CONFIGS
-
-MP = mpmath.mp.clone()
-MP.dps = 50
-
-
-def found_of(closed):
-    return damp.find_poles(closed)
 
 
 @pytest.mark.parametrize("c", [40.0, 5.0, 0.4, 1e-3, 1e-8, 1e-12, 1e-20])
 def test_a_pendulum_by_hand(c):
     """m x'' + c x' + m g x / l = 0 decays with c / 2m, whatever its rounding."""
     mass, length = 3.0, 0.7
-    found = found_of(simple(c, mass=mass, length=length))
+    found = damp.find_poles(simple(c, mass=mass, length=length))
     own = np.array([state.startswith("test.x") for state in found.state])
     others = ~np.array([state.startswith(("test.x", "test.pitch")) for state in found.state])
     root = np.emath.sqrt((c / (2 * mass)) ** 2 - 9.81 / length)
@@ -42,18 +39,6 @@ def test_a_pendulum_by_hand(c):
     np.testing.assert_allclose(np.sort(found.value[own].imag), expected.imag, rtol=1e-9)
     np.testing.assert_allclose(found.q[own], abs(expected) / (-2 * expected.real), rtol=1e-9)
     assert np.isinf(found.q[others]).all()
-
-
-def test_without_loops_it_is_the_q_of_modes():
-    """A spring of a tiny loss angle: to first order in the losses, which makes such a Q exact."""
-    raw = plants.raw("quadruple")
-    raw["stage"][0]["spring"] = [{"stiffness": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3], "loss_angle": 1e-9}]
-    closed = plant(raw, [loop(f"{raw['stage'][0]['name']}.x", damper=1e-9)], "string")
-    found = found_of(closed.with_loops([]))
-    expected = eigenmodes.solve(closed.model)
-    order = np.argsort(found.frequency)
-    np.testing.assert_allclose(found.frequency[order], expected.frequency, rtol=1e-9)
-    np.testing.assert_allclose(found.q[order], expected.q, rtol=1e-6)
 
 
 GRID = np.array([0.3, 0.6, 1.37, 3.3, 10.0, 36.174, 51.816])
@@ -177,18 +162,13 @@ def test_one_lossy_oscillator_by_hand(angle, c):
 STAGE = scenes.hung({"count": 1, "l": 0.5, "k": 1e4, "d": 0.0}, 3.0, 0.1)
 
 
-def pole_values(closed):
-    """Closed-loop poles of a plant, one of each conjugate pair."""
-    return damp.find_poles(closed)
-
-
 @pytest.mark.parametrize("delay", [0.01, 0.3])
 def test_a_delayed_damper_of_a_free_body(delay):
     """J s^2 + c s exp(-s T) = 0 has s T = W(-c T / J) (Corless et al., Adv. Comput. Math. 5, 329
     (1996))."""
     c, inertia = 0.2, 0.1
     closed = plant(scenes.raw_of(STAGE), [loop("test.yaw", damper=c, delay=delay)], "string")
-    found = pole_values(closed)
+    found = damp.find_poles(closed)
     values = found.value[[state == "test.yaw" for state in found.state]]
     expected = lambertw(-c * delay / inertia, 0) / delay
     assert np.abs(values / (expected.real + 1j * abs(expected.imag)) - 1).min() < 1e-12
@@ -199,7 +179,7 @@ def test_a_delayed_damper_of_a_free_body(delay):
 def test_roots_of_the_characteristic_equation(how, delay):
     """m s^2 + m g / l + H(s) exp(-s T), with the products of the filter written out."""
     closed = plant(scenes.raw_of(STAGE), [loop("test.x", delay=delay, **how)], "string")
-    found = pole_values(closed).value
+    found = damp.find_poles(closed).value
 
     def evaluate(s):
         f = s / (2 * np.pi)
@@ -242,7 +222,7 @@ def test_margins_lie_on_the_axis(delay):
         (found.gain_up_frequency, changed(**gain)),
         (found.delay_frequency, changed(delay=delay + found.delay)),
     ):
-        values = pole_values(edge).value
+        values = damp.find_poles(edge).value
         near = values[np.abs(values - 2j * np.pi * frequency).argmin()]
         assert near == pytest.approx(2j * np.pi * frequency, rel=1e-8)
 
@@ -272,7 +252,7 @@ def test_sensitivity_peak_of_two_coupled_loops():
     for first in (peak.gain_down, peak.gain_up):
         for second in (peak.gain_down, peak.gain_up):
             tables = [loops[0] | {"gain": 3e4 * first}, loops[1] | {"gain": 5.0 * second}]
-            assert pole_values(plant(raw, tables, "string")).stable
+            assert damp.find_poles(plant(raw, tables, "string")).stable
 
 
 def test_noise_of_sensors():
@@ -287,3 +267,82 @@ def test_noise_of_sensors():
     np.testing.assert_array_equal(control.evaluate_noise(one, f), [2e-9] * 3)
     np.testing.assert_allclose(control.evaluate_noise(cornered, f), 2e-9 * np.sqrt(1 + 3 / f))
     np.testing.assert_allclose(control.evaluate_noise(listed, f), [1e-8, 1e-9, 1e-10])
+
+
+DESIGN = 'zpk([0],[12;8+i*9;8-i*9],0.6,"n")'
+
+
+def sampled_poles(system, rows, rate):
+    """Poles rate ln(z) of a plant behind a zero-order hold with u = -H y, H of sections."""
+    plant_ = signal.cont2discrete((system.a, system.b, system.c, system.d), 1 / rate)
+    a, b, c = plant_[:3]
+    for row in rows:
+        own = signal.tf2ss(row[:3], row[3:])
+        # in series: y of this section drives the next
+        a, b, c = _append(a, b, c, *own)
+    return np.log(np.linalg.eigvals(a - b @ c)) * rate
+
+
+def _append(a, b, c, fa, fb, fc, fd):
+    """Series of (a, b, c) and a filter at its output."""
+    whole = np.block([[a, np.zeros((len(a), len(fa)))], [fb @ c, fa]])
+    return whole, np.vstack([b, np.zeros((len(fa), b.shape[1]))]), np.hstack([fd @ c, fc])
+
+
+@pytest.mark.parametrize(("rate", "error"), [(256.0, 4e-5), (64.0, 6e-4)])
+def test_poles_are_those_of_the_sampled_system(rate, error):
+    """The zero-order hold is half a sample of delay; its sinc and images are errors of second order
+    in f / rate. Without that delay they are of first order."""
+    raw = plants.raw("triple")
+    how = {"filter": {"design": DESIGN, "rate": rate}}
+    closed = plant(raw, [loop("upper.yaw", delay=0.5 / rate, **how)], "string")
+    found = damp.find_poles(closed)
+    system = statespace.build(
+        closed.model,
+        plants.drives(closed.model, "upper.torque_yaw"),
+        plants.motions(closed.model, "upper.yaw"),
+    )
+    exact = sampled_poles(system, sections(foton.parse(DESIGN, rate)), rate)
+    exact = exact[(exact.imag > 0) & (np.abs(exact) < 2 * np.pi * 6)]
+    assert len(exact) == 3  # the modes in yaw
+    off = [np.abs(found.value / one - 1).min() for one in exact]
+    assert max(off) < error
+    late = plant(raw, [loop("upper.yaw", **how)], "string")
+    without = damp.find_poles(late)
+    assert max(np.abs(without.value / one - 1).min() for one in exact) > 5 * max(off)
+
+
+@pytest.mark.parametrize("delay", [0.0, 4e-3])
+def test_digital_roots_of_the_characteristic_equation(delay):
+    """m s^2 + m g / l + H(exp(s T)) exp(-s T'), with H from its coefficients in z."""
+    rate, rows = 100.0, signal.butter(3, 6.0, fs=100.0, output="sos")
+    numbers = [row[k] for row in rows for k in (4, 5)]
+    gain = rows[0, 0] * 900.0
+    text = f'sos({gain},[{numbers[0]};{numbers[1]};2;1;{numbers[2]};{numbers[3]};2;1],"o")'
+    text = text.replace(f"{numbers[0]};0.0;2;1", f"{numbers[0]};0.0;1;0")
+    how = {"filter": {"design": text, "rate": rate}, "sensor_response": 'pole(9,"n") zero(2,"n")'}
+    closed = plant(scenes.raw_of(STAGE), [loop("test.x", delay=delay, **how)], "string")
+    found = damp.find_poles(closed).value
+
+    def evaluate(s):
+        z, f = np.exp(s / rate), s / (2 * np.pi)
+        h = 900 * np.prod([np.polyval(row[:3], z) / np.polyval(row[3:], z) for row in rows], axis=0)
+        return h * np.exp(-s * delay) * (1 + f / 2) / (1 + f / 9) + 3 * s**2 + 3 * 9.81 / 0.5
+
+    good = found[np.abs(evaluate(found)) < 1e-9 * np.abs(3 * found**2)]
+    assert (np.abs(good) < 2 * np.pi * 20).sum() >= 3
+
+
+def test_a_response_with_the_loop_closed():
+    """x = G / (1 + H G) f with the response G of the open loop, at any frequency below rate / 2."""
+    raw = plants.raw("triple")
+    how = {"filter": {"design": DESIGN, "rate": 64.0}, "sensor": "upper.yaw"}
+    text = raw | {"control": {"loop": [{"name": "yaw", "actuator": "upper.torque_yaw"} | how]}}
+    design = sus.parse(tomli_w.dumps(text))
+    f = np.array([0.3, 2.0, 17.0, 31.0, 40.0])
+    ends = {"inputs": ["upper.torque_yaw"], "outputs": ["upper.yaw"], "frequency": f}
+    opened = sus.response(design, **ends).value.ravel()
+    closed = sus.response(design, closed_loop=True, **ends).value.ravel()
+    h = foton.parse(DESIGN, 64.0).at(f)
+    assert h[-1] == 0
+    np.testing.assert_allclose(closed, opened / (1 + h * opened), rtol=1e-9)

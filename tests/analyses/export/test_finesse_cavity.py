@@ -61,16 +61,16 @@ def designs():
     return lit, exported
 
 
-def compare(designs, frequency, dofs, orders):
-    """Responses of our model and of finesse, and those without light, among both mirrors."""
+def compare(designs, frequency):
+    """Responses of our model and of finesse, and those without light, among both mirrors, with
+    modes of first order for the angles."""
     from finesse.analysis.actions import FrequencyResponse
 
     lit, exported = designs
-    forces = [name for name, dof in FORCES.items() if dof in dofs]
-    pairs = [(mirror, dof) for mirror in MIRRORS for dof in dofs]
+    pairs = [(mirror, dof) for mirror in MIRRORS for dof in FORCES.values()]
     ours = sus.response(
         lit,
-        inputs=[f"{mirror}.{force}" for mirror in MIRRORS for force in forces],
+        inputs=[f"{mirror}.{force}" for mirror in MIRRORS for force in FORCES],
         outputs=[f"{mirror}.{dof}" for mirror, dof in pairs],
         frequency=frequency,
         fidelity="string",
@@ -81,28 +81,16 @@ def compare(designs, frequency, dofs, orders):
     sign = np.array([1 if dof == "yaw" else -1 for _, dof in pairs])  # both face -x
     solved = []
     for power in (INPUT, 0.0):
-        found = arm(exported, power, orders).run(FrequencyResponse(frequency, *nodes))
+        found = arm(exported, power, 1).run(FrequencyResponse(frequency, *nodes))
         values = [[found[out, into] for into in nodes[0]] for out in nodes[1]]
         solved.append(np.moveaxis(values, -1, 0) * np.outer(sign, sign))
     return ours, *solved
 
 
-def test_forces_along_the_arm_move_the_mirrors_as_in_finesse(designs):
-    """Off resonance: a slight shift of a resonance is a large error there."""
-    frequency = np.array([0.1, 0.3, 1.0, 3.0, 30.0, 60.0])
-    ours, theirs, dark = compare(designs, frequency, ["x"], 0)
-    delay = 2 * np.pi * frequency[:, None, None] * LENGTH / c
-    error = np.abs(ours / theirs - 1)
-    assert (error < 1e-3 + delay * (1 - np.eye(2))).all()
-    assert np.abs(dark[:5] / theirs[:5] - 1).max(0).min() > 0.5  # the light counts
-
-
 def test_stiffness_of_the_light_is_that_of_finesse(designs):
-    """Between all motions of both mirrors, with modes of first order for the angles."""
+    """Between all motions of both mirrors."""
     frequency = np.array([0.3, 3.0, 15.0])
-    found = [
-        np.linalg.inv(value) for value in compare(designs, frequency, ["x", "pitch", "yaw"], 1)
-    ]
+    found = [np.linalg.inv(value) for value in compare(designs, frequency)]
     ours, theirs = (value - found[2] for value in found[:2])
     own = np.sqrt(np.abs(np.einsum("fii->fi", theirs)))
     # one pole is right to the end mirror; by each part of the input mirror finesse is L/c earlier

@@ -86,43 +86,33 @@ def test_only_a_sum_is_known():
 def test_delays_and_mixing_are_fitted():
     """A sensor that is late and turned, an actuator that leaks into another: found as such."""
     given, _ = plane(1, calibration=0.0, noise=0.01)
-    late, turned, leak = 2e-3, 1e-3, 2e-3
+    true = {
+        "sensor.s-x.delay": 2e-3,
+        "sensor.s-x.mix.upper.pitch": 1e-3,
+        "actuator.a-x.mix.upper.torque_pitch": 2e-3,
+    }
+    late, turned, leak = true.values()
+    value = {(one.output, one.input): one.value for one in given.functions}
+    for out in ("s-x", "s-pitch"):
+        value[out, "a-x"] = value[out, "a-x"] + leak * value[out, "a-pitch"]
+    for into in ("a-x", "a-pitch"):
+        both = value["s-x", into] + turned * value["s-pitch", into]
+        value["s-x", into] = np.exp(-2j * np.pi * GRID * late) * both
+    functions = [replace(one, value=value[one.output, one.input]) for one in given.functions]
+    unsure = {
+        "s-x": {"delay_uncertainty": 0.01, "mix_uncertainty": {"upper.pitch": 5e-3}},
+        "a-x": {"mix_uncertainty": {"upper.torque_pitch": 5e-3}},
+    }
     sensors, actuators = (
-        [Transducer(name=one.name, signal=one.signal) for one in side]
+        [Transducer(name=one.name, signal=one.signal, **unsure.get(one.name, {})) for one in side]
         for side in (given.measured.sensor, given.measured.actuator)
-    )
-    by_pair = {(one.output, one.input): one.value for one in given.functions}
-    turn = np.exp(-2j * np.pi * GRID * late)
-    functions = []
-    for one in given.functions:
-        value = by_pair[one.output, one.input]
-        if one.input == "a-x":
-            value = value + leak * by_pair[one.output, "a-pitch"]
-        functions.append(replace(one, value=value))
-    by_pair = {(one.output, one.input): one.value for one in functions}
-    functions = [
-        replace(one, value=turn * (one.value + turned * by_pair["s-pitch", one.input]))
-        if one.output == "s-x"
-        else one
-        for one in functions
-    ]
-    sensors[0] = Transducer(
-        name="s-x", signal="upper.x", delay_uncertainty=0.01, mix_uncertainty={"upper.pitch": 5e-3}
-    )
-    actuators[0] = Transducer(
-        name="a-x", signal="upper.force_x", mix_uncertainty={"upper.torque_pitch": 5e-3}
     )
     measured = Measured(parameter=given.measured.parameter, sensor=sensors, actuator=actuators)
     found = fit.solve([DOUBLE], measured, (), functions, explain=False).responses
-    assert found is not None
     values = dict(zip(found.nuisance, found.nuisance_value, strict=True))
     sigmas = dict(zip(found.nuisance, found.nuisance_sigma, strict=True))
-    for name, true in (
-        ("sensor.s-x.delay", late),
-        ("sensor.s-x.mix.upper.pitch", turned),
-        ("actuator.a-x.mix.upper.torque_pitch", leak),
-    ):
-        assert abs(values[name] - true) < 6 * sigmas[name] + 0.02 * true, name
+    for name, expected in true.items():
+        assert abs(values[name] - expected) < 6 * sigmas[name] + 0.02 * expected, name
 
 
 def measure(design, names, grid, noise=0.03, inverted=()):

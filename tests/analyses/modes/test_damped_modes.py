@@ -124,30 +124,6 @@ def test_a_constant_loss_angle(angle):
     assert found.frequency == pytest.approx(still * (1 + angle**2) ** 0.25, rel=1e-13)
 
 
-def test_a_strongly_damped_pair():
-    """Two masses by the characteristic polynomial of degree four, in fifty digits: one pair at
-    0.7047 Hz with Q 36.99, and two real poles."""
-    _, found = solved(pair(30.0, d=0.0))
-    model, _ = solved(pair(30.0))
-    a, b, c, m1, m2 = 22 * GRAVITY / 0.5, 2 * GRAVITY / 0.5, 30, 20, 2
-    roots = MP.polyroots(
-        [m1 * m2, c * (m1 + m2), m1 * b + m2 * (a + b), c * a, a * b], maxsteps=200, extraprec=200
-    )
-    oscillating = next(complex(s) for s in roots if s.imag > 0)
-    assert abs(oscillating) / (2 * np.pi) == pytest.approx(0.7047, abs=5e-5)
-    assert oscillating.imag / (-2 * oscillating.real) == pytest.approx(36.99, abs=5e-3)
-    group = block_of(model, "test.x")
-    expected = determinant_roots(
-        model, [oscillating, *(complex(s) for s in roots if s.imag == 0)], block=group
-    )
-    assert found.overdamped.sum() == 2
-    assert found.decay_rate[:2] == pytest.approx(sorted(-s.real for s in expected[1:]), rel=1e-11)
-    n = int(np.abs(found.frequency - abs(expected[0]) / (2 * np.pi))[2:].argmin()) + 2
-    assert found.frequency[n] == pytest.approx(abs(expected[0]) / (2 * np.pi), rel=1e-12)
-    assert found.q[n] == pytest.approx(expected[0].imag / (-2 * expected[0].real), rel=1e-11)
-    assert found.home[n] == ("top", "x")
-
-
 @pytest.mark.parametrize("detuning", [0.0, 1e-9, 1e-5])
 def test_two_modes_closer_than_their_widths(detuning):
     """Two equal bodies on springs that a damper joins to one another: weak damping couples modes

@@ -10,11 +10,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.errors import InputError
-from suspension_cli.linear import eigenmodes
 from tests.support import plants
 from tests.support.lossy import (
     FREQUENCY,
@@ -127,49 +125,7 @@ def test_point_mass_on_a_wire(level, inertia):
     )
 
 
-@pytest.mark.parametrize(("inertia", "ends"), [(1e-9, 1), (1e6, 2)], ids=["free", "clamped"])
-def test_dilution(inertia, ends):
-    """Gonzalez and Saulson's pendulum: S = 4 k T w0^2 p / (m w ((w0^2 - w^2)^2 + w0^4 p^2)), p =
-    phi sqrt(EI T) / (2 T L) for each end that bends."""
-    one = Pendulum(inertia=inertia, radius=2e-5, angle=1e-2)
-    depth = math.sqrt(one.rigidity / one.tension) / one.length
-    diluted = one.angle * ends * depth / 2
-    resonance = one.gravity / one.length / (1 - ends * depth)
-    omega = 2 * np.pi * np.array([0.05, 0.2, 0.5, 0.7, 0.72, 2.0, 5.0])
-    expected = (
-        4
-        * BOLTZMANN
-        * 290
-        * resonance
-        * diluted
-        / (one.mass * omega * ((resonance - omega**2) ** 2 + (resonance * diluted) ** 2))
-    )
-    found = noise(model_of(one.raw(), "beam"), "test.x", omega / (2 * np.pi)).density.sum(0)
-    np.testing.assert_allclose(found, expected, rtol=5 * ends * depth)
-
-
 # equipartition
-
-
-def test_equipartition_in_a_resonance():
-    """The area under the resonance of a lossy pendulum is k T / (m w0^2), whatever its loss."""
-    for angle in (0.01, 0.1):
-        one = Pendulum(angle=angle, radius=2e-4)
-        model = model_of(one.raw(), "beam")
-        found = eigenmodes.solve(model)
-        place = found.home.index(("test", "x"))
-        centre = float(found.frequency[place])
-        # full width at half its height
-        width = centre * angle * math.sqrt(one.rigidity / one.tension) / one.length / 2
-        far = math.atan(centre / 2 / width)
-        turn = np.linspace(-far, far, 40001)
-        frequency = centre + width * np.tan(turn)
-        area = np.trapezoid(
-            noise(model, "test.x", frequency).density.sum(0) * width / np.cos(turn) ** 2, turn
-        )
-        assert area == pytest.approx(
-            BOLTZMANN * 290 / (one.mass * (2 * math.pi * centre) ** 2), rel=3e-4
-        )
 
 
 def test_equipartition_of_everything():
@@ -198,33 +154,6 @@ def test_equipartition_of_everything():
 
 
 # symmetry and frames
-
-
-@pytest.mark.parametrize("kind", ["five", "silica"])
-def test_points_of_a_body(kind):
-    """S is a quadratic form of what is observed: for x of points at p and -p, S(x + r) + S(x - r) =
-    2 S(x) + 2 S(r)."""
-    model = model_of(raw(kind))
-    middle, upper = (form(model, text) for text in ("test.x", "test.x@0,0,0.03"))
-    [parts] = thermal.compute_densities(model, FREQUENCY, (upper - middle)[None], 290.0)
-    turning = sum(parts.values())
-    both = sum(noise(model, f"test.x@0,0,{z}").density.sum(0) for z in (0.03, -0.03))
-    np.testing.assert_allclose(
-        both, 2 * noise(model, "test.x").density.sum(0) + 2 * turning, rtol=1e-9
-    )
-
-
-def test_along_the_beam_of_an_arm():
-    """x and z of a symmetric design do not couple, so their noises add as the beam is tilted."""
-    model, tilt = model_of(raw("silica")), thermal.compute_arm_tilt(4000.0)
-    assert tilt == pytest.approx(3.14e-4, rel=1e-3)
-    along, x, z = noise(model, "test.x", tilt=tilt), noise(model, "test.x"), noise(model, "test.z")
-    np.testing.assert_allclose(
-        along.density.sum(0),
-        math.cos(tilt) ** 2 * x.density.sum(0) + math.sin(tilt) ** 2 * z.density.sum(0),
-        rtol=1e-12,
-    )
-    assert along.amplitude.argmax() == x.amplitude.argmax()
 
 
 def test_temperatures():
