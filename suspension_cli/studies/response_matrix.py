@@ -35,9 +35,6 @@ from suspension_cli.studies.parameters import Parameter, value_of
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
-LOSSES = ("loss_angle", "loss")
-"""Keys whose numbers change only the frequency-dependent terms of models in which wires bend."""
-
 
 @dataclass(frozen=True)
 class Matrices:

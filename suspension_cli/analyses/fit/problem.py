@@ -44,6 +44,10 @@ TYPICAL = 0.1
 """Typical change of a parameter without prior, relative to its value."""
 CONVERGED = 1e-9
 """Relative change of chi^2, unknowns and gradient at which a search ends."""
+LOSSES = ("loss_angle", "loss")
+"""Keys whose numbers change only the frequency-dependent terms of models in which wires bend."""
+LOSS_STEP = 1e-3
+"""Step of derivatives by these, relative to the number; a hundredth of this for 0."""
 UNDETERMINED = 1e-10
 """Singular value relative to the largest, below which the data do not determine a combination."""
 
@@ -297,9 +301,29 @@ class Problem:
         """Differentiate responses by parameters and dampings."""
         one, x = self.experiment[0], z[self.parts[0]]
         rows = [found.derivative(change) for change in one.changes(x)]
+        if found.plant.system.terms:
+            for n, name in enumerate(one.free):
+                if name.rpartition(".")[2] in LOSSES:
+                    rows[n] = self._loss_derivative(found, z, n)
         dampings = zip(one.order(x)[self.damped], np.exp(z[self.parts[2]]), strict=True)
         rows += [size * found.damping_derivative(int(mode)) for mode, size in dampings]
         return np.array(rows, dtype=complex).reshape(-1, *found.value.shape)
+
+    def _loss_derivative(
+        self, found: Responses, z: Array, n: int
+    ) -> Complex[np.ndarray, "frequency output input"]:
+        """Differentiate responses by the loss number n, which no static matrix depends on."""
+        sides = np.tile(z[self.parts[0]], (2, 1))
+        step = LOSS_STEP * (sides[0, n] or 0.01)
+        sides[:, n] = sides[0, n] + step, max(sides[0, n] - step, 0.0)
+        above, below = (
+            self.experiment[0]
+            .plant(x)
+            .respond(found.omega / (2 * np.pi), found.inputs, found.outputs, self.damping(z))
+            .value
+            for x in sides
+        )
+        return (above - below) / (sides[0, n] - sides[1, n])
 
     def readings(self, z: Array) -> list[Complex[np.ndarray, " frequency"]]:
         """Predict the readings per drive of each measured function."""

@@ -3,6 +3,7 @@ what is determined, what to measure next, and the command on files of data."""
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.analyses.fit.result import name_factor
 from suspension_cli.analyses.fit.start import default_parameters
 from suspension_cli.conventions import DOFS
+from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
 from suspension_cli.drawing.panels import COLUMN
 from suspension_cli.files.hdf5 import open_results
@@ -180,6 +182,27 @@ def test_a_spring_that_the_model_lacks_is_not_absorbed_in_silence():
     lines = "\n".join(findings.first_lines(found))
     assert "MISFIT: chi^2 of the prior alone" in lines and "upper.d (+" in lines
     assert findings.document(found, [None])["far_from_priors"][0]["name"] == name
+
+
+def test_a_loss_angle_is_found_where_wires_bend():
+    """It acts only through frequency-dependent terms, and is known from data off the peaks."""
+    name, true = "materials.c70steel.loss_angle", 0.1
+
+    def text(value):
+        raw = tomllib.loads(DOUBLE)
+        reader.apply_overrides(raw, paths.symmetric_settings({name: value}))
+        return reader.write_toml(raw)
+
+    plant = Plant.of(reader.parse(text(true)), "beam")
+    known = signals.bodies_with_signals(plant.system)
+    drive, sensor = signals.parse_input("test.force_x", known), "test.x"
+    grid = np.geomspace(0.3, 30, 100)
+    value = plant.respond(grid, [drive], [signals.parse_output(sensor, known)]).value[:, 0, 0]
+    size = 1e-3 * np.abs(value)
+    one = MeasuredResponse("a", drive.text, sensor, grid, value, size, np.full(100, np.nan))
+    free = Measured(parameter=[Free(name=name)])
+    found = fit.solve([text(0.03)], free, (), [one], level="beam", explain=False)
+    assert abs(found.value[0] - true) < 2 * found.sigma[0] < 0.2 * true
 
 
 def test_factors_are_named():
