@@ -220,11 +220,11 @@ class Result(Sourced):
         """Return the JSON document that ``pendsus ... --json`` prints."""
         head: Document = {"command": self.analysis.command_name, "design": self.name}
         if not self.analysis.has_model:
-            return _as_json(head | self.analysis.document(self))
+            return as_json(head | self.analysis.document(self))
         error: Document = {"estimated_error": self.estimated_error}
         if self.choice.error_unknown:
             error["error_unknown"] = self.choice.error_unknown
-        return _as_json(head | {"fidelity": self.model} | self.analysis.document(self) | error)
+        return as_json(head | {"fidelity": self.model} | self.analysis.document(self) | error)
 
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
@@ -444,7 +444,7 @@ class Analysis(ABC):
         def fill(file: h5py.File) -> None:
             self.fill(file, result)
             if result.extra:
-                file.attrs["extra"] = json.dumps(result.extra)
+                file.attrs["extra"] = json.dumps(as_json(result.extra))
 
         stored = result.stored_file()
         if path.suffix.lower() == ".csv":
@@ -484,18 +484,6 @@ class Analysis(ABC):
         return result
 
 
-def plain(values: Any) -> Any:
-    """Convert numbers for JSON: lists, with null for those that are not finite."""
-    import numpy as np
-
-    return _as_json(np.asarray(values))
-
-
-def as_number(value: float) -> float | None:
-    """Convert one number for JSON: null if it is not finite."""
-    return _as_json(float(value))
-
-
 def table(source: Any, columns: str) -> list[Document]:
     """Rows of JSON from the columns of a record, or from a sequence of records.
 
@@ -508,17 +496,17 @@ def table(source: Any, columns: str) -> list[Document]:
         if isinstance(source, Sequence)
         else zip(*(getattr(source, name) for name in names), strict=True)
     )
-    return [_as_json(dict(zip(keys, row, strict=True))) for row in rows]
+    return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
-def _as_json(part: Any) -> Any:
+def as_json(part: Any) -> Any:
     """Convert a document: arrays and tuples to lists, numbers that are not finite to null."""
     if isinstance(part, dict):
-        return {key: _as_json(value) for key, value in part.items()}
+        return {key: as_json(value) for key, value in part.items()}
     if hasattr(part, "tolist"):  # an array or a number of numpy
         part = part.tolist()
     if isinstance(part, list | tuple):
-        return [_as_json(value) for value in part]
+        return [as_json(value) for value in part]
     return None if isinstance(part, float) and not math.isfinite(part) else part
 
 

@@ -14,10 +14,8 @@ from suspension_cli.analyses.analysis import (
     Result,
     Run,
     Settings,
-    as_number,
     describe_mirrors,
     name_mirrors,
-    plain,
     table,
 )
 from suspension_cli.analyses.options import option
@@ -207,20 +205,20 @@ def _document(one: Budget) -> Document:
         "unit": f"{one.unit}/sqrt(Hz)",
         "displacement_asd": one.amplitude.tolist(),
         "contributions": {name: part.tolist() for name, part in one.parts.items()},
-        "rms": as_number(one.rms[0]),
-        "rms_velocity": as_number(one.rms_velocity[0]),
-        "rms_by_cause": dict(zip(one.cause, plain(squares**0.5), strict=True)),
-        "rms_velocity_by_cause": dict(zip(one.cause, plain(velocities**0.5), strict=True)),
-        "cumulative_rms": plain(one.rms),
-        "cumulative_rms_velocity": plain(one.rms_velocity),
+        "rms": one.rms[0],
+        "rms_velocity": one.rms_velocity[0],
+        "rms_by_cause": dict(zip(one.cause, squares**0.5, strict=True)),
+        "rms_velocity_by_cause": dict(zip(one.cause, velocities**0.5, strict=True)),
+        "cumulative_rms": one.rms,
+        "cumulative_rms_velocity": one.rms_velocity,
     }
     if (found := one.requirement) is not None:
         result["requirement"] = {
             "file": found.name,
             "met": found.met,
-            "margin": as_number(found.margin),
+            "margin": found.margin,
             "at_hz": found.at,
-            "exceeded_hz": plain(found.exceeded),
+            "exceeded_hz": found.exceeded,
         }
     return result
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
 from suspension_cli.analyses.options import argument
 
 if TYPE_CHECKING:
@@ -173,17 +173,17 @@ def _overlay(found: Comparison, overlay: Overlay) -> Document:
     response = overlay.kind == "response"
 
     def columns(value: Any) -> Document:
-        return {"imag": plain(np.imag(value))} if response else {}
+        return {"imag": np.imag(value)} if response else {}
 
     curves = [
         {
             "name": found.name[curve.item],
-            "frequency_hz": plain(curve.frequency),
-            "real" if response else "displacement_asd": plain(np.real(curve.value)),
+            "frequency_hz": curve.frequency,
+            "real" if response else "displacement_asd": np.real(curve.value),
             **columns(curve.value),
             "ratio": {
-                "frequency_hz": plain(curve.ratio_frequency),
-                "real": plain(np.real(curve.ratio)),
+                "frequency_hz": curve.ratio_frequency,
+                "real": np.real(curve.ratio),
                 **columns(curve.ratio),
             },
         }

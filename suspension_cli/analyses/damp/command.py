@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, as_number
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS
 from suspension_cli.errors import InputError, format_value
@@ -158,7 +158,7 @@ class DampAnalysis(Analysis):
         poles = [
             {
                 "frequency_hz": float(frequency),
-                "q": None if growth else as_number(q),
+                "q": None if growth else q,
                 "real_per_s": float(p.real),
                 "imag_per_s": float(p.imag),
                 "state": state,
@@ -174,13 +174,13 @@ class DampAnalysis(Analysis):
         if answer.margin is not None and (peak := answer.sensitivity) is not None:
             gains = ("gain_up_db", "gain_down_db")
             margins = [
-                {"loop": loop} | {key: as_number(getattr(one, key)) for key in (*vars(one), *gains)}
+                {"loop": loop} | {key: getattr(one, key) for key in (*vars(one), *gains)}
                 for loop, one in zip(answer.loop, answer.margin, strict=True)
             ]
             sensitivity = {
                 "largest_singular_value": peak.size,
                 "frequency_hz": peak.frequency,
-                "gain_up": as_number(peak.gain_up),
+                "gain_up": peak.gain_up,
                 "gain_down": peak.gain_down,
                 "phase": peak.phase,
             }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, as_number
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -185,8 +185,8 @@ class ExportAnalysis(Analysis):
             "output": list(system.output),
             "band_hz": list(made.band) if made.band else None,
             "tolerance": made.tolerance,
-            "worst_error": as_number(made.worst),
-            "worst_q_error": None if made.q_error is None else as_number(made.q_error),
+            "worst_error": made.worst,
+            "worst_q_error": made.q_error,
             "agreement": _agreement(made),
         }
 
@@ -251,7 +251,7 @@ def _modules(filters: FilterFile) -> list[Document]:
             "input": one.input,
             "sections": len(one.section),
             "poles": sum(len(part.poles) for part in one.section),
-            "error": as_number(one.error),
+            "error": one.error,
         }
         for one in filters.module
     ]

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import h5py
 import numpy as np
 
-from suspension_cli.analyses.analysis import as_number, plain
+from suspension_cli.analyses.analysis import as_json
 from suspension_cli.analyses.export import gwinc_tables
 from suspension_cli.analyses.export.solve import (
     AGREEMENT,
@@ -127,12 +127,8 @@ def _write_npz(path: Path, made: Exported, origin: Provenance) -> None:
 
 
 def _write_control(path: Path, made: Exported, origin: Provenance) -> None:
-    document = {
-        key: plain(value) if isinstance(value, np.ndarray) else value
-        for key, value in _fields(made, origin).items()
-    }
-    document |= {"band_hz": made.band, "worst_error": as_number(made.worst)}
-    write_bytes(path, json.dumps(document, indent=1, allow_nan=False).encode())
+    document = _fields(made, origin) | {"band_hz": made.band, "worst_error": made.worst}
+    write_bytes(path, json.dumps(as_json(document), indent=1, allow_nan=False).encode())
 
 
 def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import Document, plain, table
+from suspension_cli.analyses.analysis import Document, table
 from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
 from suspension_cli.analyses.fit.result import SAME, Candidate, Fit, ResponseFit
 from suspension_cli.conventions import DOFS, SUPPORT
@@ -421,13 +421,13 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
     return {
         "experiments": [{"name": name, "design": file} for name, file in pairs],
         "parameters": parameters,
-        "covariance": plain(found.covariance),
+        "covariance": found.covariance,
         "modes": modes,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,
         "chi_squared_of_priors": found.prior_chi_squared,
-        "far_from_priors": [{"name": name, "sigmas": plain(by)} for name, by in found.far],
+        "far_from_priors": [{"name": name, "sigmas": by} for name, by in found.far],
         "misfit": found.misfit,
         "sigma_scale": found.scale,
         "exchange": exchange,
@@ -450,11 +450,11 @@ def _response_document(found: ResponseFit) -> Document:
         ),
         "channels": table(found, f"name=nuisance {values}"),
         "resonances": [
-            {"label": name} | dict(zip(keys, (*plain(row[:5]), int(row[5])), strict=True))
+            {"label": name} | dict(zip(keys, (*row[:5], int(row[5])), strict=True))
             for name, row in zip(found.mode, found.resonance, strict=True)
         ],
         "wrong_channels": wrong,
-        "chi_squared_before": plain(found.chi_squared_before),
+        "chi_squared_before": found.chi_squared_before,
         "single_changes": table(found.changes, "name start change chi_squared"),
         "least_known": found.least or None,
         "measure_next": table(found.candidates, "input output band_hz=band sigma"),

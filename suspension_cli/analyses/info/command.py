@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, as_number
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
 
 if TYPE_CHECKING:
     from suspension_cli.linear.system import LinearSystem
@@ -142,9 +142,9 @@ class InfoAnalysis(Analysis):
         found: Info = result.data
         return {
             "tolerance": found.tolerance,
-            "first_violin_hz": as_number(found.first_violin),
+            "first_violin_hz": found.first_violin,
             "errors": [
-                {"fidelity": level, "quantity": quantity, "estimated_error": as_number(one.error)}
+                {"fidelity": level, "quantity": quantity, "estimated_error": one.error}
                 for level, row in found.errors.items()
                 for quantity, one in row.items()
             ],
@@ -153,7 +153,7 @@ class InfoAnalysis(Analysis):
                     "quantity": quantity,
                     "fidelity": one.level,
                     "reason": one.reason,
-                    "estimated_error": as_number(one.error),
+                    "estimated_error": one.error,
                 }
                 for quantity, one in found.choices.items()
             ],

@@ -16,7 +16,6 @@ from suspension_cli.analyses.analysis import (
     Result,
     Run,
     Settings,
-    as_number,
 )
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import Fault, InputError
@@ -140,8 +139,8 @@ class ModesAnalysis(Analysis):
         modes: Modes = result.data
         rows, labels, verdicts, growth = [], modes.label, modes.verdict, modes.growth_rate
         for n, (body, dof) in enumerate(modes.home):
-            row: Document = {"frequency_hz": as_number(modes.frequency[n]), "dof": dof}
-            row |= {"stage": body, "q": as_number(modes.q[n])}
+            row: Document = {"frequency_hz": modes.frequency[n], "dof": dof}
+            row |= {"stage": body, "q": modes.q[n]}
             if np.isfinite(modes.dilution[n]):
                 row["dilution"] = float(modes.dilution[n])
             if growth[n] > 0:

@@ -18,7 +18,6 @@ from suspension_cli.analyses.analysis import (
     Result,
     Run,
     Settings,
-    as_number,
     table,
 )
 from suspension_cli.analyses.options import argument, option
@@ -147,7 +146,7 @@ class OptimiseAnalysis(Analysis):
             row["model"] = row["model"] or None
         return {
             "checked_on": found.fidelity,
-            "estimated_error": as_number(found.error),
+            "estimated_error": found.error,
             "goals_met": found.met,
             "parameters": numbers,
             "limits": limits,
@@ -156,7 +155,7 @@ class OptimiseAnalysis(Analysis):
             "modes": modes,
             "starts": starts,
             "objective": found.objective,
-            "stationarity": as_number(found.stationarity),
+            "stationarity": found.stationarity,
         }
 
     def text(self, result: Result) -> str:

@@ -16,9 +16,7 @@ from suspension_cli.analyses.analysis import (
     Result,
     Run,
     Settings,
-    as_number,
     only_one,
-    plain,
     table,
 )
 from suspension_cli.analyses.options import option
@@ -214,15 +212,15 @@ def _document(one: Comparison) -> Document:
         "output": data.output,
         "unit": data.unit,
         "points": len(data.frequency),
-        "median_ratio": as_number(one.median),
-        "extreme_ratio": as_number(extreme),
+        "median_ratio": one.median,
+        "extreme_ratio": extreme,
         "extreme_ratio_at_hz": at,
-        "chi_squared_per_number": as_number(one.chi_squared),
+        "chi_squared_per_number": one.chi_squared,
         "resonances": table(one, "measured_hz=peak model_hz=pole mode shift"),
         "frequency_hz": data.frequency.tolist(),
         **_real_and_imaginary(data.value),
-        "uncertainty": plain(data.uncertainty),
-        "coherence": plain(data.coherence),
+        "uncertainty": data.uncertainty,
+        "coherence": data.coherence,
         **_real_and_imaginary(one.predicted, "model_"),
     }
 

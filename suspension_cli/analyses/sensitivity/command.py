@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,9 +94,9 @@ class SensitivityAnalysis(Analysis):
         return {
             "parameters": table(found, "name=parameter value free step step_unit"),
             "results": table(found, "name=result unit nominal"),
-            "derivative": plain(found.derivative),
-            "one_percent": plain(found.one_percent),
-            "per_step": plain(found.per_step),
+            "derivative": found.derivative,
+            "one_percent": found.one_percent,
+            "per_step": found.per_step,
         }
 
     def text(self, result: Result) -> str:

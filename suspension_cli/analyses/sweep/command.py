@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import InputError, format_value
 
@@ -133,7 +133,7 @@ class SweepAnalysis(Analysis):
         answer: SweepResult = result.data
         results = table(answer, "name=result unit nominal")
         for n, row in enumerate(results):
-            row["values"] = plain(answer.value[..., n])
+            row["values"] = answer.value[..., n]
         swept = table(answer.axes, "name values")
         return {"axes": swept, "results": results, "failures": answer.failures}
 

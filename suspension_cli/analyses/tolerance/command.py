@@ -17,8 +17,6 @@ from suspension_cli.analyses.analysis import (
     Result,
     Run,
     Settings,
-    as_number,
-    plain,
     table,
 )
 from suspension_cli.analyses.options import option
@@ -192,7 +190,7 @@ class ToleranceAnalysis(Analysis):
 
         spread = "mean_hz=mean mean_error_hz=error std_hz=deviation quantiles_hz=quantiles"
         known = found.job.nominal
-        frequency, rows = plain(known.frequency), table(found.modes, spread)
+        frequency, rows = known.frequency, table(found.modes, spread)
         modes = zip(known.label, frequency, rows, found.modes, strict=True)
         spread = "quantity=name unit mean mean_error=error std=deviation quantiles"
         statics = zip(table(found.static, spread), found.static, strict=True)
@@ -208,7 +206,7 @@ class ToleranceAnalysis(Analysis):
             "sampling": found.job.method,
             "independent": found.independent,
             "levels": list(QUANTILES),
-            "significant_correlation": as_number(found.significant),
+            "significant_correlation": found.significant,
             "modes": [
                 {"label": label, "nominal_hz": frequency, **row, "leading": leading(one)}
                 for label, frequency, row, one in modes
@@ -217,9 +215,9 @@ class ToleranceAnalysis(Analysis):
                 "ratio": found.ratio,
                 "frequency_hz": found.frequency,
                 "limit": found.limit,
-                "fraction_under_limit": as_number(found.under.fraction),
-                "fraction_under_limit_interval": plain(found.under.interval),
-                "quantiles": plain(found.coupling.quantiles),
+                "fraction_under_limit": found.under.fraction,
+                "fraction_under_limit_interval": found.under.interval,
+                "quantiles": found.coupling.quantiles,
                 "leading": leading(found.coupling),
                 "leading_signed": leading(found.signed),
             },
@@ -231,7 +229,7 @@ class ToleranceAnalysis(Analysis):
             answer["sobol_indices"] = {
                 "tolerances": list(found.job.groups),
                 "results": [one.name for one in found.job.quantities],
-                **{name: plain(values) for name, values in found.indices.items()},
+                **found.indices,
             }
         return answer
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, plain, table
+from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import InputError, format_value
@@ -138,8 +138,8 @@ class CouplingAnalysis(Analysis):
         names = "input", "over", "under", "hold", "failures"
         return {
             "axes": table(answer.axes, "name values"),
-            "ratio_real": plain(np.real(ratio)),
-            "ratio_imag": plain(np.imag(ratio)),
+            "ratio_real": np.real(ratio),
+            "ratio_imag": np.imag(ratio),
             "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
             **{name: getattr(answer, name) for name in names},
         }
