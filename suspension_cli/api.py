@@ -142,7 +142,7 @@ class Design(Source):
         >>> sus.read("mine.toml")
         <Design mine: upper, test>
         """
-        from suspension_cli.files.atomic import write_bytes
+        from suspension_cli.files.whole_files import write_bytes
 
         with python_names(out="path"):
             write_bytes(Path(options.path(path, "path")), self.text.encode(), key="path")
@@ -396,7 +396,7 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     """
     from suspension_cli.analyses.modes import picture
     from suspension_cli.equilibrium.nominal import expand
-    from suspension_cli.files.atomic import write_bytes
+    from suspension_cli.files.whole_files import write_bytes
 
     result = _of_analysis(result, "modes", "has no modes that move")
     path = options.path(path, "path")

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 from suspension_cli.drawing.style import house_style, save
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from tests.support.paths import ROOT
 from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
 from tools.stability.draw import count_pages, draw_pages

@@ -10,7 +10,7 @@ import math
 
 from suspension_cli.conventions import DOF_NAMES
 from suspension_cli.design.reader import parse
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tools.tables import PAPER, ROOT

@@ -20,7 +20,7 @@ from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import rule
 from suspension_cli.drawing.labels import label_ends, room_for
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save, write_heading
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import mode_pairing, named_results
 from suspension_cli.models import closed_form
 from suspension_cli.models.closed_form import FourWires

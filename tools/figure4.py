@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter
 from suspension_cli.drawing.curves import rule
 from suspension_cli.drawing.labels import label_ends, room_for
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save, write_heading
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.models import closed_form
 from tools.figure3 import Curve, curves
 from tools.margins import set_margins

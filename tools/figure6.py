@@ -29,7 +29,7 @@ from suspension_cli.drawing.style import (
     write_heading,
     write_text,
 )
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear import signals
 from suspension_cli.studies.job import Axis

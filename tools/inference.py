@@ -11,7 +11,7 @@ import numpy as np
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Measured
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.models.registry import STRING

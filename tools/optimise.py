@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from tools.tables import ROOT
 
 DESIGN, GOALS = "configs/husman2000/triple-vertical.toml", "goals/geo600.toml"

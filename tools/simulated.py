@@ -20,7 +20,7 @@ import numpy as np
 import suspension_cli as sus
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Measured
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import response, signals
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.registry import BEAM

@@ -20,7 +20,7 @@ from suspension_cli.design.reader import parse_with_overrides
 from suspension_cli.design.schema import Design, body_mass
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save, write_heading
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from suspension_cli.design.reader import read
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 

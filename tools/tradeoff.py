@@ -42,7 +42,7 @@ from suspension_cli.drawing.style import (
     write_heading,
     write_text,
 )
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import response, signals, statespace
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem

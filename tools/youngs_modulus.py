@@ -14,7 +14,7 @@ from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.conventions import DOF_NAMES
 from suspension_cli.design import measured
 from suspension_cli.design.measured import Free, Measured
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.models.registry import STRING
 from tools.tables import DOF, PAPER, ROOT
 

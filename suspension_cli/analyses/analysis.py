@@ -439,7 +439,7 @@ class Analysis(ABC):
 
     def save(self, path: Path, result: Result) -> None:
         """Write the results file."""
-        from suspension_cli.files import atomic, hdf5
+        from suspension_cli.files import hdf5, whole_files
 
         def fill(file: h5py.File) -> None:
             self.fill(file, result)
@@ -458,7 +458,7 @@ class Analysis(ABC):
         elif stored is None:
             hdf5.write(path, result.provenance, fill)
         elif not (path.exists() and path.samefile(stored)):
-            atomic.write_bytes(path, stored.read_bytes())
+            whole_files.write_bytes(path, stored.read_bytes())
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write files beside the results file at `path`, and return their paths."""

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.files.atomic import write_bytes
 from suspension_cli.files.declared import SI, TEXT, fill_in, items
 from suspension_cli.files.hdf5 import in_memory, open_results
 from suspension_cli.files.stored import Variable, variables
+from suspension_cli.files.whole_files import write_bytes
 
 if TYPE_CHECKING:
     import xarray

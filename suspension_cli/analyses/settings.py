@@ -76,7 +76,7 @@ def _key(option: Option) -> str:
 
 def folder(path: str) -> Path:
     """Make the folder for results if it is missing; raises `InputError` if that fails."""
-    from suspension_cli.files.atomic import writing_to
+    from suspension_cli.files.whole_files import writing_to
 
     with writing_to(path):
         Path(path).mkdir(parents=True, exist_ok=True)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
-from suspension_cli.files.atomic import target, writing_to
-from suspension_cli.files.existing import replacing
-from suspension_cli.files.hdf5 import Provenance, open_results
+from suspension_cli.files.hdf5 import Provenance, open_results, replacing
+from suspension_cli.files.whole_files import target, writing_to
 from suspension_cli.studies.run import describe_exposure, part_of
 from suspension_cli.studies.run import run as compute
 

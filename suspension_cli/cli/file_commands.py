@@ -153,7 +153,7 @@ def _put_design(file: str | None, text: str, force: bool, options: str = "") -> 
 
 def _write_new(path: Path, text: str, force: bool) -> None:
     """Write a file that does not exist yet, unless `force`; raises `InputError`."""
-    from suspension_cli.files.atomic import write_bytes
+    from suspension_cli.files.whole_files import write_bytes
 
     if path.exists() and not force:
         problem, remedy = "exists already", "name another file, or give --force"
@@ -202,8 +202,8 @@ def plot(
     from suspension_cli.analyses import labelled
     from suspension_cli.drawing.panels import limited
     from suspension_cli.drawing.style import encode
-    from suspension_cli.files.atomic import write_bytes
     from suspension_cli.files.hdf5 import open_results, reporting_damage
+    from suspension_cli.files.whole_files import write_bytes
 
     limits = _limits("--x", x_limits), _limits("--y", y_limits)
     folder = settings.folder(out) if out else None

@@ -114,8 +114,8 @@ def _demand_distinct_names(sources: Sequence[Source]) -> None:
 def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
     """Write the files of a result: HDF5, CSV and pictures."""
     from suspension_cli.analyses import labelled
-    from suspension_cli.files.atomic import write_bytes
-    from suspension_cli.files.existing import replacing
+    from suspension_cli.files.hdf5 import replacing
+    from suspension_cli.files.whole_files import write_bytes
 
     analysis, setting = result.analysis, run.setting
     path = analysis.path(result, settings.folder(str(run.folder)))

@@ -27,11 +27,11 @@ from typing import Any
 from suspension_cli.design import foton
 from suspension_cli.design.foton import Filter
 from suspension_cli.errors import InputError, format_value, suggest
-from suspension_cli.files import bounded
+from suspension_cli.files import whole_files
 
 SECTIONS, BIQUADS = 10, 10
 """Sections of a module, and most second-order sections of each."""
-MOST = 4 * bounded.TOML
+MOST = 4 * whole_files.TOML
 """Largest file, bytes; those of front ends have up to a few MB."""
 FIRST = 12
 """Words in the first line of a section."""
@@ -66,7 +66,7 @@ def read(path: Path, module: str, numbers: Sequence[int]) -> tuple[str, float]:
 
     Raises `InputError` with the line at fault.
     """
-    lines = bounded.read_text(path, MOST, "a Foton filter file").splitlines()
+    lines = whole_files.read_text(path, MOST, "a Foton filter file").splitlines()
     words = [line.lstrip("#").split() for line in lines]
     heads = [words[n] for n, line in enumerate(lines) if line.startswith("#") and words[n]]
     starts = [n for n, one in enumerate(words) if len(one) == FIRST and one[1].isdecimal()]

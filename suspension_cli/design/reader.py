@@ -20,7 +20,7 @@ from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
-from suspension_cli.files import bounded, columns
+from suspension_cli.files import columns, whole_files
 
 T = TypeVar("T", bound=Table)
 LONGEST_STEM = 150
@@ -204,7 +204,7 @@ def _find(node: object, keys: Sequence[str], path: str = "") -> Iterator[tuple[s
 
 def _columns(file: Path, counts: tuple[int, ...], remedy: str) -> columns.Columns:
     """Read a CSV file with one of some numbers of columns."""
-    found = columns.read(file, bounded.TOML, "a CSV file")
+    found = columns.read(file, whole_files.TOML, "a CSV file")
     if len(found.names) not in counts:
         raise InputError.of("", f"has {len(found.names)} columns", remedy)
     return found
@@ -276,7 +276,7 @@ def write_toml(raw: Raw) -> str:
 
 
 def _text(path: Path) -> str:
-    return bounded.read_text(path, bounded.TOML, "a design or another TOML file", pipe=True)
+    return whole_files.read_text(path, whole_files.TOML, "a design or another TOML file", pipe=True)
 
 
 def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:

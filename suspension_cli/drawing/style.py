@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.files.atomic import replace_file
+from suspension_cli.files.whole_files import replace_file
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType

@@ -21,7 +21,7 @@ import numpy as np
 from suspension_cli.design.schema import Gas
 from suspension_cli.elements import beam, joined_sections, loss, resting
 from suspension_cli.elements.joined_sections import ENDS, EPS, Joined
-from suspension_cli.scene.composition import Fibre, Section
+from suspension_cli.scene.scene import Fibre, Section
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -32,7 +32,7 @@ from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.cross_sections import plate
 from suspension_cli.design.schema import Body, Gas
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import BladeLoss, Section
+from suspension_cli.scene.scene import BladeLoss, Section
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact

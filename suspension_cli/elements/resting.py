@@ -21,8 +21,7 @@ import numpy as np
 from suspension_cli.elements.beam import tanhc
 from suspension_cli.elements.joined_sections import Joined, join
 from suspension_cli.rotations import cross
-from suspension_cli.scene.composition import Fibre, Section
-from suspension_cli.scene.scene import Flex, Scene
+from suspension_cli.scene.scene import Fibre, Flex, Scene, Section
 
 if TYPE_CHECKING:
     from jaxtyping import Inexact

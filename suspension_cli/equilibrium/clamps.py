@@ -38,9 +38,8 @@ from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene import fibres as fibres_of
-from suspension_cli.scene.composition import Fibres, Section
 from suspension_cli.scene.pose import Layout
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import Fibres, Scene, Section
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.errors import InputError, format_value, suggest
-from suspension_cli.files import bounded
+from suspension_cli.files import whole_files
 
 if TYPE_CHECKING:
     import numpy as np
@@ -155,7 +155,7 @@ def split_unit(title: str, units: Mapping[str, float], per: str = "") -> tuple[s
 
 
 def read(
-    path: Path, most: int = bounded.TEXT, kind: str = "a CSV, HDF5 or DTT XML file"
+    path: Path, most: int = whole_files.TEXT, kind: str = "a CSV, HDF5 or DTT XML file"
 ) -> Columns:
     """Read a table with or without a line of headings, with comments after # or %.
 
@@ -163,7 +163,7 @@ def read(
     numbers may hold the headings. Raises `InputError` with the line of a word among numbers, or of
     a wrong number of columns.
     """
-    rows, above = _rows(bounded.read_text(path, most, kind))
+    rows, above = _rows(whole_files.read_text(path, most, kind))
     if not rows:
         raise InputError.of("", "has no numbers", "give numbers in columns, the same in each line")
     width = len(rows[0][1])

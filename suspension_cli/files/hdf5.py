@@ -1,4 +1,5 @@
-"""HDF5 files of results, which name their units and record how they were made.
+"""HDF5 files of results, which name their units and record how they were made; and what design a
+results file of any format has.
 
 `docs/format.md` describes them. A file is built in memory and written whole or not at all. Each
 analysis defines the content of its group.
@@ -7,6 +8,7 @@ analysis defines the content of its group.
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import os
 import warnings
@@ -19,7 +21,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.errors import InputError, attribute_faults_to, format_value, one_line
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
@@ -29,6 +31,8 @@ Stored = Any
 """A group or dataset to read: the types of h5py do not distinguish items of a group."""
 FORMAT_VERSION = 3
 """Raised when a reader of older files would misunderstand a new one."""
+MARK, WIDTH = "#= ", 90
+"""Start of lines of comment that hold a design, and letters of it in each."""
 
 
 @dataclass(frozen=True)
@@ -211,3 +215,53 @@ def _damage(item: h5py.Dataset, largest: int, foreign: bool) -> str:
 
 LARGE = 1 << 26
 """Largest dataset accepted in a much smaller (compressed) file, bytes."""
+
+
+def read_design(path: Path) -> str | None:
+    """Read the text of the design from a result file; None if it is missing or not a result.
+
+    A folder is a noise budget of gwinc.
+    """
+    path = path / "suspension.npz" if path.is_dir() else path
+    if not path.is_file():
+        return None
+    try:
+        match path.suffix:
+            case ".h5":
+                with h5py.File(path, "r") as file:
+                    found = file.attrs["design"]
+            case ".mat":
+                from scipy.io import loadmat
+
+                stored = loadmat(path, variable_names=["pendsus"], simplify_cells=True)
+                found = stored["pendsus"]["design"]
+            case ".npz":
+                import numpy as np
+
+                with np.load(path) as arrays:
+                    found = arrays["design"]
+            case ".txt":
+                lines = path.read_text(encoding="utf-8").splitlines()
+                marked = (one.removeprefix(MARK) for one in lines if one.startswith(MARK))
+                found = json.loads("".join(marked))
+            case _:
+                found = json.loads(path.read_text(encoding="utf-8"))["design"]
+    except Exception:  # whatever the failure, it is not a result
+        return None
+    return str(found)
+
+
+def comment_design(text: str) -> list[str]:
+    """Write a design as lines of comment for a text file, which `read_design` reads."""
+    whole = json.dumps(text)
+    return [MARK + whole[n : n + WIDTH] for n in range(0, len(whole), WIDTH)]
+
+
+@contextlib.contextmanager
+def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[None]:
+    """Report that the result of a design (`text`) was written, and if it replaced another's."""
+    before = read_design(path)
+    yield
+    replaced = before is not None and before != text
+    note = " (replaced the result of another design of this name; to keep both, give --name)"
+    say(f"wrote {path}{note if replaced else ''}")

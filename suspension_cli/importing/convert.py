@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.design import reader
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError, attribute_faults_to
-from suspension_cli.files import bounded
+from suspension_cli.files import whole_files
 from suspension_cli.importing.save import (
     GRAVITY,
     Body,
@@ -74,7 +74,7 @@ def read(
     no save, is damaged, or gives no valid design.
     """
     with attribute_faults_to(str(file)):
-        text = bounded.read_text(file, bounded.TEXT, "a save of SUMCON (.m)")
+        text = whole_files.read_text(file, whole_files.TEXT, "a save of SUMCON (.m)")
         near = [folder / "HeatLink" for folder in file.resolve().parents[:5]]
         folder = tables or next((one for one in near if one.is_dir()), file.parent)
         save = read_tables(text)
@@ -99,7 +99,7 @@ def read_columns(folder: Path, name: str) -> np.ndarray:
     if not re.fullmatch(r"\w{1,60}", name, re.ASCII) or not file.exists():
         problem = "is not in a folder HeatLink near the save"
         raise InputError.of(key, problem, "name its folder with --tables")
-    lines = bounded.read_text(file, bounded.TOML, "a stiffness table").splitlines()
+    lines = whole_files.read_text(file, whole_files.TOML, "a stiffness table").splitlines()
     try:
         columns = np.array([line.split() for line in lines if line.strip()], dtype=float).T
     except ValueError:

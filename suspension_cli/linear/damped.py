@@ -20,8 +20,8 @@ from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import LossTerm, quadratic_form
 from suspension_cli.linear.pencil import Loss, Pencil
-from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.roots import Roots, find_roots
+from suspension_cli.linear.statespace import ROUNDING
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:

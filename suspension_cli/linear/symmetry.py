@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
     from jaxtyping import Bool, Float, Inexact, Int, Real
 
-    from suspension_cli.scene.composition import Fibre
+    from suspension_cli.scene.scene import Fibre
 
     Pairs = dict[str, Bool[np.ndarray, "*#batch member member"]]
     """Pairs of members of each part of a scene that map onto each other, by the part's name."""

@@ -31,7 +31,7 @@ from xml.parsers import expat
 import numpy as np
 
 from suspension_cli.errors import Fault, InputError, format_value, one_line, suggest
-from suspension_cli.files import bounded
+from suspension_cli.files import whole_files
 from suspension_cli.files.columns import Columns
 
 AGAIN = "save the measurement in diaggui again"
@@ -203,11 +203,13 @@ def _numbers(
 
 def _root(path: Path) -> ElementTree.Element:
     kind = "a measurement that diaggui saved"
-    data = bounded.read_bytes(path, bounded.DATA, kind)
+    data = whole_files.read_bytes(path, whole_files.DATA, kind)
     if data[:2] == b"\x1f\x8b":
         try:
             with gzip.open(io.BytesIO(data)) as stream:
-                data = bounded.checked_size(stream.read(bounded.DATA + 1), bounded.DATA, kind)
+                data = whole_files.checked_size(
+                    stream.read(whole_files.DATA + 1), whole_files.DATA, kind
+                )
         except (OSError, EOFError, zlib.error) as error:
             raise InputError.of("", f"is not whole gzip ({error})", AGAIN) from None
     root = _parse(data)

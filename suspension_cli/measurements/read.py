@@ -15,7 +15,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import InputError, attribute_faults_to, format_value, gather
-from suspension_cli.files import bounded, columns
+from suspension_cli.files import columns, whole_files
 from suspension_cli.files.columns import WORDS, Columns
 from suspension_cli.files.hdf5 import is_results_file, open_data
 from suspension_cli.measurements import dtt
@@ -87,7 +87,7 @@ def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[Me
 
 
 def _open(path: Path) -> Columns | Dtt:
-    begin = bounded.read_head(path, 512, "a file of data")
+    begin = whole_files.read_head(path, 512, "a file of data")
     if not begin.strip():
         raise InputError.of("", "is empty", "give a frequency and a value per line")
     if begin.startswith(b"\x89HDF") or path.suffix.lower() in (".h5", ".hdf5", ".hdf"):

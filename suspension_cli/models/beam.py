@@ -28,9 +28,8 @@ from suspension_cli.models.string import Assembly
 from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import BladeLoss, Fibres
 from suspension_cli.scene.pose import Layout, Pose, layout
-from suspension_cli.scene.scene import Scene
+from suspension_cli.scene.scene import BladeLoss, Fibres, Scene
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int

@@ -28,9 +28,8 @@ from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
 from suspension_cli.rotations import rigid_motion
 from suspension_cli.scene.arrays import Array, inner_axes
-from suspension_cli.scene.composition import BladeLoss
 from suspension_cli.scene.pose import Layout, Pose, layout
-from suspension_cli.scene.scene import Scene, Spectrum, Springs
+from suspension_cli.scene.scene import BladeLoss, Scene, Spectrum, Springs
 
 if TYPE_CHECKING:
     from suspension_cli.elements.element import Contribution

@@ -26,8 +26,8 @@ from suspension_cli.design.wires import (
 )
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, Row
-from suspension_cli.scene.composition import BladeLoss, Fibre, Fibres, Section
 from suspension_cli.scene.expand import Members
+from suspension_cli.scene.scene import BladeLoss, Fibre, Fibres, Section
 
 POISSON = 0.3
 """Poisson's ratio of a material for which none is known."""

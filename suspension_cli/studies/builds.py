@@ -18,9 +18,9 @@ from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear import batch_modes
 from suspension_cli.linear.named_results import Ratio
-from suspension_cli.linear.poles import ROUNDING
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
+from suspension_cli.linear.statespace import ROUNDING
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry

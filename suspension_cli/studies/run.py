@@ -29,8 +29,8 @@ import numpy as np
 
 from suspension_cli.errors import InputError, PendsusError, format_value
 from suspension_cli.files import hdf5
-from suspension_cli.files.atomic import writing_to
 from suspension_cli.files.hdf5 import Provenance
+from suspension_cli.files.whole_files import writing_to
 from suspension_cli.version import __version__
 
 try:

@@ -11,7 +11,7 @@ from suspension_cli.design.cross_sections import circle, rectangle
 from suspension_cli.design.materials import Bulk
 from suspension_cli.elements import joined_sections, resting
 from suspension_cli.elements.dynamic_wire import TautWire
-from suspension_cli.scene.composition import Fibre, Section
+from suspension_cli.scene.scene import Fibre, Section
 from tests.support import beam_mp
 from tests.support.beam_mp import MP
 from tests.support.references import kept

@@ -19,7 +19,7 @@ from suspension_cli.design.cross_sections import (
 )
 from suspension_cli.design.materials import Bulk, Mechanism, Thermoelastic
 from suspension_cli.elements import loss
-from suspension_cli.scene.composition import BladeLoss, Section
+from suspension_cli.scene.scene import BladeLoss, Section
 
 GLASS = Bulk(4.1e-10, surface_depth=1.5e-2)
 HEAT = Thermoelastic(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.analyses.export import solve as export
-from suspension_cli.linear import eigenmodes, poles, response, signals, statespace
+from suspension_cli.linear import eigenmodes, response, signals, statespace
 from suspension_cli.models import registry
 from tests.support import plants, responses_mp, scenes
 
@@ -149,7 +149,7 @@ def test_zero_pole_gain(name):
 def test_loss_becomes_the_damping_of_each_mode(kind, level):
     model = plants.model(kind, level, loss=True)
     found = eigenmodes.solve(model)
-    closed, _ = poles.solve(statespace.build(model, *ends(model)))
+    closed, _ = statespace.find_poles(statespace.build(model, *ends(model)))
     assert len(closed.value) == len(found.q)
     order = np.argsort(found.frequency)
     np.testing.assert_allclose(closed.frequency, found.frequency[order], rtol=1e-6)

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from suspension_cli.files import bounded
+from suspension_cli.files import whole_files
 from tests.measurements.test_read import HEAD, F, H, refusal
 from tests.support.dtt_files import document, result
 
@@ -36,7 +36,7 @@ def declare(encoding: str) -> bytes:
         (b"<LIGO_LW>" + b"<a/>" * 1_000_001 + b"</LIGO_LW>", "is not XML (too many elements)"),
         (gzip.compress(DTT.encode(), mtime=0)[:-40], "is not whole gzip"),
         (b"\x1f\x8b\x08" + bytes(7) + b"\xff" * 99, "is not whole gzip"),
-        (gzip.compress(b"<" + bytes(bounded.DATA), mtime=0), "has more than 256 MB"),
+        (gzip.compress(b"<" + bytes(whole_files.DATA), mtime=0), "has more than 256 MB"),
         (DTT.replace('"f0">0.0', '"f0">inf').encode(), 'point 1 of B/A: trace "frequ'),
     ],
     ids=lambda value: value[:20].decode(errors="replace") if isinstance(value, bytes) else "",

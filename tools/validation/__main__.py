@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from tools.tables import ROOT
 from tools.validation import geo, kagra, kagra_measured, ligo
 from tools.validation.page import percent

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.measurements import dtt
 from tools.tables import ROOT
 

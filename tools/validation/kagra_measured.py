@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 import suspension_cli as sus
 from suspension_cli.design import reader
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tools.tables import ROOT

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from suspension_cli.design import paths, reader
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.models import registry
 from tools.tables import ROOT
 from tools.validation.sumcon_references import FREQUENCY

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.damp.solve import LocalControl
     from suspension_cli.design.schema import Design
-    from suspension_cli.linear.poles import Poles
+    from suspension_cli.linear.statespace import Poles
 
 
 LOOPS = option(
@@ -135,10 +135,10 @@ class DampAnalysis(Analysis):
         """Write the filters as Foton strings."""
         if not result.extra.get("foton"):
             return []
-        from suspension_cli.files import atomic
+        from suspension_cli.files import whole_files
 
         made = path.with_name(f"{result.source.stem()}-foton.txt")
-        atomic.write_bytes(made, write_foton(result.design).encode())
+        whole_files.write_bytes(made, write_foton(result.design).encode())
         return [made]
 
     def parse_names(

@@ -23,12 +23,11 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, derived, in_unit
-from suspension_cli.linear import poles, quality, roots, signals, statespace
+from suspension_cli.linear import quality, roots, signals, statespace
 from suspension_cli.linear.pencil import Pencil
-from suspension_cli.linear.poles import Poles
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
 from suspension_cli.linear.signals import Signal
-from suspension_cli.linear.statespace import StateSpace, with_constant_loss
+from suspension_cli.linear.statespace import Poles, StateSpace, with_constant_loss
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 
@@ -152,7 +151,7 @@ def solve(
     constant = replace(plant, model=with_constant_loss(model))
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
-        poles.impulse(build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
+        statespace.impulse(build_closed_loop(fixed, [driven], [observed]), time)[:, 0, 0]
         for fixed in (constant, constant.with_loops([]))
     )
     return LocalControl(
@@ -373,7 +372,7 @@ def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list
         return Poles(np.zeros(0, dtype=complex), ())
     own = fixed.with_loops(numbers)
     motions = [Signal("", model.body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False) for n in bodily]
-    start, shape = poles.solve(build_closed_loop(own, [], motions))
+    start, shape = statespace.find_poles(build_closed_loop(own, [], motions))
     value = np.where(np.abs(start.value) <= STILL * np.abs(start.value).max(), 0.0, start.value)
     motion = np.zeros((len(value), model.size), dtype=complex)
     motion[:, bodily] = shape.T

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Result, Run, Settings
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -34,9 +34,8 @@ from suspension_cli.design import foton, foton_file
 from suspension_cli.design.foton import Filter
 from suspension_cli.design.foton_file import FilterFile, Module
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.files.atomic import write_bytes
-from suspension_cli.files.existing import comment_design
-from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, write
+from suspension_cli.files.hdf5 import Provenance, add_dataset, add_scale, comment_design, write
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.version import __version__
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import main_chain
 from suspension_cli.design.schema import body_mass
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.files.atomic import write_bytes, writing_to
 from suspension_cli.files.hdf5 import Provenance
+from suspension_cli.files.whole_files import write_bytes, writing_to
 from suspension_cli.grids import parse_band
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.linear.system import LinearSystem

@@ -204,7 +204,7 @@ class FitAnalysis(Analysis):
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
         from suspension_cli.analyses.fit import findings
-        from suspension_cli.files.atomic import write_bytes
+        from suspension_cli.files.whole_files import write_bytes
 
         extra, paths = result.extra, []
         measured = Path(extra["measured_file"]).name

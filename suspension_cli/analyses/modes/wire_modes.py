@@ -26,7 +26,7 @@ from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.composition import Fibre
+from suspension_cli.scene.scene import Fibre
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int

@@ -183,7 +183,7 @@ class OptimiseAnalysis(Analysis):
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml, with its origin and the text."""
         from suspension_cli.errors import escape_unprintable
-        from suspension_cli.files.atomic import write_bytes
+        from suspension_cli.files.whole_files import write_bytes
         from suspension_cli.version import __version__
 
         made = path.with_name(f"{result.source.stem()}-optimised.toml")

@@ -10,7 +10,7 @@ import click
 
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Result, Run, Settings
-from suspension_cli.files.atomic import write_bytes
+from suspension_cli.files.whole_files import write_bytes
 
 
 class ReportAnalysis(Analysis):

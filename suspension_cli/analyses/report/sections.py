@@ -238,8 +238,7 @@ def tolerance(report: Composition) -> Iterator[Block]:
 
 def _stored(report: Composition, name: str) -> Any:
     """Return a result of an earlier run of this design; None if there is none."""
-    from suspension_cli.files.existing import read_design
-    from suspension_cli.files.hdf5 import open_results
+    from suspension_cli.files.hdf5 import open_results, read_design
 
     path = report.request.folder / f"{report.source.stem()}-{name}.h5"
     if read_design(path) != report.source.text:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.design.schema import Design
-    from suspension_cli.linear.poles import Poles
+    from suspension_cli.linear.statespace import Poles
 
 LOW = 0.1
 """Fraction of the largest magnitude on the grid from which a peak may be the largest."""

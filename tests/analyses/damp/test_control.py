@@ -13,7 +13,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.control import expand_roots
 from suspension_cli.design.derive import com_positions
 from suspension_cli.errors import InputError
-from suspension_cli.linear import poles
+from suspension_cli.linear import statespace
 from suspension_cli.models import registry
 from suspension_cli.rotations import cross_matrix
 from tests.support import plants, scenes
@@ -154,7 +154,7 @@ def test_impulse_response_is_the_inverse_transform():
     frequency = np.arange(count // 2 + 1) / duration
     value = control.solve_responses(closed, frequency, inputs, outputs).value[:, :, 0]
     expected = np.fft.irfft(value, axis=0) * count / duration
-    found = poles.impulse(
+    found = statespace.impulse(
         build_closed_loop(closed, inputs, outputs),
         np.arange(1500) / (2 * highest),
     )[:, :, 0]

@@ -10,7 +10,7 @@ from scipy import signal
 import suspension_cli as sus
 from suspension_cli.analyses.export.solve import off_resonance
 from suspension_cli.design import foton, foton_file
-from suspension_cli.files.existing import read_design
+from suspension_cli.files.hdf5 import read_design
 from tests.support import plants
 from tests.support.commandline import run, strict_json, written
 
