@@ -146,7 +146,11 @@ def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
     elif isinstance(value, dict):
         known, rest = node.get("properties", {}), node.get("additionalProperties", {})
         for key, item in value.items():
-            if key in known or rest is not False:
+            misnamed = isinstance(item, dict) and known.get(key, {}).get("type") == "array"
+            others = [name for name in value if misnamed and name in known and name != key]
+            if (hint := suggest(key, others)).startswith("did you mean"):
+                yield Fault(step(path, key), "must be an array", hint, format_value(item))
+            elif key in known or rest is not False:
                 yield from _walk(known.get(key, rest), item, step(path, key))
             else:
                 remedy = suggest(key, list(known))

@@ -30,7 +30,7 @@ import numpy as np
 from suspension_cli.errors import InputError, PendsusError, format_value
 from suspension_cli.files import hdf5
 from suspension_cli.files.hdf5 import Provenance
-from suspension_cli.files.whole_files import writing_to
+from suspension_cli.files.whole_files import is_regular, writing_to
 from suspension_cli.version import __version__
 
 try:
@@ -156,6 +156,12 @@ class _Points:
 def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[_Points]:
     """Begin or resume the folder of a job, which no other run may write meanwhile."""
     folder, points = part_of(path), _Points(path, job.count)
+    if not is_regular(path, follow=True):
+        problem, remedy = "is not a regular file", "delete it, or name another folder"
+        raise InputError.of("--out", problem, remedy, str(path))
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        problem, remedy = "is no folder of an unfinished run", "delete it, or name another folder"
+        raise InputError.of("--out", problem, remedy, str(folder))
     known = (__version__, job.count, origin.design, job.identity)
     key = hashlib.sha256(repr(known).encode()).hexdigest()
     with contextlib.ExitStack() as stack:

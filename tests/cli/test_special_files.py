@@ -118,7 +118,7 @@ def test_unfinished_files_are_not_written_through_links(exists, resume, tmp_path
     done = run("sweep", file, *SWEEP, *resume, "--out", out)
     assert done.exit_code == 2
     assert done.stderr == (
-        f"--out = {link}: is not a regular file; delete it, or name another folder\n"
+        f"--out = {link}: is no folder of an unfinished run; delete it, or name another folder\n"
     )
     assert list(out.iterdir()) == [link] and link.is_symlink()
     assert victim.read_text() == "precious" if exists else not victim.exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -180,8 +181,8 @@ def _read(file: str, inputs: Sequence[str], outputs: Sequence[str]) -> Item:
             remedy = "add one (docs/measurements.md), or name a file of data"
             raise InputError([Fault("", "has no [[transfer_function]]", remedy)], file)
         return Item(given, Channels.of(given, read.read_all(given, file)), file)
-    if not Path(file).is_file():
-        problem = "is a directory" if Path(file).is_dir() else "is missing"
+    if not os.path.isfile(file):  # False of names that are too long, too
+        problem = "is a directory" if os.path.isdir(file) else "is missing"
         raise InputError([Fault("", problem, "name a file of measurements")], file)
     if len(inputs) != 1 or len(outputs) != 1:
         problem = "does not say what was driven and observed"
