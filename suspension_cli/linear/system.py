@@ -322,9 +322,11 @@ class LinearSystem:
         """
         matrices = [self.mass, self.damping, np.real(self.soft), np.imag(self.soft)]
         if self.batch:
-            moved = (self.elongation != 0).reshape(-1, *self.elongation.shape[-2:]).any(0) + 0.0
-            used = [(m != 0).reshape(-1, self.size, self.size).any(0) for m in matrices]
-            return (self.allowed & (moved.T @ moved > 0)) | np.any(used, axis=0)
+            moved, *used = (
+                (matrix != 0).any(tuple(range(matrix.ndim - 2)))
+                for matrix in (self.elongation, *matrices)
+            )
+            return (self.allowed & (moved.T @ moved)) | np.any(used, axis=0)
         for k in dict.fromkeys(self.k.tolist()):
             some = self.elongation[self.k == k]
             matrices.append(np.where(self.allowed, some.T @ some, 0.0))

@@ -295,7 +295,7 @@ def test_resume_of_something_else_is_refused(kind, tmp_path):
     (line,) = str(caught.value).splitlines()
     assert contents(part) == before
     if not part.is_dir():
-        assert "cannot be written (File exists)" in line
+        assert "is no folder of an unfinished run" in line
         return
     assert part.name in line and line.endswith("start anew without --resume")
     counting_sweep.run(counting_sweep.Toy(500, log), path)
