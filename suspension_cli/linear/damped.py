@@ -62,12 +62,10 @@ def solve(model: LinearSystem) -> Modes:
     member = np.repeat(np.arange(len(blocks)), [len(start[0]) for start in starts])
     value, motion = (np.concatenate(parts) + 0j for parts in zip(*starts, strict=True))
     start = Roots.starts(blocks, value, member, motion)
-    rate = np.array([loss[still.block == n].max(initial=0.0) for n in range(len(blocks))])
-    width = np.abs(value) * rate[member] / 2
     for oscillates in (True, False):
         some = (np.imag(value) > 0) == oscillates
         acting: Loss = "all" if oscillates else "dampers"
-        found = find_roots(pencil, blocks, start.select(some), width[some], acting)
+        found = find_roots(pencil, blocks, start.select(some), loss=acting)
         value[some], motion[some] = found.value, found.motions(blocks, model.size)
     motion /= np.sqrt(quadratic_form(model.mass, motion.T))[:, None]
     value = np.concatenate([np.sqrt(-squared[plain] + 0j), value])

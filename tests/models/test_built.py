@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import suspension_cli as sus
+from suspension_cli.models import registry
 from tests.support.paths import CONFIGS, ROOT
 from tools.validation import kagra, ligo_production
 
@@ -13,6 +15,26 @@ def test_every_design_has_numbers():
     built = {file.stem for file in (CONFIGS / "built").glob("kagra-*.toml")}
     known = {file.stem for file in (ROOT / "measured" / "sumcon").glob("*.toml")}
     assert built == known == set(kagra.SUSPENSIONS)
+
+
+@pytest.mark.parametrize("name", ["kagra-sr3", "kagra-srm", "kagra-bs-2019"])
+def test_modes_with_strong_damping_are_those_of_the_matrices(name):
+    """Each once, those of an eddy-current damper (Q of 0.9) too.
+
+    A keystone at 1 MHz leaves the eigenvalues of a dense matrix four digits.
+    """
+    design = sus.read(CONFIGS / "built" / f"{name}.toml")
+    model = registry.STRING.system(design.design)
+    stiffness, damping, mass = (
+        matrix[6:, 6:] for matrix in (model.complete, model.damping, model.mass)
+    )
+    none, one = np.zeros_like(mass), np.eye(len(mass))
+    right = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
+    poles = np.linalg.eigvals(np.vstack([np.hstack([none, one]), right]))
+    expected = np.sort(np.abs(poles[poles.imag > 0])) / (2 * np.pi)
+    found = np.sort(sus.modes(design, fidelity="string").frequency)
+    low = expected < 1.0
+    assert found[: low.sum()] == pytest.approx(expected[low], rel=1e-4)
 
 
 def test_every_design_is_on_the_page():
