@@ -75,7 +75,7 @@ def main() -> None:
     ]
     lines += [
         f"| {angle:.1f}° | "
-        + " | ".join(f"{row[n][0]:.4g} ({100 * row[n][1]:+.2f} %)" for n in names)
+        + " | ".join(f"{row[n][0]:.4g} ({round(100 * row[n][1], 2) + 0.0:+.2f} %)" for n in names)
         + " |"
         for angle, row in rows
     ]
