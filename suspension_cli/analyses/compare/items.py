@@ -44,7 +44,7 @@ class Curve:
 
     `item` is the number of the item, from 0. Uncertainties are those of measured real and imaginary
     parts; NaN where unknown. The ratio of the reference is empty. `fine` is the value of a model at
-    more frequencies, which resolve resonances; empty if measured.
+    more frequencies, which resolve resonances; None if measured, or where a file has none.
     """
 
     item: int
@@ -57,11 +57,11 @@ class Curve:
     ratio: Complex[np.ndarray, " ratio_frequency"] = field(
         default_factory=lambda: np.zeros(0, dtype=complex)
     )
-    fine_frequency: Float[np.ndarray, " fine_frequency"] = field(
-        default_factory=lambda: np.zeros(0), metadata=in_unit("Hz")
+    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
+        default=None, metadata=in_unit("Hz")
     )
-    fine: Complex[np.ndarray, " fine_frequency"] = field(
-        default_factory=lambda: np.zeros(0, dtype=complex), metadata=in_unit("{unit}")
+    fine: Complex[np.ndarray, " fine_frequency"] | None = field(
+        default=None, metadata=in_unit("{unit}")
     )
 
 
@@ -186,10 +186,11 @@ def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
 
     found, curves = result.data, {}
 
-    def add(what: Quantity, unit: str, frequency: Array, value: Array, *fine: Array) -> None:
+    def add(
+        what: Quantity, unit: str, frequency: Array, value: Array, more: Array, fine: Array
+    ) -> None:
         unknown = np.full(len(frequency), np.nan)
-        at, more = fine
-        curve = Curve(0, frequency, value + 0j, unknown, fine_frequency=at, fine=more + 0j)
+        curve = Curve(0, frequency, value + 0j, unknown, fine_frequency=more, fine=fine + 0j)
         curves[what] = curve, unit
 
     if result.analysis.name == "response":

@@ -109,7 +109,7 @@ def _refine(overlay: Overlay) -> list[Curve]:
     """Resolve the resonances of computed curves, and of their ratios."""
     curves: list[Curve] = []
     for curve in overlay.curves:
-        if len(curve.fine):
+        if curve.fine_frequency is not None and curve.fine is not None:
             at, unknown = curve.fine_frequency, np.full(len(curve.fine), np.nan)
             curve = replace(curve, frequency=at, value=curve.fine, uncertainty=unknown)
             if curves:  # also where the reference has resonances

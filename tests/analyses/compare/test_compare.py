@@ -191,3 +191,11 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
         for name in ("changes/before", "overlay/1/curves/2/value", "overlay/1/curves/2/ratio"):
             data = file[f"compare/{name}"]
             assert [len(scale[0]) for scale in data.dims] == [*data.shape]
+    with h5py.File(tmp_path / f"{stem}.h5", "r+") as file:  # as an earlier file, which had none
+        for curve in file["compare/overlay/1/curves"].values():
+            for name in ("fine", "fine_frequency"):
+                if name in curve:
+                    del curve[name]
+    (curves,) = [one.curves for one in sus.load(tmp_path / f"{stem}.h5").data.overlay]
+    assert [one.fine for one in curves] == [None] * 3
+    assert run("plot", tmp_path / f"{stem}.h5", "--out", tmp_path / "again").exit_code == 0
