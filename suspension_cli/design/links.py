@@ -138,7 +138,9 @@ class Link(BetweenBodies, frozen=True):
     )
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
     preload: units.Wrench = key(
-        "force (N) and torque (N m) on the first body at the point, nominal pose", [0.0] * 6
+        "force (N) and torque (N m) on the first body at the point in the nominal pose; the second"
+        " takes the opposite",
+        [0.0] * 6,
     )
     active: Active = False
 
@@ -210,7 +212,8 @@ class Cavity(BetweenBodies, frozen=True):
         "circulating power, W, at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12
     )
     detuning: float = key(
-        "laser's frequency less the resonance, Hz; above 0 the optical spring restores and drives",
+        "laser's frequency less the cavity's resonance, Hz, to be compared with the pole; above"
+        " 0 the optical spring restores and drives, below 0 it repels and damps",
         0.0,
         unit="Hz",
         ge=-1e12,
@@ -220,7 +223,13 @@ class Cavity(BetweenBodies, frozen=True):
     finesse: float | None = key(
         "finesse, instead of pole", unit="1", plausible=SHARP, ge=1, le=1e12
     )
-    transmission: float | None = key("part of power lost per round trip", unit="1", gt=0, le=0.9)
+    transmission: float | None = key(
+        "fraction of the power lost per round trip, through both mirrors and otherwise; instead of"
+        " pole",
+        unit="1",
+        gt=0,
+        le=0.9,
+    )
     wavelength: units.Length = key("wavelength of the light in m", 1064e-9, plausible=OPTICAL)
 
     rules = (

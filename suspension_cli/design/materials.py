@@ -44,12 +44,17 @@ class MaterialLoss(Table, frozen=True):
     """Losses of a material, for the models in which wires bend."""
 
     angle: units.LossAngle | None = key("constant loss angle of the bulk in rad")
-    table: LossTable | None = key("loss angle of the bulk by frequency, instead")
+    table: LossTable | None = key(
+        "loss angle of the bulk by frequency, instead of a constant one: interpolated linearly in"
+        " the logarithms"
+    )
     surface_depth: units.Separation | None = key(
-        "dissipation depth of the surface in m; default that of a built-in bulk loss, or 0"
+        "dissipation depth of the surface in m; default 0, or that of the built-in material unless"
+        " the design gives another loss of the bulk"
     )
     thermoelastic: bool | None = key(
-        "false omits thermoelastic loss, which needs expansion, density and thermal constants"
+        "false omits thermoelastic loss, which needs density, expansion, specific heat and"
+        " conductivity (the slope of the modulus may be missing)"
     )
 
 

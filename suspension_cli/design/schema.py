@@ -207,7 +207,9 @@ class Stage(Table, frozen=True):
         names="earlier stage",
     )
     mirror: bool = key(
-        "whether its motion is the default output; else that of the end of the longest chain", False
+        "whether this is the mirror, whose motion commands output by default; without one, the"
+        " end of the longest chain",
+        False,
     )
     position: units.Vector | None = key(
         "nominal COM from the COM above (or support point), m, unless implied", plausible=TALL

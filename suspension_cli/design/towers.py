@@ -72,7 +72,11 @@ class InvertedPendulum(Table, frozen=True):
     """Legs on which a stage stands: feet on the body above it in the file, or on the support."""
 
     length: units.Length = key("length of a leg, foot to top, m", plausible=units.PART_SIZE)
-    points: list[units.Vector] | None = key("tops, from the COM, m", min_length=3, max_length=24)
+    points: list[units.Vector] | None = key(
+        "tops of the legs from this body's COM, m; instead of count and radius",
+        min_length=3,
+        max_length=24,
+    )
     count: int | None = key("number of legs, evenly spaced on a circle", ge=3, le=24)
     radius: units.Length | None = key("radius of that circle, m", plausible=units.PART_SIZE)
     phase: units.Angle = key("angle of the first leg from the x axis towards y, rad", 0.0)
@@ -83,7 +87,8 @@ class InvertedPendulum(Table, frozen=True):
         "bending stiffness of a leg's flexure at its foot, N m/rad"
     )
     frequency: units.IsolatingFrequency | None = key(
-        "lateral frequency with the load, moving as one with the stage, Hz"
+        "lateral frequency with the load, Hz, instead of stiffness; the load moves as one with the"
+        " stage"
     )
     top_stiffness: units.RigidityOrZero = key(
         "bending stiffness of a leg's joint at its top, N m/rad", 0.0
@@ -241,23 +246,31 @@ class Filter(Table, frozen=True):
         "the keystone's COM, from this body's, m", (0.0, 0.0, 0.0), plausible=units.PART_SIZE
     )
     frequency: units.IsolatingFrequency | None = key(
-        "vertical, at the working point, Hz, with the load rigid"
+        "vertical frequency at the working point, Hz, with the load rigid"
     )
-    stiffness: units.Stiffness | None = key("vertical, of all blades at the working point, N/m")
+    stiffness: units.Stiffness | None = key(
+        "vertical stiffness of all blades at the working point, N/m, instead of frequency"
+    )
     load: units.Tension | None = key(
-        "load at the nominal point, keystone included, N; default that of the design"
+        "load under which the keystone is at its nominal point, its own weight included, N; default"
+        " that of the design, with vertical preloads of links"
     )
     lateral_stiffness: units.Stiffness = key("of the blades, horizontal, N/m", LATERAL)
     tilt_stiffness: units.Rigidity = key("stiffness of the blades against rotation, N m/rad", TILT)
     saturation: units.Saturation | None = key(
-        "fraction of the filter's vertical motion that passes at high frequency"
+        "fraction of the filter's vertical motion that reaches the keystone at high frequency, with"
+        " the load rigid; negative if the counterweight is too heavy"
     )
     mass_coupling: units.MassCoupling | None = key(
-        "inertia of the blades that couples both bodies, kg"
+        "inertia of the blades that couples both bodies, kg, instead of saturation"
     )
     loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
     q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=1, le=1e12)
-    modulus_slope: units.ModulusSlope = key("of the blades; shifts the working point", 0.0)
+    modulus_slope: units.ModulusSlope = key(
+        "relative change of Young's modulus of the blades with temperature, 1/K, for the shift"
+        " of the working point that check reports",
+        0.0,
+    )
     thermal_expansion: units.Expansion = key("of the blades in 1/K; adds to that shift", 0.0)
 
     rules = (

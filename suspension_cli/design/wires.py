@@ -129,13 +129,18 @@ class AnyWire(Table, frozen=True):
     radius: units.WireSize | None = key("radius of a round wire, m")
     section: Ribbon | None = None
     sections: list[WireSection] | None = key(
-        "from the upper to the lower end", min_length=1, max_length=100
+        "stretches from the upper to the lower end, instead of radius and section",
+        min_length=1,
+        max_length=100,
     )
     neck: Neck | None = key("thick ends of a fibre of this radius, equal above and below")
     profile: Annotated[str, doc("a CSV file", max_length=1000)] | Profile | None = key(
         "measured diameter: a CSV file, { file, error } or { position, diameter, error }"
     )
-    k: units.Stiffness | None = key("spring constant of one wire, N/m; overrides E A / l")
+    k: units.Stiffness | None = key(
+        "spring constant of one wire, N/m, instead of material and cross-section; beside them it"
+        " overrides E A / l, with the loaded length or, if given, the natural_length"
+    )
     torsion: units.Torsion | None = key(
         "torsional stiffness, N m/rad; default (G J + T I_p / A) / l in beam and violin, else 0"
     )
@@ -145,7 +150,8 @@ class AnyWire(Table, frozen=True):
         "wire",
     )
     bending: Literal["hinged"] | None = key(
-        'string model: "hinged" ends the string sqrt(E I / T) from each clamp'
+        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an approximation);'
+        " beam and violin bend the wire exactly and ignore it"
     )
     temperature: units.Kelvin | EndTemperatures | None = key("in K, or { upper, lower }")
 
@@ -287,7 +293,9 @@ class AnyBlade(Table, frozen=True):
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
-        "N, tip mass included, with the tip at its nominal place; default that in the nominal pose"
+        "load in N, tip mass included, at which the tip is at its nominal position; under another"
+        " load it deflects and the pose is solved for; default: its load in the nominal pose or, if"
+        " all wires of the stage have natural lengths, in the pose solved for"
     )
     tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
@@ -316,7 +324,12 @@ class AnyBlade(Table, frozen=True):
 class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
-    count: int = key("1, 2 or 4; on a ring 1, or one per wire", ge=1, le=100)
+    count: int = key(
+        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a ring"
+        " 1, or one per wire",
+        ge=1,
+        le=100,
+    )
 
 
 class Blade(AnyBlade, frozen=True):
