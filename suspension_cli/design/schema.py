@@ -86,7 +86,10 @@ class Spring(Table, frozen=True):
     )
     at: units.Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
-    preload: units.Wrench = key("force (N) and torque (N m) on this body, nominal pose", [0.0] * 6)
+    preload: units.Wrench | None = key(
+        "force (N) and torque (N m) on this body, nominal pose; default its share of the load if the"
+        " body rests on springs alone, else none"
+    )
     loss_angle: units.LossAngle | None = key("of the stiffness, rad; default that of the material")
     material: units.MaterialName | None = key("the spring's material, for its loss")
     thickness: units.Length | None = key("of a flexure that bends, m, for its loss")
@@ -236,6 +239,12 @@ class Stage(Table, frozen=True):
             "position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")
         ),
     )
+
+    @property
+    def rests_on_springs(self) -> bool:
+        """Whether springs alone carry it."""
+        carried_otherwise = self.wire_tables or self.inverted_pendulum is not None
+        return bool(self.spring) and not carried_otherwise
 
     @property
     def wire_tables(self) -> list[WireSet | Wire]:

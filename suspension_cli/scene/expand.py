@@ -41,6 +41,8 @@ BALANCE = 1e-9
 """Residual force, over the weight, and torque, over the weight times 1 m, that count as 0."""
 TORQUES = 1e-3
 """Weight (1/m) of torques relative to forces in a load that cannot be balanced."""
+SUPPORTED = 1e-12
+"""Fraction of the stiffest direction of springs below which a direction counts as not supported."""
 ROUNDING = 1e-12
 """Relative difference of tensions that are equal but for rounding."""
 
@@ -103,7 +105,10 @@ class Members:
         signs = [(row["natural"], row["fixed"]) for row in lines if "fixed" in row]
         signs += [(bool(row.get("torsion")), any(row.get("mass", ()))) for row in lines]
         signs += [(bool(row["tip_mass"]), math.isnan(row["given"])) for row in blades]
-        signs += [(bool(np.any(row.get("damping", 0.0))),) for row in self.springs]
+        signs += [
+            (bool(np.any(row.get("damping", 0.0))), row.get("carries", False))
+            for row in self.springs
+        ]
         constants = self.design.constants
         return (
             repr((constants.gravity, constants.gravity_gradient)),
@@ -160,6 +165,11 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     offset = np.array([own.places.offset for own in each])
     for n in range(len(design.stage), 0, -1):
         loads[:, parent[n]] += move_wrench(loads[:, n], offset[:, n, None])
+    carries = np.array([row.get("carries", False) for row in one.springs], dtype=bool)
+    for n in np.unique(springs.lower[carries]).tolist():
+        own = np.flatnonzero(carries & (springs.lower == n))
+        # what a spring carries acts on the body above all the same: loads of that one are complete
+        springs.preload[:, own], loads[:, n, 0] = rest_on(springs, own, loads[:, n, 0])
     loaded = [_loaded_springs(own, loads[n], gravity) for n, own in enumerate(each)]
     every, inertias, faulty = zip(*loaded, strict=True)
     faults = {n: wrong for n, wrong in enumerate(faulty) if wrong}
@@ -181,13 +191,16 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
             wrong = _find_unbalanced(stage, loads[:, n], left_over, lines, own, force[:, own])
             faults |= {k: faults.get(k, []) + one for k, one in wrong.items()}
     given = np.array([[row["given"] for row in rows] for rows in blade_rows]).reshape(count, -1)
+    every_spring = gather(Springs, every)
+    flexures = len(every_spring.label) - len(springs.label)
+    every_spring.preload[:, flexures:] = springs.preload
     scene = Scene(
         name=design.design.name,
         gravity=gravity,
         bodies=bodies,
         wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
-        springs=gather(Springs, every),
+        springs=every_spring,
         struts=replace(struts, tension=-thrust),
         bars=gather(Bars, inertias),
         field=field and Field(*map(np.array, field)),
@@ -340,7 +353,9 @@ def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
-    key, remedy = ".spring", "give the springs a preload that carries the body"
+    key, remedy = ".spring", "leave out preload, so that the springs carry the load"
+    if any(spring.preload is None for spring in stage.spring):
+        remedy = "the springs have no stiffness there: give some, or a preload that carries it"
     loose, what = (".wire" if stage.wire else ".wires"), "wire {} would be slack"
     name, better = "tension", "move its ends, or remove the wire"
     if stage.inverted_pendulum is not None:
@@ -424,6 +439,42 @@ def least_energy(
     # where not all can be balanced, forces are balanced first: what is left over reads better
     forces_first = fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))
     return fit(np.ones(6)), _product(act, forces_first) + load
+
+
+def rest_on(
+    springs: Springs, own: Index, load: Inexact[np.ndarray, "*batch 6"]
+) -> tuple[Inexact[np.ndarray, "*batch own 6"], Inexact[np.ndarray, "*batch 6"]]:
+    """Distribute a load on a body about its COM over springs, in the nominal pose.
+
+    Each exerts -K_i u_i at its point, as if the body had sunk on the springs by a small rigid motion
+    u without strain before it. That are the forces of least elastic energy that carry the load
+    (Castigliano; Timoshenko, Strength of Materials, part I). Returns the force and torque of each
+    spring, and the wrench left over where the springs have no stiffness.
+    """
+    unit = np.broadcast_to(np.eye(6), (len(own), 6, 6))
+    point = springs.lower_point[..., own, None, :]
+    act = move_wrench(unit, point).swapaxes(-1, -2)  # wrenches about the COM of those at the points
+    sunk = springs.stiffness[..., own, :, :] @ act.swapaxes(
+        -1, -2
+    )  # at the points, by rigid motions
+    whole = (act @ sunk).sum(-3)
+    # N/m and N m/rad are made comparable, so that a soft rotation is not taken for none
+    size = np.sqrt(np.abs(np.diagonal(whole, axis1=-2, axis2=-1)))
+    scale = 1 / np.where(size > 0, size, 1.0)
+    compared = scale[..., :, None] * whole * scale[..., None, :]
+    inverse = np.linalg.pinv(compared, rcond=SUPPORTED, hermitian=True)
+    preload = np.zeros(sunk.shape[:-1])
+    left_over = load
+    for _again in range(2):  # the second time what rounding left over
+        motion = scale * _product(inverse, -scale * left_over)
+        preload = preload + _product(sunk, motion[..., None, :])
+        left_over = load + _product(act, preload).sum(-2)
+    # where not all can be balanced, forces are balanced first: what is left over reads better
+    weight = np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES])
+    motion = _product(np.linalg.pinv(weight[:, None] * whole, rcond=SUPPORTED), -weight * load)
+    forces_first = load + _product(whole, motion)
+    lost = np.abs(left_over).max(-1) > BALANCE * np.abs(load).max(-1)
+    return preload, np.where(lost[..., None], forces_first, left_over)
 
 
 def _product(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:

@@ -95,7 +95,11 @@ class Places:
 
 
 def of_stages(design: Design, places: Places) -> list[Row]:
-    """List the springs of all stages to the bodies above them."""
+    """List the springs of all stages to the bodies above them.
+
+    Besides its arrays, a spring has whether it `carries` the load of its body, as far as preloads
+    that are given do not.
+    """
     return [
         {
             "label": f"{stage.name}.spring{number}",
@@ -104,7 +108,8 @@ def of_stages(design: Design, places: Places) -> list[Row]:
             "lower_point": np.array(spring.at),
             "stiffness": matrix(spring.stiffness),
             "damping": matrix(spring.damping),
-            "preload": np.array(spring.preload),
+            "preload": np.zeros(6) if spring.preload is None else np.array(spring.preload),
+            "carries": spring.preload is None and stage.rests_on_springs,
             "loss": derive.part_loss(design, spring),
         }
         for n, stage in enumerate(design.stage, 1)

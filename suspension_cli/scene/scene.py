@@ -180,7 +180,9 @@ class Springs:
     lower_point: Inexact[np.ndarray, "... spring 3"] = field(metadata=inner(3, frame="lower"))
     stiffness: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(6, 6, vector=True))
     damping: Inexact[np.ndarray, "... spring 6 6"] = field(metadata=inner(6, 6, vector=True))
-    preload: Inexact[np.ndarray, "... spring 6"] = field(metadata=inner(6, vector=True))
+    preload: Inexact[np.ndarray, "... spring 6"] = field(
+        metadata=inner(6, vector=True, computed=True)
+    )
     leg: Inexact[np.ndarray, "... spring"] = field(metadata=inner())
     loss: Inexact[np.ndarray, " spring"] = field(metadata=shared())
     grounded: Bool[np.ndarray, " spring"] = field(metadata=shared(dtype=bool))
