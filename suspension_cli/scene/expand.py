@@ -446,8 +446,8 @@ def rest_on(
 ) -> tuple[Inexact[np.ndarray, "*batch own 6"], Inexact[np.ndarray, "*batch 6"]]:
     """Distribute a load on a body about its COM over springs, in the nominal pose.
 
-    Each exerts -K_i u_i at its point, as if the body had sunk on the springs by a small rigid motion
-    u without strain before it. That are the forces of least elastic energy that carry the load
+    Each exerts -K_i u_i at its point, as if the body had sunk by a small rigid motion u on springs
+    that had no strain before. These are the forces of least elastic energy that carry the load
     (Castigliano; Timoshenko, Strength of Materials, part I). Returns the force and torque of each
     spring, and the wrench left over where the springs have no stiffness.
     """
