@@ -453,10 +453,9 @@ def rest_on(
     """
     unit = np.broadcast_to(np.eye(6), (len(own), 6, 6))
     point = springs.lower_point[..., own, None, :]
-    act = move_wrench(unit, point).swapaxes(-1, -2)  # wrenches about the COM of those at the points
-    sunk = springs.stiffness[..., own, :, :] @ act.swapaxes(
-        -1, -2
-    )  # at the points, by rigid motions
+    moved = move_wrench(unit, point)
+    act = moved.swapaxes(-1, -2)  # from wrenches at the points to wrenches about the COM
+    sunk = springs.stiffness[..., own, :, :] @ moved  # wrenches at the points, by rigid motions
     whole = (act @ sunk).sum(-3)
     # N/m and N m/rad are made comparable, so that a soft rotation is not taken for none
     size = np.sqrt(np.abs(np.diagonal(whole, axis1=-2, axis2=-1)))

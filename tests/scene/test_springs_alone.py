@@ -195,8 +195,9 @@ body = { mass = 7.3, inertia = [0.2, 0.25, 0.3] }
 
 def test_symmetric_springs_keep_the_symmetry():
     """Shares of mirror images differ by rounding at most, and yaw stays apart from all else."""
+    stiffness = "stiffness = [91.3, 73.1, 617.0, 0.7, 0.3, 0.2]"
     springs = [
-        f"\n[[stage.spring]]\nstiffness = [91.3, 73.1, 617.0, 0.7, 0.3, 0.2]\nat = [{x}, {y}, -0.07]"
+        f"\n[[stage.spring]]\n{stiffness}\nat = [{x}, {y}, -0.07]"
         for x in (0.123, -0.123)
         for y in (0.217, -0.217)
     ]
