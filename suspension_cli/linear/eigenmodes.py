@@ -10,7 +10,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOF_NAMES, DOFS, WIRE_MODE_NAMES
 from suspension_cli.files.declared import derived, in_unit
-from suspension_cli.linear import batch_modes, quality
+from suspension_cli.linear import batch_modes, mode_content, quality
 from suspension_cli.linear.quality import Quality
 from suspension_cli.linear.system import LinearSystem
 
@@ -148,9 +148,7 @@ class Modes:
     @cached_property
     def home(self) -> list[tuple[str, str]]:
         """Body (blade, wires) and degree of freedom with most of each mode's kinetic energy."""
-        # the first of those equal but for rounding (two equal bodies, two blades)
-        first = [int(np.flatnonzero(row >= row.max() - 1e-9)[0]) for row in self.fractions]
-        return [place(self.place[i]) for i in first]
+        return [place(self.place[n]) for n in mode_content.leading(self.fractions).tolist()]
 
     @cached_property
     @derived(along="mode")
@@ -309,7 +307,9 @@ def build(
     oscillates, rate = np.imag(value) > 0, np.real(found.value)
     squared = np.where(oscillates, np.abs(value) ** 2, -(np.maximum(rate, 0.0) ** 2))
     decay = np.where(oscillates, -rate, np.maximum(-rate, 0.0)) + 0.0
-    body, tips = (found.bodily[:, None] * part for part in energy_fractions(model, motion))
+    body, tips = (
+        found.bodily[:, None] * part for part in mode_content.energy_fractions(model, motion)
+    )
     lead = 6 + np.concatenate([body, tips], axis=1).argmax(1)
     shape = real_shapes(motion) @ model.basis.T
     shape *= np.where(shape[np.arange(len(lead)), lead] < 0, -1.0, 1.0)[:, None]
@@ -329,28 +329,6 @@ def build(
         decay_rate=decay,
         top=model.top,
     )
-
-
-def energy_fractions(
-    model: LinearSystem, shapes: Inexact[np.ndarray, "mode coordinate"]
-) -> tuple[Float[np.ndarray, "mode moving"], Float[np.ndarray, "mode tip"]]:
-    """Fractions of mean kinetic energy in the coordinates of bodies and of tips, summing to 1.
-
-    Squares of M^(1/2) v with the M of each body, so never negative. A body's M includes tip masses
-    that move with it.
-    """
-    bodies = len(model.body)
-    body_energy = np.zeros((len(shapes), 6 * bodies))
-    for n in range(bodies):
-        rows = slice(6 * (n + 1), 6 * (n + 2))
-        values, vectors = np.linalg.eigh(model.mass[rows, rows])
-        root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-        body_energy[:, 6 * n : 6 * (n + 1)] = np.abs(shapes[:, rows] @ root) ** 2
-    tips = slice(6 * (bodies + 1), model.size)
-    mass = model.basis[tips, tips] @ model.mass[tips, tips] @ model.basis[tips, tips].T
-    tip_energy = np.abs((shapes @ model.basis.T)[:, tips]) ** 2 * np.diag(mass)
-    total = (body_energy.sum(1) + tip_energy.sum(1))[:, None]
-    return body_energy / total, tip_energy / total
 
 
 def real_shapes(

@@ -1,8 +1,9 @@
 """Scalar results of a design by name: mode frequencies and response magnitudes.
 
-- ``test pitch``: frequency of the mode with that label in `pendsus modes`; ``test pitch#2``: of the
-  second mode with that label
-- ``5``: frequency of mode number 5
+- ``test pitch``: frequency of the mode that is mostly that motion, in each design (`mode_content`);
+  ``test pitch#2``: of the second mode with that label in `pendsus modes`
+- ``5``: frequency of mode number 5 of the design as drawn, followed by its shape to other designs;
+  ``modes``: of all modes, followed likewise
 - ``test.x@0,0,0.001/support.x:10``: magnitude of a response at 10 Hz
 - ``test.x/test.z/support.z:50``: magnitude of the ratio of two responses to one input (a coupling)
 """
@@ -11,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.linear import eigenmodes, signals
+from suspension_cli.linear import eigenmodes, mode_content, signals
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_content import Motion
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 
@@ -26,10 +28,15 @@ ALL = "modes"
 
 @dataclass(frozen=True)
 class Mode:
-    """Frequency of one mode: its label, numbered if several have it, and its position, from 0."""
+    """Frequency of one mode: its label, numbered if several have it, and its position, from 0.
+
+    In another design it is the mode that is mostly this `motion`, or if that is None the one that
+    follows from it by its shape.
+    """
 
     text: str
     number: int
+    motion: Motion | None = None
 
     @property
     def unit(self) -> str:
@@ -90,7 +97,14 @@ def parse(
             found.append(_ratio(text, known, option))
         else:
             found += _modes(text.strip(), modes, option, only=not known)
-    return tuple(dict.fromkeys(found))
+    by_label = [one.text for one in found if isinstance(one, Mode) and one.motion]
+    distinct = [
+        replace(one, text=f"{one.text} (mode {one.number + 1})")
+        if isinstance(one, Mode) and one.motion is None and one.text in by_label
+        else one
+        for one in found
+    ]
+    return tuple(dict.fromkeys(distinct))
 
 
 def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[Mode]:
@@ -104,7 +118,7 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
     pairs = zip(every, modes.label, strict=True)
     chosen = [mode for mode, label in pairs if text in (mode.text, label)]
     if len(chosen) == 1 or (chosen and "#" in text):
-        return chosen
+        return [replace(mode, motion=_motion(mode, modes)) for mode in chosen]
     problem, remedy = "is the label of no mode", suggest(text, names)
     if chosen:
         problem = f"is the label of {len(chosen)} modes"
@@ -115,6 +129,14 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
     elif not only:
         remedy += "; a response is OUTPUT/INPUT:FREQUENCY, a coupling OVER/UNDER/INPUT:FREQUENCY"
     raise InputError.of(option, problem, remedy, format_value(text))
+
+
+def _motion(mode: Mode, modes: Modes) -> Motion:
+    """Motion that the label of a mode names."""
+    place = int(mode_content.leading(modes.fractions)[mode.number])
+    label = modes.label[mode.number]
+    alone = modes.label.count(label) == 1
+    return Motion(place, 0 if alone else modes.label[: mode.number + 1].count(label))
 
 
 def _ratio(text: str, known: tuple[str, ...], option: str) -> Ratio:

@@ -130,16 +130,26 @@ class SweepAnalysis(Analysis):
 
     def document(self, result: Result) -> Document:
         """Return axes and results, first axis first; null for an unstable mode or failed point."""
+        from suspension_cli.analyses.sweep import sharing
+
         answer: SweepResult = result.data
         results = table(answer, "name=result unit nominal")
+        labelled = sharing.labelled(answer)
         for n, row in enumerate(results):
             row["values"] = answer.value[..., n]
+            if n in labelled:
+                one = labelled[n]
+                row["fraction"] = one.content.fraction
+                row["other_values"], row["other_fraction"] = one.other, one.content.other_fraction
         swept = table(answer.axes, "name values")
-        return {"axes": swept, "results": results, "failures": answer.failures}
+        said = [*sharing.remarks(answer)]
+        return {"axes": swept, "results": results, "failures": answer.failures, "remarks": said}
 
     def text(self, result: Result) -> str:
-        """Return smallest and largest value of every result, and where it is largest."""
+        """Return smallest and largest value of every result, and where modes share a motion."""
         import numpy as np
+
+        from suspension_cli.analyses.sweep import sharing
 
         answer: SweepResult = result.data
         rows = []
@@ -153,7 +163,9 @@ class SweepAnalysis(Analysis):
             rows.append((answer.nominal[n], *ends, answer.unit[n], name, where))
         columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
         columns |= {"unit": "", "result": "", "where it is largest": ""}
-        return "\n".join([result.choice.line, "", tables.render(columns, rows)])
+        found = sharing.remarks(answer)
+        said = ["", *found] if answer.labelled else []
+        return "\n".join([result.choice.line, "", tables.render(columns, rows), *said]).rstrip()
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""

@@ -16,10 +16,13 @@ from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
 from suspension_cli.files.hdf5 import Stored, add_dataset
-from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing
+from suspension_cli.linear import batch_modes, eigenmodes, mode_content, mode_pairing
+from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_content import Content
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Several, Systems
@@ -53,6 +56,12 @@ class ParameterSweep(Grid):
     def ratios(self) -> tuple[Ratio, ...]:
         """Responses and couplings among the results."""
         return tuple(result for result in self.results if isinstance(result, Ratio))
+
+    @cached_property
+    def labelled(self) -> tuple[Mode, ...]:
+        """Modes among the results that are asked for by their labels."""
+        modes = (one for one in self.results if isinstance(one, Mode))
+        return tuple(one for one in modes if one.motion is not None)
 
     @property
     def has_modes(self) -> bool:
@@ -93,6 +102,10 @@ class ParameterSweep(Grid):
         if self.has_modes:
             shape = self.nominal_shape.shape
             columns |= {"omega_squared": ("f8", shape[:1]), "shape": ("f4", shape)}
+        if self.labelled:
+            one = (len(self.labelled),)
+            columns |= {"label_mode": ("i2", one), "other_mode": ("i2", one)}
+            columns |= {"label_fraction": ("f8", one), "other_fraction": ("f8", one)}
         result = builds.blank(count, **columns)
         nominal, unstable = nominal_system(self.text, self.level), self.allow_unstable
         for found, here in variants.balanced(designs, self.level, allow_unstable=unstable):
@@ -103,12 +116,29 @@ class ParameterSweep(Grid):
             result["status"][here] = found.status if same else OTHER_COORDINATES
             if same and self.has_modes:
                 solvable = has_modes(found.status)
-                solved = batch_modes.solve(found.model.constant.select(np.flatnonzero(solvable)))
+                model = found.model.constant.select(np.flatnonzero(solvable))
+                solved = batch_modes.solve(model)
                 result["omega_squared"][here[solvable]] = solved.omega_squared
                 result["shape"][here[solvable]] = solved.shape
+                for name, values in self._find_labelled(model, solved).items():
+                    result[name][here[solvable]] = values
             if same and self.ratios:
                 result["response"][here] = builds.responses(found, self.ratios)
         return result
+
+    def _find_labelled(self, model: LinearSystem, solved: Spectrum) -> dict[str, np.ndarray]:
+        """Find the modes that labels mean at each point, and those that share their motions."""
+        if not self.labelled:
+            return {}
+        fractions = mode_content.of_spectrum(model, solved)
+        motions = [one.motion for one in self.labelled if one.motion is not None]
+        found = [mode_content.find(fractions, motion) for motion in motions]
+        return {
+            "label_mode": np.stack([one.mode for one in found], axis=-1),
+            "other_mode": np.stack([one.other for one in found], axis=-1),
+            "label_fraction": np.stack([one.fraction for one in found], axis=-1),
+            "other_fraction": np.stack([one.other_fraction for one in found], axis=-1),
+        }
 
 
 def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
@@ -120,26 +150,25 @@ def evaluate_results(
     results: tuple[Scalar, ...],
     omega_squared: Float[np.ndarray, "*point mode"] | None,
     rank: Int[np.ndarray, "*point nominal"] | None,
+    label_mode: Int[np.ndarray, "*point labelled"] | None,
     response: Complex[np.ndarray, "*point response"] | None,
 ) -> Float[np.ndarray, "*point result"]:
     """Evaluate results: frequencies in Hz and magnitudes of responses in SI units.
 
-    NaN for an unstable mode. `omega_squared`, (rad/s)^2, is ascending, and `rank` the position
-    there of each nominal mode, or -1. `response` are the responses among the results, in their
-    order.
+    NaN for an unstable mode. `omega_squared`, (rad/s)^2, is ascending; `rank` is the position there
+    of each nominal mode, `label_mode` that of each mode asked for by its label, or -1. `response`
+    are the responses among the results. Both are in the order of the results.
     """
     sizes = iter(() if response is None else np.moveaxis(np.abs(response), -1, 0))
+    by_label = iter(() if label_mode is None else np.moveaxis(label_mode, -1, 0))
     columns = []
     for result in results:
-        if isinstance(result, Mode):
-            assert rank is not None and omega_squared is not None
-            place = rank[..., result.number, None].astype(np.intp)
-            squared = np.take_along_axis(omega_squared, np.maximum(place, 0), -1)
-            known = (place >= 0) & (squared >= 0)
-            frequency = np.sqrt(np.where(known, squared, np.nan)) / (2 * np.pi)
-            columns.append(frequency[..., 0])
-        else:
+        if not isinstance(result, Mode):
             columns.append(next(sizes))
+            continue
+        assert rank is not None and omega_squared is not None
+        place = rank[..., result.number] if result.motion is None else next(by_label)
+        columns.append(mode_content.frequencies(omega_squared, place.astype(np.intp)))
     return np.stack(columns, axis=-1)
 
 
@@ -177,6 +206,14 @@ class SweepResult:
         Modes of each point in ascending order, with shapes as in `batch_modes.Spectrum`.
     rank
         Place of each nominal mode among those of a point.
+    labelled
+        Results that are modes asked for by their labels; None without these. At each point a label
+        means the mode that is mostly this motion, see `linear.mode_content`.
+    label_mode, other_mode
+        Places of that mode among those of a point, and of the one with most of the motion beside
+        it; -1 where there is none.
+    label_fraction, other_fraction
+        Fractions of the kinetic energy of these two modes in the motion.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -203,6 +240,19 @@ class SweepResult:
     response: Complex[np.ndarray, "*axes response_name"] | None = field(
         default=None, metadata=in_unit("{response_unit}")
     )
+    labelled: tuple[str, ...] | None = None
+    label_mode: Int[np.ndarray, "*axes labelled"] | None = None
+    other_mode: Int[np.ndarray, "*axes labelled"] | None = None
+    label_fraction: Float[np.ndarray, "*axes labelled"] | None = None
+    other_fraction: Float[np.ndarray, "*axes labelled"] | None = None
+
+    def content(self, name: str) -> Content | None:
+        """Modes that a label means at the points; None for another result."""
+        if self.labelled is None or name not in self.labelled:
+            return None
+        columns = self.label_mode, self.other_mode, self.label_fraction, self.other_fraction
+        place = self.labelled.index(name)
+        return Content(*(column[..., place] for column in columns if column is not None))
 
     @property
     def failures(self) -> dict[str, int]:
@@ -235,8 +285,9 @@ def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
     """
     modes, found = job.nominal, job.compute_designs([job.design], 1)
     rank = np.arange(len(modes.omega_squared))
+    labelled = np.array([one.number for one in job.labelled], dtype=int)
     return evaluate_results(
-        job.results, modes.omega_squared[None], rank[None], found.get("response")
+        job.results, modes.omega_squared[None], rank[None], labelled[None], found.get("response")
     )[0]
 
 
@@ -253,8 +304,9 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
             start,
             job.nominal_shape,
         )
-        tracked = [one.number for one in job.results if isinstance(one, Mode)]
-        least = float(np.fmin.reduce(overlap[..., tracked], axis=None))
+        modes_asked = [one for one in job.results if isinstance(one, Mode)]
+        tracked = [one.number for one in modes_asked if one.motion is None]
+        least = float(np.fmin.reduce(overlap[..., tracked], axis=None, initial=np.nan))
         described |= {
             "mode": tuple(labels(modes)),
             "mode_number": np.arange(1, len(modes.omega_squared) + 1),
@@ -263,6 +315,8 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
     if job.ratios:
         described["response_name"] = tuple(item.text for item in job.ratios)
         described["response_unit"] = tuple(item.unit for item in job.ratios)
+    if job.labelled:
+        described["labelled"] = tuple(one.text for one in job.labelled)
     squared, response = known.get("omega_squared"), known.get("response")
     homes = [modes.home[one.number] if isinstance(one, Mode) else () for one in job.results]
     record = SweepResult(
@@ -273,7 +327,7 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
         unit=tuple(item.unit for item in job.results),
         degree=tuple(".".join(home) for home in homes),
         nominal=nominal_results(job),
-        value=evaluate_results(job.results, squared, rank, response),
+        value=evaluate_results(job.results, squared, rank, known.get("label_mode"), response),
         overlap=1.0 if np.isnan(least) else least,
         rank=rank,
         **described,
@@ -326,23 +380,34 @@ def _changes(
     """Change of each result at one point.
 
     Where frequencies meet, shapes mix differently in both models. So a mode's partner is the one of
-    most similar shape here or, if that changes it less, the one that the nominal mode becomes.
+    most similar shape here or, if that changes it less, the one that the nominal mode becomes, or
+    that its label means in both.
     """
     old, new = systems(simple), systems(refined)
     modes, partners = (eigenmodes.solve(system.constant) for system in (old, new))
-    here, there = (
-        pair_bodies(job.nominal, one, system) for one, system in ((modes, old), (partners, new))
-    )
-    items = tuple(
-        Mode(one.text, int(here[one.number])) if isinstance(one, Mode) else one
-        for one in job.results
-    )
+    here, there = (_numbers(job, one, system) for one, system in ((modes, old), (partners, new)))
+    known = [one for one in job.results if not isinstance(one, Mode) or here[one] >= 0]
+    items = tuple(Mode(one.text, here[one]) if isinstance(one, Mode) else one for one in known)
     found = Several(items, modes).changes(old, new)
     if refined.has_wire_mass:
         return found
-    with np.errstate(invalid="ignore"):
-        direct = np.abs(modes.frequency[here] / partners.frequency[there] - 1)
-    return [
-        (min(change, float(direct[one.number])) if isinstance(one, Mode) else change, text)
-        for one, (change, text) in zip(job.results, found, strict=True)
-    ]
+    changes = []
+    for one, (change, text) in zip(known, found, strict=True):
+        direct = change
+        if isinstance(one, Mode) and there[one] >= 0:
+            before, after = modes.frequency[here[one]], partners.frequency[there[one]]
+            direct = float(np.abs(before / after - 1)) if before > 0 and after > 0 else change
+        changes.append((min(change, direct), text))
+    return changes
+
+
+def _numbers(job: ParameterSweep, modes: Modes, system: LinearSystem) -> dict[Scalar, int]:
+    """Number of each mode among the results in another design; -1 if it has none."""
+    paired = pair_bodies(job.nominal, modes, system)
+    return {
+        one: int(paired[one.number])
+        if one.motion is None
+        else int(mode_content.find(modes.fractions, one.motion).mode)
+        for one in job.results
+        if isinstance(one, Mode)
+    }
