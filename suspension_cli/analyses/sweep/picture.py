@@ -15,6 +15,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
+from suspension_cli.analyses.sweep import sharing
+from suspension_cli.analyses.sweep.sharing import Labelled
 from suspension_cli.analyses.sweep.solve import SweepResult
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import curves, labels, panels
@@ -28,6 +30,7 @@ from suspension_cli.drawing.style import (
     single_line,
     stage_colours,
 )
+from suspension_cli.linear import mode_content
 from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
@@ -92,7 +95,8 @@ def find_crossings(swept: SweepResult) -> list[Crossing]:
     shape, rank, names = swept.shape, swept.rank, list(swept.mode or ())
     if shape is None or rank is None or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:
         return []
-    shown = [n for n, name in enumerate(swept.result) if name in names]
+    by_label = swept.labelled or ()  # of the same motion at all points: they do not mix
+    shown = [n for n, name in enumerate(swept.result) if name in names and name not in by_label]
     found = []
     for pair in combinations(shown, 2):
         low, high = np.sort(swept.value[:, pair], axis=1).T
@@ -143,7 +147,10 @@ def draw(
     maps += [Panel(across=Across(""), right=0.88, paint=Axes.set_axis_off)] * (len(maps) % columns)
     rows = [tuple(maps[n : n + columns]) for n in range(0, len(maps), columns)]
     heading += " over two parameters"
-    return panels.draw(heading, " · ".join([*kept, title]), rows, width=0.4 + 3.1 * columns)
+    touched = (one.touched for n, one in sharing.labelled(swept).items() if n in chosen)
+    notes = ["dots: two modes share the motion"] * any(some.any() for some in touched)
+    subtitle = " · ".join([*kept, title])
+    return panels.draw(heading, subtitle, rows, notes=notes, width=0.4 + 3.1 * columns)
 
 
 def _across(axis: Axis, most: int) -> Across:
@@ -202,6 +209,7 @@ def _draw_lines(
     drawn = {swept.result[n] for n in np.flatnonzero(~still)}
     marked = [one for one in crossings if {*one.modes} & drawn][:MOST_CROSSINGS]
     bands, swatches = _failed(swept)
+    shares = {n: one for n, one in sharing.labelled(swept).items() if one.curves}
     shown = []
     for unit in dict.fromkeys(units):
         own = [n for n, label in enumerate(units) if label == unit]
@@ -210,7 +218,10 @@ def _draw_lines(
         for n in sorted(own, key=lambda n: not still[n]):
             look: LineLook = STILL if still[n] else {"linestyle": dashes[n], "linewidth": 1.4}
             name = "_" if still[n] else swept.result[n] if ends else _title(swept, n)
-            lines.append(Line(first.displayed, value[:, n], name, colours[n], look))
+            if n in shares:
+                lines += _both_modes(swept, shares[n], colours[n])
+            x, y = _broken(first.displayed, value[:, n], shares.get(n))
+            lines.append(Line(x, y, name, colours[n], look))
         rules, key = list(bands), [*swatches, *(() if ends else lines)]
         if min(first.values) <= swept.drawn[0] <= max(first.values):
             text = "" if shown else f"as designed: {first.describe(swept.drawn[0])}"
@@ -219,9 +230,37 @@ def _draw_lines(
         scale: Scale = "log" if _is_wide(value[:, own]) else "linear"
         shown.append(Panel(unit, lines, 3.0, scale, key=key, ends=ends, rules=rules, paint=paint))
     notes = [f"{chr(ord('a') + n)}: {one}" for n, one in enumerate(marked)]
+    if shares:
+        names = " and ".join(one.name for one in shares.values())
+        notes.append(f"thin: modes that share {names}, each followed by its shape")
     if still.any():
         notes.append(f"grey: modes that change by less than {100 * MOVES:g} %")
     return panels.draw(heading, title, shown, _across(first, 60), notes)
+
+
+def _both_modes(swept: SweepResult, one: Labelled, colour: str) -> list[Line]:
+    """Draw the modes that share a motion, each followed by its shape, thin and without a name.
+
+    Only where the mode that has most of it has a frequency.
+    """
+    assert swept.rank is not None and swept.omega_squared is not None
+    look: LineLook = {"linewidth": 0.7, "zorder": 1.6}
+    places = (swept.rank[:, curve].astype(np.intp) for curve in one.curves)
+    each = (mode_content.frequencies(swept.omega_squared, place) for place in places)
+    known = np.isfinite(one.value)
+    return [
+        Line(swept.axes[0].displayed, np.where(known, y, np.nan), "_", colour, look) for y in each
+    ]
+
+
+def _broken(
+    x: Float[np.ndarray, " point"], y: Float[np.ndarray, " point"], one: Labelled | None
+) -> tuple[Float[np.ndarray, " more"], Float[np.ndarray, " more"]]:
+    """Break a line where it passes from one mode to another: no mode is in between."""
+    if one is None:
+        return x, y
+    after = np.flatnonzero(one.exchanges(0)) + 1
+    return np.insert(x, after, x[after]), np.insert(y, after, np.nan)
 
 
 def _failed(swept: SweepResult) -> tuple[list[Rule], list[Line]]:
@@ -260,6 +299,8 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
     low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
     smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
     high = max(high, low + (abs(low) or 1.0) * 1e-9)
+    one = sharing.labelled(swept).get(n)
+    touched = None if one is None else one.touched[(..., *swept.start[2:])]
     norm = LogNorm(low, high) if wide else Normalize(low, high)
 
     def paint(axes: Axes) -> None:
@@ -278,6 +319,9 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
         here = [
             at * axis.displayed_unit[1] for axis, at in zip(swept.axes, swept.drawn, strict=True)
         ]
+        if touched is not None and touched.any():
+            places = np.nonzero(touched)
+            axes.plot(x[places[0]], y[places[1]], ".", color="white", markersize=2.5)
         if x.min() <= here[0] <= x.max() and y.min() <= here[1] <= y.max():
             axes.plot(*here, "+", color="white", markersize=9, markeredgewidth=2.4)
             axes.plot(*here, "+", color=INK, markersize=8, markeredgewidth=1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -25,17 +26,20 @@ class Labelled:
 
     Attributes
     ----------
-    curve
-        Number of the nominal mode that has become this one, followed by shape; -1 if none.
+    shape
+        Of the mode, as in `batch_modes.Spectrum`.
     value, other
         Frequencies of the mode and of the one with most of the motion beside it, Hz; or NaN.
+    curve, other_curve
+        Numbers of the nominal modes that have become these, followed by shape; -1 if none.
     """
 
     name: str
     content: Content
-    curve: Int[np.ndarray, "*axes"]
+    shape: Float[np.ndarray, "*axes coordinate"]
     value: Float[np.ndarray, "*axes"]
     other: Float[np.ndarray, "*axes"]
+    curve: Int[np.ndarray, "*axes"]
     other_curve: Int[np.ndarray, "*axes"]
 
     @property
@@ -46,18 +50,19 @@ class Labelled:
     def exchanges(self, axis: int) -> Bool[np.ndarray, "*axes"]:
         """Whether it passes to another mode between each point and the next along an axis.
 
-        One element less along this axis.
+        The shapes of both are then more different than equal. One element less along this axis.
         """
-        known = np.where(np.isfinite(self.value), self.curve, -1)
-        here, there = (np.moveaxis(known, axis, 0)[part] for part in (slice(-1), slice(1, None)))
-        return np.moveaxis((here >= 0) & (there >= 0) & (here != there), 0, axis)
+        shape = np.moveaxis(self.shape, axis, 0)
+        known = np.moveaxis(np.isfinite(self.value), axis, 0)
+        overlap = (shape[:-1] * shape[1:]).sum(-1) ** 2
+        return np.moveaxis(known[:-1] & known[1:] & (overlap < 0.5), 0, axis)
 
     @property
     def curves(self) -> list[int]:
-        """Nominal modes that it is at some point, or shares the motion with; none if one alone."""
-        every = np.concatenate([self.curve.ravel(), self.other_curve[self.shared]])
-        found = np.unique(every[every >= 0]).tolist()
-        return found if len(found) > 1 else []
+        """Nominal modes that share the motion somewhere, followed by shape; none if one alone."""
+        touched = self.touched
+        every = np.concatenate([self.curve[touched], self.other_curve[touched]])
+        return np.unique(every[every >= 0]).tolist()
 
     @property
     def touched(self) -> Bool[np.ndarray, "*axes"]:
@@ -74,15 +79,22 @@ class Labelled:
 
 def labelled(swept: SweepResult) -> dict[int, Labelled]:
     """Results that are modes asked for by their labels, by their number."""
-    found = {}
+    found: dict[int, Labelled] = {}
     for number, name in enumerate(swept.result):
-        content = swept.content(name)
-        if content is None or swept.rank is None or swept.omega_squared is None:
+        content, rank, squared = swept.content(name), swept.rank, swept.omega_squared
+        if content is None or rank is None or squared is None or swept.shape is None:
             continue
-        curves = [_curve(swept.rank, mode) for mode in (content.mode, content.other)]
-        other = mode_content.frequencies(swept.omega_squared, content.other.astype(np.intp))
-        value = swept.value[..., number]
-        found[number] = Labelled(name, content, curves[0], value, other, curves[1])
+        mode, other = content.mode.astype(np.intp), content.other.astype(np.intp)
+        own = np.maximum(mode, 0)[..., None, None]
+        found[number] = Labelled(
+            name,
+            content,
+            shape=np.take_along_axis(swept.shape, own, -2)[..., 0, :].astype(float),
+            value=swept.value[..., number],
+            other=mode_content.frequencies(squared, other),
+            curve=_curve(rank, mode),
+            other_curve=_curve(rank, other),
+        )
     return found
 
 
@@ -130,9 +142,9 @@ def _runs(touched: Bool[np.ndarray, " point"], one: Labelled) -> list[tuple[int,
     """First and last points of places at which modes share the motion, or exchange it."""
     joined = (one.shared[:-1] & one.shared[1:]) | one.exchanges(0)
     numbers = np.flatnonzero(touched)
-    apart = [n for n, (k, m) in enumerate(zip(numbers, numbers[1:], strict=False), 1)
-             if m != k + 1 or not joined[k]]  # fmt: skip
-    return [(int(run[0]), int(run[-1])) for run in np.split(numbers, apart)]
+    pairs = itertools.pairwise(numbers.tolist())
+    starts = [n for n, (k, m) in enumerate(pairs, 1) if m != k + 1 or not joined[k]]
+    return [(int(run[0]), int(run[-1])) for run in np.split(numbers, starts)]
 
 
 def _both(swept: SweepResult, one: Labelled, at: tuple[int | np.intp, ...]) -> str:
