@@ -93,9 +93,55 @@ def find(fractions: Float[np.ndarray, "*build mode place"], motion: Motion) -> C
         mode = (own + has_label).argmax(-1)  # a fraction is below 1
     mode = np.where(known, mode, -1)
     taken = np.arange(own.shape[-1]) == mode[..., None]
+    if motion.number:  # others of this label are not in doubt
+        taken = taken | has_label
     rest = np.where(taken, -1.0, own)
     other = np.where((mode >= 0) & (rest.max(-1) >= 0), rest.argmax(-1), -1)
     return Content(mode, other, *(_at(own, number) for number in (mode, other)))
+
+
+def weights(
+    fractions: Float[np.ndarray, "*build mode place"], motion: Motion, *, smooth: bool
+) -> Float[np.ndarray, "*build mode"]:
+    """Weight with which each mode counts as the one that a label means, from 0 to 1.
+
+    1 for the mode that `find` finds (where no mode has the number of a label, for the one that
+    comes nearest to it) and for those that share the motion with it. If `smooth`, a mode gains
+    weight gradually between `APART` and `SHARED`, so that a number that depends on all of them does
+    not jump where two modes exchange their character; else others have none.
+    """
+    found = find(fractions, motion)
+    mode = np.where(found.mode < 0, found.other, found.mode)
+    own = fractions[..., motion.place]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.nan_to_num(own / _at(own, mode)[..., None])
+    if motion.number:
+        ratio = np.where(leading(fractions) == motion.place, 0.0, ratio)
+    weight = (ratio >= SHARED) * 1.0
+    if smooth:
+        part = np.clip((ratio - APART) / (SHARED - APART), 0.0, 1.0)
+        weight = part**2 * (3 - 2 * part)
+    return np.where(np.arange(own.shape[-1]) == mode[..., None], 1.0, weight)
+
+
+def largest(
+    values: Float[np.ndarray, "*build item"], weight: Float[np.ndarray, "*build item"]
+) -> Float[np.ndarray, "*build"]:
+    """Largest of values with weights from 0 to 1, continuous in both.
+
+    The largest value of weight 1, raised towards larger ones by their weight (an integral of
+    Choquet, Ann. Inst. Fourier 5, 131 (1954), with the largest weight as the measure of a set).
+
+    >>> largest(np.array([1.0, 2.0, 4.0]), np.array([1.0, 0.0, 0.5])).tolist()
+    2.5
+    """
+    order = np.argsort(-values, axis=-1, kind="stable")
+    descending = np.take_along_axis(values, order, -1)
+    reached = np.maximum.accumulate(np.take_along_axis(weight, order, -1), axis=-1)
+    steps = descending[..., :-1] - descending[..., 1:]
+    return descending[..., -1] + (
+        np.where(reached[..., :-1] > 0, steps, 0.0) * reached[..., :-1]
+    ).sum(-1)
 
 
 def _at(

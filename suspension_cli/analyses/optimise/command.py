@@ -152,6 +152,7 @@ class OptimiseAnalysis(Analysis):
             "limits": limits,
             "quantities": quantities,
             "unknown": list(found.unknown),
+            "remarks": list(found.remarks),
             "modes": modes,
             "starts": starts,
             "objective": found.objective,
@@ -254,6 +255,7 @@ def _verdict(found: Optimum) -> Iterator[str]:
         said += [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"]
     said += [f"{len(found.unknown)} NOT KNOWN"] if found.unknown else []
     yield ", ".join([*said, found.checked])
+    yield from found.remarks
     held = [name for name, by in zip(limits.name, limits.multiplier, strict=True) if by]
     rows = zip(numbers.name, numbers.bound, numbers.multiplier, strict=True)
     held += [f"the {BOUNDS[at + 1]} bound of {name}" for name, at, by in rows if at and by > 0]

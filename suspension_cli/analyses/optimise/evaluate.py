@@ -6,11 +6,11 @@ Their derivatives are central differences between neighbours in every free numbe
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -18,8 +18,11 @@ import numpy as np
 from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.optimise.requirements import (
+    FOLLOWED,
+    LABELLED,
     Families,
     FreeDesign,
+    Quantity,
     Requirements,
     interpret,
 )
@@ -30,7 +33,7 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, signals
+from suspension_cli.linear import batch_modes, eigenmodes, mode_content, mode_pairing, signals
 from suspension_cli.linear.eigenmodes import Modes, find_top_masses
 from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
 from suspension_cli.linear.named_results import Ratio
@@ -123,11 +126,12 @@ class Evaluator:
     ) -> Float[np.ndarray, "design value"]:
         """Logarithms of quantities, then margins of the bounds of dependent numbers.
 
+        Twice those of quantities: as lower limits take them, then as upper ones (`Results.ends`).
         Below a floor logarithms are continued linearly in the square, to unstable modes. `shapes`
         and `around` are as in `Results`; NaN for an invalid design.
         """
         designs = [self.freed.design_if_valid(one) for one in fractions]
-        value = Results(self, designs, shapes, around).values
+        value = np.hstack(Results(self, designs, shapes, around).ends(smooth=True))
         squared = value * np.abs(value)
         least = np.maximum(squared, self._floors)
         with np.errstate(invalid="ignore"):  # infinite ratios of responses
@@ -136,26 +140,26 @@ class Evaluator:
         return np.hstack([log, np.array(margins)])
 
     @cached_property
-    def _floors(self) -> Float[np.ndarray, " quantity"]:
-        """Squares of quantities below which their logarithms continue linearly."""
+    def _floors(self) -> Float[np.ndarray, " value"]:
+        """Squares of quantities, twice, below which their logarithms continue linearly."""
         items, limits = self.requirements.quantities, self.requirements.limits
         lowest = np.full(len(items), np.inf)
         np.minimum.at(lowest, limits.quantity, limits.asked)
         lowest[np.isinf(lowest)] = 0.01
         hertz = np.array([item.unit == "Hz" for item in items])
-        return np.where(hertz, LINEAR_BELOW * lowest, TINY) ** 2
+        return np.tile(np.where(hertz, LINEAR_BELOW * lowest, TINY) ** 2, 2)
 
     def follow(self, fraction: Float[np.ndarray, " number"]) -> Array | None:
-        """Shapes in a design of all modes of the starting design; None if no goal has a label.
+        """Shapes in a design of all modes of the starting design; None if no goal follows one.
 
         They are followed on the string model along the straight line between the two. NaN if the
         design has no equilibrium.
         """
-        if all(-1 not in item.key for item in self.requirements.quantities):
+        if all(FOLLOWED not in item.key for item in self.requirements.quantities):
             return None
         line = np.linspace(self.freed.begin, fraction, PATH_STEPS + 1)
         designs = [self.freed.design_if_valid(one) for one in line]
-        squared, shape = Results(replace(self, modes=STRING), designs).modes
+        squared, shape, _ = Results(replace(self, modes=STRING), designs).modes
         good = np.isfinite(squared[:, 0])
         rank, _ = mode_pairing.follow(squared, shape, good, (0,), shape[0])
         return shape[-1][rank[-1]] * (1.0 if good[-1] else np.nan)
@@ -185,8 +189,8 @@ class Results:
     """Modes, responses and loads of designs that differ in their numbers, on demand.
 
     Without a value (NaN) for a design that is None or has no equilibrium. `shapes` are those of
-    modes with a label (`Evaluator.follow`). If `around`, the designs are neighbours of the last
-    one, and changes by wire mass are neglected.
+    modes that are followed (`Evaluator.follow`). If `around`, the designs are neighbours of the
+    last one, and changes by wire mass are neglected.
     """
 
     evaluator: Evaluator
@@ -201,20 +205,104 @@ class Results:
         items = self.evaluator.requirements.quantities
         return np.stack([getattr(self, item.method)(*item.key) for item in items], axis=1)
 
-    def of_mode(self, what: str, family: int, number: int) -> Float[np.ndarray, " design"]:
-        """``frequency`` or ``top_fraction`` of a mode by family and rank, of family -1 by shape."""
-        place = self.numbers[family][:, number]
+    def ends(
+        self, *, smooth: bool
+    ) -> tuple[Float[np.ndarray, "design quantity"], Float[np.ndarray, "design quantity"]]:
+        """Smallest and largest value of all quantities: they differ where modes share a motion.
+
+        There a label means both modes, and a limit takes the one that violates it more. If
+        `smooth`, the other mode gains influence gradually (`mode_content.weights`), for the search.
+        """
+        low, high = self.values.copy(), self.values.copy()
+        for n, item in enumerate(self.evaluator.requirements.quantities):
+            if LABELLED in item.key:
+                values, weight = self._choices(item, smooth)
+                low[:, n] = -mode_content.largest(-values, weight)
+                high[:, n] = mode_content.largest(values, weight)
+        return low, high
+
+    def _choices(
+        self, item: Quantity, smooth: bool
+    ) -> tuple[Float[np.ndarray, "design choice"], Float[np.ndarray, "design choice"]]:
+        """Values of a quantity for all modes, or pairs of these, and the weights of these."""
+        if item.method == "of_mode":
+            what, *key = item.key
+            return getattr(self, what), self._weights(*key, smooth=smooth)
+        hertz, *keys = item.key
+        first, second = (
+            self._weights(*keys[:2], smooth=smooth),
+            self._weights(*keys[2:], smooth=smooth),
+        )
+        count = first.shape[1]
+        one, other = np.nonzero(~np.eye(count, dtype=bool))  # a mode is not apart from itself
+        weight = np.minimum(first[:, one], second[:, other])
+        most = weight.max(1, keepdims=True)
+        frequency = np.abs(self.frequency)
+        values = self._apart(hertz, frequency[:, one], frequency[:, other])
+        return values, weight / np.where(most > 0, most, 1.0)
+
+    def _weights(
+        self, family: int, number: Any, *, smooth: bool
+    ) -> Float[np.ndarray, "design mode"]:
+        """Weight with which each mode counts as the one of a quantity."""
+        if family == LABELLED:
+            return mode_content.weights(self.fractions, number, smooth=smooth)
+        place = self._place(family, number)
+        return (np.arange(self.frequency.shape[1]) == place[:, None]) * 1.0
+
+    def _place(self, family: int, number: Any) -> Int[np.ndarray, " design"]:
+        """Number of the mode of a quantity, from 0; -1 if unknown."""
+        if family == LABELLED:
+            return mode_content.find(self.fractions, number).mode
+        return self.numbers[family][:, number]
+
+    def of_mode(self, what: str, family: int, number: Any) -> Float[np.ndarray, " design"]:
+        """``frequency`` or ``top_fraction`` of a mode by family and rank, shape or motion."""
+        place = self._place(family, number)
         value = np.take_along_axis(getattr(self, what), np.maximum(place, 0)[:, None], 1)[:, 0]
         return np.where(place < 0, np.nan, value)
 
-    def separation(self, hertz: bool, *modes: int) -> Float[np.ndarray, " design"]:
+    def separation(self, hertz: bool, *modes: Any) -> Float[np.ndarray, " design"]:
         """Ratio or difference (Hz) of the frequencies of two modes, the higher one first."""
         one, other = (np.abs(self.of_mode("frequency", *key)) for key in (modes[:2], modes[2:]))
+        return self._apart(hertz, one, other)
+
+    def _apart(
+        self, hertz: bool, one: Float[np.ndarray, "design *"], other: Float[np.ndarray, "design *"]
+    ) -> Float[np.ndarray, "design *"]:
+        """Ratios or differences of frequencies (Hz), the higher one first."""
         swap = one < other
         if self.around:  # smooth where two modes cross
             swap = swap[-1:]
         high, low = np.where(swap, other, one), np.where(swap, one, other)
         return high - low if hertz else high / low
+
+    def number_of(self, item: Quantity) -> int:
+        """Number of the mode of a quantity in the first design, from 0; -1 for other quantities."""
+        return int(self._place(*item.key[1:])[0]) if item.method == "of_mode" else -1
+
+    def remarks(self) -> Iterator[str]:
+        """Say which modes share a motion of a goal in the first design, or that there is none."""
+        keys = dict.fromkeys(
+            item.key[start : start + 2]
+            for item in self.evaluator.requirements.quantities
+            for start in (1, 3)
+            if item.method in ("of_mode", "separation")
+        )
+        for motion in (key[1] for key in keys if key and key[0] == LABELLED):
+            found = mode_content.find(self.fractions[:1], motion)
+            name = eigenmodes.describe(self.evaluator.system.coordinate[6 + motion.place])
+            if found.mode[0] < 0:
+                yield f"no mode is {name}#{motion.number} in this design"
+            elif found.shared[0]:
+                numbers = (int(found.mode[0]), int(found.other[0]))
+                first, second = (f"{self.frequency[0, number]:.5g}" for number in numbers)
+                parts = 100 * found.fraction[0], 100 * found.other_fraction[0]
+                yield (
+                    f"two modes share {name} in this design: {first} and {second} Hz, with"
+                    f" {parts[0]:.0f} and {parts[1]:.0f} % of their kinetic energy in it; of both,"
+                    " limits take the one that violates them more"
+                )
 
     def response(
         self, ratio: Ratio, perturbation: tuple[Perturbation, ...]
@@ -256,15 +344,22 @@ class Results:
         return found
 
     @cached_property
-    def modes(self) -> tuple[Float[np.ndarray, "design mode"], Float[np.ndarray, "design mode _"]]:
-        """omega^2, (rad/s)^2, ascending, and shapes of bodies; NaN without an equilibrium.
+    def modes(
+        self,
+    ) -> tuple[
+        Float[np.ndarray, "design mode"],
+        Float[np.ndarray, "design mode _"],
+        Float[np.ndarray, "design mode place"],
+    ]:
+        """omega^2, (rad/s)^2, ascending, shapes of bodies, and fractions of the kinetic energy.
 
-        Squares of shapes are fractions of the kinetic energy, as in `batch_modes.Spectrum`. A
-        design with another number of modes cannot be compared, and has none.
+        Shapes are as in `batch_modes.Spectrum`; NaN without an equilibrium. A design with another
+        number of modes cannot be compared, and has none.
         """
         bodies, count = 6 * len(self.evaluator.system.body), self.evaluator.families.size.sum()
         squared = np.full((len(self.designs), count), np.nan)
         shape = np.full((len(self.designs), count, bodies), np.nan)
+        fractions = np.full((len(self.designs), count, self.evaluator.system.size - 6), np.nan)
         level = registry.by_name(self.evaluator.modes)
         if level.has_wire_mass and not self.around:
             for n, design in enumerate(self.designs):
@@ -275,14 +370,21 @@ class Results:
                         own = slice(6, 6 + bodies)
                         root = np.linalg.cholesky(model.mass[own, own])
                         squared[n], shape[n] = found.omega_squared, found.shape[:, :bodies] @ root
-            return squared, shape
+                        fractions[n] = found.fractions[:, : fractions.shape[-1]]
+            return squared, shape, fractions
         for places, batch in self._balanced((), level.name):
             solved, good = batch_modes.solve(batch.model), batch.status == builds.GOOD
             if solved.omega_squared.shape[1] == count:
                 here = np.array(places)[good]
                 squared[here] = solved.omega_squared[good]
                 shape[here] = solved.shape[good, :, :bodies]
-        return squared, shape
+                fractions[here] = mode_content.of_spectrum(batch.model, solved)[good]
+        return squared, shape, fractions
+
+    @property
+    def fractions(self) -> Float[np.ndarray, "design mode place"]:
+        """Fractions of the kinetic energy of each mode in each motion."""
+        return self.modes[2]
 
     @cached_property
     def energy(self) -> Float[np.ndarray, "design mode body 6"]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.paths import unit_of
-from suspension_cli.files.declared import along, derived, in_unit, scale_of
+from suspension_cli.files.declared import ATTRIBUTE, along, derived, in_unit, scale_of
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -95,6 +95,10 @@ class Limits:
         tolerance = [EQUAL if sense == "equals" else 0.0 for sense in self.sense]
         return self.margin >= -np.array(tolerance)
 
+    def sense_is(self, sense: str) -> Bool[np.ndarray, " limit"]:
+        """Whether each limit has this sense."""
+        return np.array(self.sense, dtype=str) == sense
+
     @property
     def room(self) -> Float[np.ndarray, " limit"]:
         """Relative distance of each value from its limit, negative if not met."""
@@ -148,7 +152,8 @@ class Optimum:
     `unknown` are requested quantities that are unknown, with the keys that the design lacks;
     `objective` describes what was minimised, `stationarity` is that of `solve.Search.multipliers`.
     `fidelity`, `reason` and `error` are the model of the modes, why, and its estimated relative
-    error; `design` is the optimised design as TOML, `goals` the text of the file of goals.
+    error; `design` is the optimised design as TOML, `goals` the text of the file of goals;
+    `remarks` say which modes share a motion in it.
     """
 
     numbers: Numbers
@@ -164,6 +169,7 @@ class Optimum:
     error: float
     design: str
     goals: str = ""
+    remarks: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE)
 
     @property
     @derived()

@@ -26,6 +26,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.linear import named_results
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_content import Motion
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Mode
 from suspension_cli.studies import parameters
@@ -33,6 +34,9 @@ from suspension_cli.studies import parameters
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
+FOLLOWED, LABELLED = -1, -2
+"""Families of modes that are followed by their shapes from the starting design, by number there,
+and of those that a label means in each design, by their motion."""
 SIGNS = {"at_least": ">=", "at_most": "<=", "equals": "="}
 
 
@@ -300,11 +304,17 @@ def _name_limit(quantity: Quantity, sense: str, value: float) -> str:
 
 
 def _modes(goal: Goal, at: str, modes: Modes, families: Families) -> list[Quantity]:
-    """Quantities of modes, each identified by family and rank; by family -1 and label."""
-    chosen: list[tuple[str, int, int]] = []
+    """Quantities of modes, each identified by family and rank; see `FOLLOWED` and `LABELLED`."""
+    chosen: list[tuple[str, int, int | Motion]] = []
     if goal.modes is not None:
         named = named_results.parse(goal.modes, modes, (), f"{at}.modes")
-        chosen = [(item.text, -1, item.number) for item in named if isinstance(item, Mode)]
+        chosen = [
+            (item.text, FOLLOWED, item.number)
+            if item.motion is None
+            else (item.text, LABELLED, item.motion)
+            for item in named
+            if isinstance(item, Mode)
+        ]
         if not chosen:
             remedy, value = "list labels with pendsus modes", format_value(goal.modes)
             raise InputError.of(f"{at}.modes", "names no mode", remedy, value)

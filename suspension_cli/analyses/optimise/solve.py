@@ -32,6 +32,7 @@ from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.optimise.evaluate import Evaluator, Results, solve_modes
 from suspension_cli.analyses.optimise.optimum import (
     EQUAL,
+    Limits,
     ModeTable,
     Numbers,
     Optimum,
@@ -110,17 +111,19 @@ class Search:
         signs = {"at_least": (1,), "at_most": (-1,), "equals": (1, -1)}
         limits = wanted.limits
         columns = zip(limits.quantity, limits.sense, limits.asked, strict=True)
+        count = len(wanted.quantities)
         rows = [
-            (n, place, sign, sign * np.log(asked), sense == "equals")
+            (n, place + count * (sign < 0), sign, sign * np.log(asked), sense == "equals")
             for n, (place, sense, asked) in enumerate(columns)
             for sign in signs[sense]
         ]
-        rows += [(-1, len(wanted.quantities) + n, 1, 0, False) for n in range(bounds)]
+        rows += [(-1, 2 * count + n, 1, 0, False) for n in range(bounds)]
         limit, place, self._sign, offset, equal = np.array(rows, float).reshape(-1, 5).T
         self.limit, self._place, self._equal = limit.astype(int), place.astype(int), equal > 0
         inexact = ~self._equal & (limit >= 0)
         self._offset = offset + inexact * goals.margin
-        self._weight = np.append(wanted.weight, np.zeros(bounds))
+        maximised, minimised = np.minimum(wanted.weight, 0.0), np.maximum(wanted.weight, 0.0)
+        self._weight = np.concatenate([maximised, minimised, np.zeros(bounds)])
         self._shares_margin = inexact & (goals.prefer == "margin") & (not self._weight.any())
 
     def point(self, fraction: Float[np.ndarray, " number"]) -> Point | None:
@@ -400,10 +403,7 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
     lower, upper = freed.bounds
     at_lower, at_upper = freed.margins(best.fraction) <= EQUAL
     before, after = (np.where(one.values < 0, np.nan, one.values)[0] for one in (old, new))
-    modes = [
-        int(new.numbers[item.key[1]][0, item.key[2]]) if item.method == "of_mode" else -1
-        for item in items
-    ]
+    modes = [new.number_of(item) for item in items]
     models = {"response": evaluator.responses, "of_mode": evaluator.modes}
     return Optimum(
         numbers=Numbers(
@@ -427,7 +427,7 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
         ),
         limits=replace(
             wanted.limits,
-            value=after[wanted.limits.quantity],
+            value=_limited(new, wanted.limits),
             active=np.isfinite(gain),
             multiplier=np.nan_to_num(gain),
         ),
@@ -440,7 +440,23 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
         reason=chosen.reason,
         error=chosen.error,
         design=freed.toml(best.fraction),
+        remarks=tuple(new.remarks()),
     )
+
+
+def _limited(found: Results, limits: Limits) -> Float[np.ndarray, " limit"]:
+    """Values of the limited quantities of one design: of two modes that share a motion the worse.
+
+    NaN for an unstable mode, or if no mode has the label.
+    """
+    exists = found.values[0, limits.quantity] >= 0
+    low, high = (end[0, limits.quantity] for end in found.ends(smooth=False))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        further = np.where(np.abs(low - limits.asked) > np.abs(high - limits.asked), low, high)
+    value = np.select(
+        [limits.sense_is("at_least"), limits.sense_is("at_most")], [low, high], further
+    )
+    return np.where(exists & (low >= 0), value, np.nan)
 
 
 def _mode_table(evaluator: Evaluator, before: Results, after: Results, design: Design) -> ModeTable:
