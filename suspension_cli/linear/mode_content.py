@@ -28,7 +28,7 @@ EQUAL = 1e-9
 SHARED = 0.8
 """Fraction of a motion in one mode, over that in the mode with most of it, from which both share
 it: 44 and 56 % of two that share it alone."""
-APART = 0.25
+APART = 0.5
 """The same ratio, up to which the second mode has no effect on goals of `pendsus optimise`."""
 
 
@@ -82,7 +82,7 @@ def find(fractions: Float[np.ndarray, "*build mode place"], motion: Motion) -> C
 
     Designs without modes have fractions that are NaN.
     """
-    known = np.isfinite(fractions).all((-2, -1))
+    known = np.asarray(np.isfinite(fractions).all((-2, -1)))
     own = np.where(known[..., None], fractions[..., motion.place], 0.0)
     has_label = leading(fractions) == motion.place
     if motion.number:

@@ -131,6 +131,23 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
     raise InputError.of(option, problem, remedy, format_value(text))
 
 
+def shared_motions(results: Sequence[Scalar], modes: Modes) -> list[str]:
+    """Say which modes, asked for by their labels, share their motion with another mode."""
+    said = []
+    for one in results:
+        if isinstance(one, Mode) and one.motion is not None:
+            found = mode_content.find(modes.fractions, one.motion)
+            if found.shared:
+                pair = int(found.mode), int(found.other)
+                first, second = (f"{modes.frequency[number]:.5g}" for number in pair)
+                parts = f"{100 * found.fraction:.0f} and {100 * found.other_fraction:.0f} %"
+                said.append(
+                    f"two modes share {one.text}: {first} and {second} Hz, with {parts} of their"
+                    " kinetic energy in it"
+                )
+    return said
+
+
 def _motion(mode: Mode, modes: Modes) -> Motion:
     """Motion that the label of a mode names."""
     place = int(mode_content.leading(modes.fractions)[mode.number])

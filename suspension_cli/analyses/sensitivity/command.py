@@ -61,7 +61,7 @@ class SensitivityAnalysis(Analysis):
         """Differentiate every result with respect to every number."""
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.sensitivity import solve as sensitivity
-        from suspension_cli.linear import named_results
+        from suspension_cli.linear import eigenmodes, named_results
         from suspension_cli.models import registry
 
         setting, source = run.setting, run.source
@@ -79,6 +79,8 @@ class SensitivityAnalysis(Analysis):
         )
         requested = named_results.of_system(setting["results"], model)
         found = sensitivity.solve(source.text, requested, choice.level)
+        for said in named_results.shared_motions(requested, eigenmodes.solve(model.constant)):
+            run.log.warn(f"{said}; the effects are those on the first of them")
         model_choice.warn_of_neglected(source, choice, run.log, registry.SCENE_MODELS)
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
         if fixed:

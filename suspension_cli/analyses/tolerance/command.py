@@ -334,6 +334,8 @@ def _yields(found: Summary) -> Iterator[str]:
         rows.append((100 * one.fraction, interval, one.name))
     columns = {"yield\n%": ".2f", "95 % confidence\n%": " ", "requirement": ""}
     yield tables.render(columns, rows)
+    for name, count in found.shared.items():
+        yield f"  in {count:,} of {found.good:,} builds two modes share {name}"
     for one in found.required:
         if one.quantity.column in ("static", "response"):
             what = _causes(found, one, 3) or "no number significantly"

@@ -22,8 +22,10 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value, gather
-from suspension_cli.linear import batch_modes, eigenmodes, named_results, signals
+from suspension_cli.linear import batch_modes, eigenmodes, mode_content, named_results, signals
+from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_content import Motion
 from suspension_cli.linear.mode_pairing import pair_bodies, pair_by_overlap
 from suspension_cli.linear.named_results import Mode, Ratio
 from suspension_cli.models import registry
@@ -302,26 +304,56 @@ class RandomBuilds(Job):
         )
         with np.errstate(all="ignore"):
             nominal = eigenmodes.spectrum(nominal_system(self.text, self.level))
-            squared = follow_modes(found, nominal.shape)
+            solved = batch_modes.solve(found.model)
+            squared = follow_modes(solved, nominal.shape)
+            shared = self._by_label(found, solved, squared)
             squared = squared if self.allow_unstable else np.maximum(squared, 0.0)
             result = couplings(found, self.question)
             result |= {"frequency": np.sqrt(squared) / (2 * np.pi), "static": found.static}
             if self.ratios:
                 result["response"] = builds.responses(found, self.ratios)
+            if self.motions:
+                result["shared"] = shared & (found.status == builds.GOOD)[:, None]
         for name in ("frequency", "static"):
             result[name][found.status != builds.GOOD] = np.nan
         del result["over"], result["under"]
         return result
 
+    @cached_property
+    def motions(self) -> dict[int, Motion]:
+        """Motions of the modes that requirements name, by the number of the nominal mode."""
+        places = {one.place[0] for one in self.required if one.column == "frequency"}
+        names = named_results.labels(self.nominal)
+        modes = named_results.parse([names[n] for n in sorted(places)], self.nominal, ())
+        return {one.number: one.motion for one in modes if isinstance(one, Mode) and one.motion}
+
+    def _by_label(
+        self, found: Builds, solved: Spectrum, squared: Float[np.ndarray, "build mode"]
+    ) -> Bool[np.ndarray, "build mode"]:
+        """Take modes that requirements name by their labels, in place of those followed by shape.
+
+        Returns whether another mode shares their motion in each build.
+        """
+        shared = np.zeros(squared.shape, dtype=bool)
+        if not self.motions:
+            return shared
+        fractions = mode_content.of_spectrum(found.model, solved)
+        for number, motion in self.motions.items():
+            content = mode_content.find(fractions, motion)
+            place = np.maximum(content.mode, 0)[:, None]
+            own = np.take_along_axis(solved.omega_squared, place, axis=1)[:, 0]
+            squared[:, number] = np.where(content.mode < 0, squared[:, number], own)
+            shared[:, number] = content.shared
+        return shared
+
 
 def follow_modes(
-    found: Builds, shapes: Float[np.ndarray, "mode coordinate"]
+    solved: Spectrum, shapes: Float[np.ndarray, "mode coordinate"]
 ) -> Float[np.ndarray, "build mode"]:
-    """Solve for omega^2, (rad/s)^2, of every build in the order of nominal modes of these shapes.
+    """Find omega^2, (rad/s)^2, of every build in the order of nominal modes of these shapes.
 
     Each is paired with the mode of the build that overlaps it most.
     """
-    solved = batch_modes.solve(found.model)
     overlap = (shapes @ np.swapaxes(solved.shape, -1, -2)) ** 2  # (p, m, m): nominal, build
     choice = overlap.argmax(-1)
     clash = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)

@@ -22,7 +22,7 @@ from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, along, in_unit
 from suspension_cli.linear import signals
-from suspension_cli.linear.named_results import quotient_unit
+from suspension_cli.linear.named_results import labels, quotient_unit
 from suspension_cli.studies import builds
 from suspension_cli.studies.job import parse as parse_design
 from suspension_cli.studies.run import Columns
@@ -238,6 +238,8 @@ class Summary:
         Of each requirement, and of all together.
     sobol
         Sobol indices of `job.quantities` for `job.groups`, if requested.
+    shared
+        Number of builds in which two modes share the motion of a mode that a requirement names.
     """
 
     job: RandomBuilds
@@ -254,6 +256,7 @@ class Summary:
     yields: tuple[Yield, ...]
     joint: Yield | None
     sobol: SobolIndices | None
+    shared: dict[str, int]
 
     @property
     def independent(self) -> int:
@@ -353,7 +356,16 @@ def summarise(
         yields=tuple(fraction(name, one, every) for name, one in met),
         joint=None if together is None else fraction("all together", together, every),
         sobol=_indices(columns, job) if job.with_indices else None,
+        shared=_shared(columns, job),
     )
+
+
+def _shared(columns: Mapping[str, Any], job: RandomBuilds) -> dict[str, int]:
+    """Count builds in which two modes share the motion of a mode that a requirement names."""
+    if "shared" not in columns:
+        return {}
+    counts, names = columns["shared"][:].sum(0), labels(job.nominal)
+    return {names[n]: int(counts[n]) for n in sorted(job.motions) if counts[n]}
 
 
 def _indices(columns: Mapping[str, Any], job: RandomBuilds) -> SobolIndices:
@@ -425,6 +437,7 @@ class FileContents(Request):
     response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
     build: Int[np.ndarray, " build"]
     frequency: Float[np.ndarray, "build mode"] = field(metadata=in_unit("Hz"))
+    shared: Bool[np.ndarray, "build mode"] | None = None
     ratio: Complex[np.ndarray, "build coupling_frequency"]
     static: Float[np.ndarray, "build stage static_dof"] = field(metadata=STATIC_UNIT)
     response: Complex[np.ndarray, "build response_name"] | None = field(
