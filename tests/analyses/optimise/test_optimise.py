@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.optimise.evaluate import Results, with_imperfections
 from suspension_cli.analyses.optimise.requirements import FreeDesign
@@ -21,6 +22,7 @@ from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.models import registry
 from tests.support import derivatives as differences
 from tests.support.designs import TEXTS
+from tests.support.exchanging import SMALL, D, pendulum_and_pitch
 from tests.support.optima import (
     ANGLED,
     EVERY,
@@ -153,6 +155,42 @@ def test_modes_are_followed_by_their_shapes_through_crossings():
     again = eigenmodes.solve(registry.STRING.system(reader.parse(found.design)))
     assert again.label[found.quantities.mode[0]] == "test pitch"
     assert again.frequency[found.quantities.mode[0]] <= 0.9 < 1.1 < again.of("x")[0]
+
+
+@pytest.mark.parametrize(
+    ("start", "limit"), [(2.5e-3, {"at_most": 0.9}), (2e-4, {"at_least": 1.5})]
+)
+@pytest.mark.parametrize("level", ["string", "auto"])
+def test_through_an_exchange_of_character(start, limit, level):
+    """Pitch reaches limits on the other side of the pendulum mode, with which it mixes, and the
+    table of modes of the design found agrees."""
+    text = sus.parse(SMALL).replace({D: start}).text
+    lowest = -6e-4 if level == "auto" else 1e-5
+    found = solved(text, [band("test pitch", **limit)], [free("d", lowest, 3e-3)], level=level)
+    assert found.met
+    assert not found.remarks
+    table = sus.modes(sus.parse(found.design), fidelity=found.fidelity)
+    frequency = table.frequency[table.label.index("test pitch")]
+    assert table.label.count("test pitch") == 1
+    assert frequency == pytest.approx(next(iter(limit.values())), rel=1e-5)
+    assert frequency == pytest.approx(found.limits.value[0], rel=1e-7)
+
+
+def test_of_two_modes_that_share_a_motion_the_worse_counts():
+    """Where pitch is half in the pendulum mode, each limit takes the one that violates it more."""
+    halves = [d for d in np.linspace(6e-4, 12e-4, 301) if pendulum_and_pitch(d)[1].max() < 0.53]
+    d = halves[len(halves) // 2]
+    low, high = np.sqrt(pendulum_and_pitch(d)[0]) / (2 * np.pi)
+    text = sus.parse(SMALL).replace({D: d}).text
+    limits = [band("test pitch", at_most=0.9, at_least=1.5)]
+    found = solved(text, limits, [free("d", d * (1 - 1e-9), d * (1 + 1e-9))])
+    assert dict(zip(found.limits.sense, found.limits.value, strict=True)) == pytest.approx(
+        {"at_least": low, "at_most": high}, rel=1e-6
+    )
+    [remark] = found.remarks
+    assert remark.startswith("two modes share test pitch in this design: ")
+    assert f"{low:.5g}" in remark
+    assert f"{high:.5g}" in remark
 
 
 def test_modes_lie_apart():

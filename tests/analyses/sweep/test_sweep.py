@@ -21,6 +21,7 @@ from suspension_cli.models import closed_form, registry
 from tests.support import plants
 from tests.support.commandline import MISSING, document, edited, run, strict_json, written
 from tests.support.designs import overridden
+from tests.support.exchanging import SMALL, D, pendulum_and_pitch, pitch
 from tests.support.golden import CONFIGS
 
 SINGLE = CONFIGS / "husman2000" / "table1-case2.toml"
@@ -135,6 +136,58 @@ def test_a_near_miss_is_crossed_on_any_grid(tmp_path):
         tilt, along = values(answer, "test pitch"), values(answer, "test longitudinal")
         assert tilt[0] < 0.3 and tilt[-1] > 40
         assert np.ptp(along) < 0.022 * along.mean()
+
+
+def test_a_label_is_the_mode_that_is_mostly_that_motion(tmp_path):
+    """Pitch and the pendulum mode exchange their character at d = I / m l = 0.86 mm: against a closed form.
+    No frequency where pitch grows; both modes of the exchange are said and drawn."""
+    grid = np.linspace(-1e-3, 3e-3, 41)
+    file = written(tmp_path, SMALL)
+    options = f"--vary {D}=-1e-3:3e-3:41 --result 'test pitch' --fidelity string --allow-unstable"
+    answer = swept(file, tmp_path, options)
+    expected = [pitch(d) for d in grid]
+    np.testing.assert_allclose(values(answer, "test pitch"), expected, rtol=1e-7)
+    [found] = answer["results"]
+    fractions = [np.sort(pendulum_and_pitch(d)[1]) for d in grid]
+    ours = np.transpose([found["other_fraction"], found["fraction"]])
+    np.testing.assert_allclose(ours, fractions, atol=1e-7)
+    exchange, growth = answer["remarks"]
+    closest = min(range(41), key=lambda n: fractions[n][1])
+    assert "two modes share this motion and exchange character between" in exchange
+    assert f"{D} = {grid[closest]:.4g} they have" in exchange
+    assert f"at {np.isnan(expected).sum()} of 41 points, {D} from -0.001 to " in growth
+
+
+def test_pictures_show_both_modes_that_exchange_their_character(tmp_path):
+    """The line of a label ends where another mode takes its motion over; both modes are drawn thin
+    beneath it. As files have it, too."""
+    vary = {D: np.linspace(-1e-3, 3e-3, 41)}
+    found = sus.sweep(sus.parse(SMALL), vary=vary, results=["test pitch"], fidelity="string")
+    found.save(tmp_path / "small.h5")
+    axes = sus.load(tmp_path / "small.h5").plot().axes[0]
+    lines = [line for line in axes.lines if len(line.get_xdata()) >= 41]
+    thick = [line for line in lines if line.get_linewidth() > 1]
+    thin = [line for line in lines if line.get_linewidth() < 1]
+    assert len(thick) == 1
+    assert len(thin) == 2
+    grows = np.isnan([pitch(d) for d in vary[D]]).sum()
+    y = np.asarray(thick[0].get_ydata())
+    assert len(y) == 42
+    assert np.isnan(y).sum() == grows + 1
+    for line in thin:
+        assert np.isnan(np.asarray(line.get_ydata())).sum() == grows
+
+
+def test_all_modes_are_followed_by_shape(tmp_path):
+    """All at once, and one by its number: lines do not change places where modes do not cross."""
+    options = f"--vary {D}=1e-5:3e-3:81 --result modes --result 'test pitch' --fidelity string"
+    answer = swept(written(tmp_path, SMALL), tmp_path, options)
+    names = [item["name"] for item in answer["results"]]
+    followed = next(name for name in names if name.startswith("test pitch (mode "))
+    own = values(answer, followed)
+    assert np.abs(np.diff(own)).max() < 0.06, "the upper of two that do not cross"
+    jumps = np.abs(np.diff(values(answer, "test pitch")))
+    assert jumps.max() > 2 * np.abs(np.diff(own)).max()
 
 
 def test_unstable_and_impossible_points_are_findings(tmp_path):
