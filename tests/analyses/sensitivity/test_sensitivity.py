@@ -15,6 +15,7 @@ from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import parameters
 from tests.support.commandline import edited, run, strict_json, written
 from tests.support.derivatives import STENCIL
+from tests.support.exchanging import SMALL, D
 from tests.support.golden import CONFIGS
 
 CASES = CONFIGS / "husman2000"
@@ -122,6 +123,17 @@ def test_a_degenerate_pair_that_mixes():
         column(found, "test transverse")["stage.test.spring.1.stiffness.1.1"],
     )
     np.testing.assert_allclose(sorted(one), [0.0, expected[1]], rtol=1e-8, atol=1e-12)
+
+
+def test_a_shared_motion_is_said(tmp_path):
+    """Effects on a label are those on one of the two modes that share its motion."""
+    file = written(tmp_path, SMALL.replace("d = 2e-3", "d = 8.6e-4"))
+    words = ["--result", "test pitch", "--fidelity", "string", "--out", tmp_path, "--no-plot"]
+    shared = run("sensitivity", file, *words)
+    assert shared.exit_code == 0
+    assert "warning: two modes share test pitch: " in shared.stderr
+    alone = run("sensitivity", file, "--set", f"{D}=2e-3", *words)
+    assert "two modes" not in alone.stderr
 
 
 def test_a_coupling_that_is_zero_grows_with_what_breaks_the_symmetry():

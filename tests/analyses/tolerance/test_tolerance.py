@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from suspension_cli.analyses.tolerance.solve import RandomBuilds
+from suspension_cli.analyses.tolerance.solve import RandomBuilds, parse
 from suspension_cli.analyses.tolerance.summary import strongest, unit_ranks
 from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.design.imperfections import named
@@ -22,6 +22,7 @@ from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from suspension_cli.studies import builds, sampling
 from tests.support import scenes
+from tests.support.exchanging import SMALL
 from tests.support.golden import CONFIGS
 from tests.support.paper import table_1
 
@@ -235,3 +236,28 @@ def test_rank_correlation_of_what_does_not_vary():
     assert a.T @ unit_ranks(np.ones((10, 1))) == 0
     assert a.T @ unit_ranks(-(np.arange(10.0)[:, None] ** 3)) == pytest.approx(-1, rel=1e-15)
     assert strongest(np.array([0.1, -0.9, 0.5]), 2) == [1, 2]
+
+
+def test_a_required_mode_is_in_each_build_the_one_with_its_label():
+    """Builds of a mirror whose pitch and pendulum modes exchange their character when the height of
+    its wires varies, against the table of modes of each build alone."""
+    raw = tomllib.loads(SMALL)
+    raw["stage"][0]["wires"]["d"] = 9e-4
+    raw["tolerance"] = {"wire": [{"stage": "test", "lower": {"normal": 2e-4}}]}
+    job = job_of(raw, 60, requirements=(parse("test pitch in 1.0:1.2"),))
+    found, drawn = job.compute(0, 60), job.deviations(0, 60)
+    pitch = job.nominal.label.index("test pitch")
+    exchanged = 0
+    for n in range(60):
+        design = scenes.design_of(
+            {key: value for key, value in raw.items() if key != "tolerance"}
+            | {"perturbation": perturbations(job, drawn[n])}
+        )
+        alone = eigenmodes.solve(registry.STRING.system(design))
+        exchanged += pitch != alone.label.index("test pitch")
+        own = alone.frequency[alone.label.index("test pitch")]
+        assert found["frequency"][n, pitch] == pytest.approx(own, rel=1e-8)
+        fractions = np.sort(alone.fractions[:, alone.coordinate.index("test.pitch")])
+        assert found["shared"][n, pitch] == (fractions[-2] >= 0.8 * fractions[-1])
+    assert 5 < exchanged < 55
+    assert 0 < found["shared"].sum() < 60
