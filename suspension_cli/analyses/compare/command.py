@@ -98,7 +98,7 @@ class CompareAnalysis(Analysis):
         from suspension_cli.files.hdf5 import reporting_damage
 
         items, damage = run.inputs["items"], contextlib.nullcontext()
-        if stored := " or ".join(item.result.source.file for item in items if item.result):
+        if stored := " or ".join(item.result.given.file for item in items if item.result):
             # whose numbers, unlike those of designs, nobody has checked
             damage = reporting_damage(stored, "run the analysis again")
         with damage:
@@ -163,7 +163,7 @@ class CompareAnalysis(Analysis):
         """Path of the results file, named after the first two items."""
         names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
-        stem = result.source.stem(f"{names[0]}-and-{names[1]}{more}")
+        stem = result.given.stem(f"{names[0]}-and-{names[1]}{more}")
         return folder / f"{stem}-{self.stem}.h5"
 
 

@@ -168,8 +168,8 @@ class ResponseAnalysis(Analysis):
         if data.measured:
             return f"{result.choice.line}\n\n{_table(data.measured)}"
         lines, largest = [result.choice.line], data.largest
-        if data.closed_loop and result.design.control is not None:
-            names = ", ".join(loop.name for loop in result.design.control.loop)
+        if data.closed_loop and result.given.design.control is not None:
+            names = ", ".join(loop.name for loop in result.given.design.control.loop)
             lines.append(f"loops closed: {names}")
         first, last = data.frequency[0], data.frequency[-1]
         for o, out in enumerate(data.output):
@@ -194,7 +194,7 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses.response import picture
 
         scale = setting.get("scale", "db")
-        stages = [stage.name for stage in result.design.stage]
+        stages = [stage.name for stage in result.given.design.stage]
         data: ComparedResponse = result.data
         if data.measured:
             title = result.subtitle + ", loops closed" * data.closed_loop

@@ -157,7 +157,7 @@ class ThermalAnalysis(Analysis):
         """Draw amplitude spectral densities, with the points that resolve resonances added."""
         from suspension_cli.analyses.thermal import picture
 
-        stages = [stage.name for stage in result.design.stage]
+        stages = [stage.name for stage in result.given.design.stage]
         subtitle = result.subtitle + name_mirrors(result)
         return {"": picture.draw(picture.refine(result), subtitle, stages)}
 
