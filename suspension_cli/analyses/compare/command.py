@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
 from suspension_cli.analyses.options import argument
+from suspension_cli.grids import end_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -243,10 +244,10 @@ def _ratios(found: Comparison, overlay: Overlay) -> Iterator[str]:
         text = "no frequency in common"
         if len(f):
             worst = int(np.argmax(np.abs(np.log(size))))
+            values = (f"{size[n]:.4g} at {f[n]:.4g} Hz" for n in end_points(f))
             text = (
-                f"median {np.median(size):.4g}, {size[0]:.4g} at {f[0]:.4g} Hz,"
-                f" {size[-1]:.4g} at {f[-1]:.4g} Hz, farthest from 1: {size[worst]:.4g} at"
-                f" {f[worst]:.5g} Hz"
+                f"median {np.median(size):.4g}, {', '.join(values)},"
+                f" farthest from 1: {size[worst]:.4g} at {f[worst]:.5g} Hz"
             )
         yield f"  {found.name[curve.item]} / {reference}: {text}"
 
