@@ -345,7 +345,8 @@ def fit(
     -------
     Result
         With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...; for transfer functions `responses`.
+        `residual`, ...; for transfer functions `responses`. `design` is the fitted design (of
+        several experiments a list), `given` the one that was fitted.
 
     Raises
     ------
@@ -482,7 +483,8 @@ def optimise(
     Returns
     -------
     Result
-        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...
+        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...;
+        `design` is the design that was found, `given` the one from which the search started.
 
     Raises
     ------

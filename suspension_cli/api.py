@@ -26,7 +26,7 @@ import numpy as np
 
 from suspension_cli.analyses import options, registry, settings
 from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
-from suspension_cli.analyses.python_functions import describe, python_names
+from suspension_cli.analyses.python_functions import demand_known_arguments, describe, python_names
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
 from suspension_cli.design.faults import suggest
@@ -56,11 +56,6 @@ class Design(Source):
     file : str
         Name of the file; empty if there is none.
     """
-
-    @property
-    def name(self) -> str:
-        """Name of the design."""
-        return self.design.design.name
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "design":
@@ -364,7 +359,7 @@ def load(file: PathLike) -> Result:
 
     with python_names(), open_results(options.path(file, "file")) as results:
         found = registry.loaded(results, str(file))
-    return dataclasses.replace(found, source=Design(**vars(found.source)))
+    return dataclasses.replace(found, given=Design(**vars(found.given)))
 
 
 def animate(result: Result, mode: int | str, path: PathLike) -> Path:
@@ -406,8 +401,8 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
             problem, remedy = "names several modes", "give one number, and a file for each"
             raise InputError.of("mode", problem, remedy, options.shown(mode))
         number = numbers[0]
-        scene = expand(result.design)
-        moving = picture.animate(result.data, number, result.design, scene)
+        scene = expand(result.given.design)
+        moving = picture.animate(result.data, number, result.given.design, scene)
         write_bytes(Path(path), moving, key="path")
     return Path(path)
 
@@ -566,8 +561,8 @@ def _design(value: object) -> Source:
         return read(value)
     if not isinstance(value, Source):
         remedy = "give one of sus.read, sus.parse, sus.template or sus.example"
-        if isinstance(getattr(value, "source", None), Source):
-            remedy = "give the attribute source of the result"
+        if isinstance(getattr(value, "given", None), Source):
+            remedy = "give the attribute design of the result"
         raise InputError.of("design", "is no design", remedy, options.shown(value))
     return value
 
@@ -577,6 +572,7 @@ def _function(name: str) -> Callable[..., Any]:
     analysis = registry.get(name)
 
     def call(*positional: Any, **named: Any) -> Result:
+        demand_known_arguments(analysis, inspect.signature(call).parameters, named)
         bound = inspect.signature(call).bind(*positional, **named)
         bound.apply_defaults()
         return _run(analysis, bound.arguments)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 
 DOFS = ("x", "y", "z", "roll", "pitch", "yaw")
+DOF_UNITS = ("m", "m", "m", "rad", "rad", "rad")
 """A body's coordinates, in order: three displacements in m, three rotations in rad."""
 
 DOF_NAMES = {

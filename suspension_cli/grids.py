@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 HIGHEST = 1e9
 """Highest frequency of a result, Hz; numbers of far higher ones overflow."""
+FEW = 12
+"""Number of frequencies, as of a list, that tables show completely."""
 MAX_POINTS = 10_000_000
 """Longest grid; a longer one is taken for a typing error."""
 
@@ -105,6 +107,17 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         raise ValueError(f"{text.strip()!r} is no number") from None
+
+
+def table_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
+    """Choose the points of a grid that tables show: all of a few, else the `decade_points`."""
+    return list(range(len(frequency))) if len(frequency) <= FEW else decade_points(frequency)
+
+
+def end_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
+    """Choose the points of a grid that a line of text shows: all of a few, else its ends."""
+    count = len(frequency)
+    return list(range(count)) if count <= FEW else [0, count - 1]
 
 
 def decade_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:

@@ -3,6 +3,7 @@ files."""
 
 from __future__ import annotations
 
+import dataclasses
 import doctest
 import gc
 import inspect
@@ -241,3 +242,51 @@ def test_notebook_with_finesse(tmp_path, capsys, monkeypatch):
         runpy.run_path(str(path))
     assert "   2 Hz: 1.36e-05 m/N at 10 Hz" in capsys.readouterr().out
     assert (tmp_path / "cavity.png").stat().st_size > 1e4
+
+
+@pytest.mark.parametrize("name", ["thermal", "budget", "compare", "fit", "optimise", "modes"])
+def test_what_the_help_of_the_data_lists_are_attributes_of_the_result(name, tmp_path):
+    """Whatever the result itself calls its design, name or model; also after it was stored."""
+    design = sus.template("single").replace(
+        {"analysis": {name: {"fidelity": "string" if name == "modes" else "beam"}}}
+    )
+    goals = tmp_path / "goals.toml"
+    goals.write_text(
+        'goal = [{ kind = "band", modes = ["test longitudinal"], equals = 0.8 }]\n'
+        'free = [{ name = "stage.test.wires.l", lower = 0.1, upper = 1.0 }]\n'
+    )
+    found = {
+        "thermal": lambda: sus.thermal(design, outputs="test.x", frequency=[1.0, 2.0]),
+        "budget": lambda: sus.budget(design, outputs="test.x", ground="nlnm", frequency=[1.0, 2.0]),
+        "compare": lambda: sus.compare(design, design.replace({"design.name": "other"})),
+        "fit": lambda: sus.fit(FITTED, CONFIGS / "husman2000" / "table1-case4.toml", starts=1),
+        "optimise": lambda: sus.optimise(design, goals, starts=1),
+        "modes": lambda: sus.modes(design),
+    }[name]()
+    found.save(tmp_path / "stored.h5")
+    for one in (found, sus.load(tmp_path / "stored.h5")):
+        data = one.data[0] if isinstance(one.data, list) else one.data
+        for field in dataclasses.fields(data):
+            if field.name != "design":
+                assert getattr(one, field.name) is getattr(data, field.name), field.name
+        assert one.document()["design"] == one.given.name
+        assert isinstance(one.design, sus.Design) and isinstance(one.given, sus.Design)
+
+
+def test_the_design_of_an_optimisation_or_a_fit_is_the_one_found(tmp_path):
+    design = sus.template("single")
+    goals = tmp_path / "goals.toml"
+    goals.write_text(
+        'goal = [{ kind = "band", modes = ["test longitudinal"], equals = 0.8 }]\n'
+        'free = [{ name = "stage.test.wires.l", lower = 0.1, upper = 1.0 }]\n'
+    )
+    found = sus.optimise(design, goals, starts=1, fidelity="string")
+    assert found.design["stage.test.wires.l"] == found.numbers.after[0] != found.numbers.before[0]
+    assert found.given == design
+    again = sus.modes(found.design, fidelity="string")
+    frequency = dict(zip(again.label, again.frequency, strict=True))
+    assert frequency["test longitudinal"] == pytest.approx(0.8, rel=1e-6)
+
+    fitted = sus.fit(FITTED, CONFIGS / "husman2000" / "table1-case4.toml", starts=1)
+    values = dict(zip(fitted.data.name, fitted.value, strict=True))
+    assert all(fitted.design[path] == value for path, value in values.items())

@@ -24,8 +24,8 @@ VARY = {DEPTH: [1e-3, 2e-3]}
     ("call", "message"),
     [
         (lambda: sus.modes(None), r"design = None: is no design; give one of sus\.read"),
-        (lambda: sus.response(MODES), r"design = .*: is no design; give the attribute source"),
-        (lambda: sus.modes(MODES.design), r"design = .*: is no design"),
+        (lambda: sus.response(MODES), r"design = .*: is no design; give the attribute design"),
+        (lambda: sus.modes(MODES.given.design), r"design = .*: is no design"),
         (lambda: sus.check(None), r"design = None: is no design"),
         (lambda: sus.info(None), r"design = None: is no design"),
         (lambda: sus.draw(None), r"design = None: is no design"),
@@ -50,6 +50,14 @@ VARY = {DEPTH: [1e-3, 2e-3]}
         (lambda: sus.response(SINGLE, frequency=None), r"frequency = None: must be real numbers"),
         (lambda: sus.response(SINGLE, frequency=[]), r"frequency: is empty"),
         (lambda: sus.response(SINGLE, frequency=[1 + 1j]), r"frequency = \[\(1\+1j\)\]: must be"),
+        (
+            lambda: sus.response(SINGLE, input="support.x"),
+            r"input: is no .*; did you mean 'inputs'",
+        ),
+        (lambda: sus.modes(SINGLE, all=True), r"all: is no .* of modes\(\); did you mean 'every'"),
+        (lambda: sus.modes(SINGLE, tolerence=0.1), r"tolerence: is no .* mean 'tolerance'"),
+        (lambda: sus.modes(SINGLE, out="x"), r"out: is no argument .* option of the command alone"),
+        (lambda: sus.modes(SINGLE, colour=1), r"colour: is no argument of modes\(\); known here"),
         (lambda: sus.fit(SINGLE, "x.toml"), r"measured = .*: must be a path"),
         (lambda: sus.optimise(SINGLE, None), r"goals = None: must be a path"),
         (lambda: sus.read(None), r"file = None: must be a path"),
@@ -179,7 +187,7 @@ def test_a_loaded_result_does_not_change_with_its_file(tmp_path):
 
 def test_a_loaded_design_is_replaced(tmp_path):
     sus.modes(SINGLE, fidelity="string").save(tmp_path / "r.h5")
-    source = sus.load(tmp_path / "r.h5").source
+    source = sus.load(tmp_path / "r.h5").design
     assert source.replace({"stage.test.wires.l": 1.0}).design == LONGER.design
 
 

@@ -98,29 +98,13 @@ class RelayedLog(Log):
         return lines
 
 
-class Sourced:
-    """What has a design; `source` has its TOML text and the name of its file."""
-
-    source: Source
-
-    @property
-    def design(self) -> Design:
-        """The design."""
-        return self.source.design
-
-    @property
-    def name(self) -> str:
-        """Name of the design."""
-        return self.design.design.name
-
-
 @dataclasses.dataclass(frozen=True)
-class Run(Sourced):
+class Run:
     """One analysis of one design, before it is computed.
 
-    `setting` has a value for every parameter of the analysis, `inputs` what `Analysis.read` read
-    besides the design, by name. An analysis that writes while it computes does so in `folder`.
-    Results record `command`.
+    `source` has the design, its TOML text and the name of its file. `setting` has a value for every
+    parameter of the analysis, `inputs` what `Analysis.read` read besides the design, by name. An
+    analysis that writes while it computes does so in `folder`. Results record `command`.
     """
 
     source: Source
@@ -130,25 +114,37 @@ class Run(Sourced):
     command: str
     inputs: Settings = dataclasses.field(default_factory=dict)
 
+    @property
+    def design(self) -> Design:
+        """The design."""
+        return self.source.design
+
+    @property
+    def name(self) -> str:
+        """Name of the design."""
+        return self.source.name
+
     def faults(self) -> contextlib.AbstractContextManager[None]:
         """Attribute faults found while solving to the design's file."""
         return attribute_faults_to(self.source.file)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Result(Sourced):
+class Result:
     """Result of an analysis, with its design and its model.
 
     A result is equal to itself alone; compare two by their arrays or by `document`.
 
     Fields of `data` are attributes of the result too: ``result.frequency``. Their units and shapes
     are in ``help(type(result.data))``; of `thermal` and `budget`, whose `data` is a list with an
-    item per motion, in ``help(type(result.data[0]))``. Of one motion, these are attributes.
+    item per motion, in ``help(type(result.data[0]))``. Of one motion, these are attributes. Where
+    the result has an attribute of the same name (`name`, `title`, `model`, `source`), that of
+    `data` takes its place: ``sus.compare(a, b).name`` are the names of both.
 
     Attributes
     ----------
-    source : Source
-        The design, its TOML text (overrides applied) and the name of its file.
+    given : Source
+        The design that was analysed, its TOML text (overrides applied) and the name of its file.
     choice : Choice
         The model, why it was chosen, and its estimated error.
     data : object
@@ -166,7 +162,7 @@ class Result(Sourced):
     """
 
     analysis: Analysis
-    source: Source
+    given: Source
     choice: Choice
     data: Any
     extra: Document = dataclasses.field(default_factory=dict)
@@ -196,20 +192,41 @@ class Result(Sourced):
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *(n for n in dir(self._only) if n[0] != "_")})
 
-    @property
-    def title(self) -> str:
-        """Title of the design, or its name."""
-        return self.design.design.title or self.name
+    def _of_data(self, name: str, otherwise: Any) -> Any:
+        """An attribute that the data may have, else that of the result."""
+        data = self.data[0] if isinstance(self.data, list) and self.data else self.data
+        return getattr(data, name, otherwise)
 
     @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.choice.level
+    def design(self) -> Any:
+        """The design; of `optimise` and `fit` the one that was found (of several, a list)."""
+        return self.analysis.design_of(self)
+
+    @property
+    def source(self) -> Any:
+        """The design that was analysed; of `thermal` and `budget` the sources of the noise."""
+        return self._of_data("source", self.given)
+
+    @property
+    def name(self) -> Any:
+        """Name of the design; of `compare` those of its items, of `fit` those of parameters."""
+        return self._of_data("name", self.given.name)
+
+    @property
+    def title(self) -> Any:
+        """Title of the design, or its name."""
+        return self._of_data("title", self.given.title)
+
+    @property
+    def model(self) -> Any:
+        """Name of the model; of `compare` those of its items."""
+        return self._of_data("model", self.choice.level)
 
     @property
     def subtitle(self) -> str:
         """Title of the design and name of the model, for the second line of a picture."""
-        return f"{self.title} · {self.model} model" if self.analysis.has_model else self.title
+        title = self.given.title
+        return f"{title} · {self.choice.level} model" if self.analysis.has_model else title
 
     @property
     def estimated_error(self) -> float:
@@ -218,13 +235,15 @@ class Result(Sourced):
 
     def document(self) -> Document:
         """Return the JSON document that ``pendsus ... --json`` prints."""
-        head: Document = {"command": self.analysis.command_name, "design": self.name}
+        head: Document = {"command": self.analysis.command_name, "design": self.given.name}
         if not self.analysis.has_model:
             return as_json(head | self.analysis.document(self))
         error: Document = {"estimated_error": self.estimated_error}
         if self.choice.error_unknown:
             error["error_unknown"] = self.choice.error_unknown
-        return as_json(head | {"fidelity": self.model} | self.analysis.document(self) | error)
+        return as_json(
+            head | {"fidelity": self.choice.level} | self.analysis.document(self) | error
+        )
 
     def figures(self, **setting: object) -> dict[str, Figure]:
         """Draw all pictures: the end of each file name, and the figure; settings as of `plot`."""
@@ -315,15 +334,15 @@ class Result(Sourced):
 
         choice = self.choice
         return Provenance(
-            self.source.text, self.command, choice.level, choice.reason, error=choice.error
+            self.given.text, self.command, choice.level, choice.reason, error=choice.error
         )
 
     def __str__(self) -> str:
         return self.analysis.text(self)
 
     def __repr__(self) -> str:
-        model = f", {self.model} model" if self.analysis.has_model else ""
-        return f"<pendsus {self.analysis.name} of {self.name}{model}>"
+        model = f", {self.choice.level} model" if self.analysis.has_model else ""
+        return f"<pendsus {self.analysis.name} of {self.given.name}{model}>"
 
     def _repr_html_(self) -> str:
         import html
@@ -374,6 +393,10 @@ class Analysis(ABC):
     @abstractmethod
     def solve(self, run: Run) -> Result:
         """Compute the result; raises `InputError` for faults of the design or of a setting."""
+
+    def design_of(self, result: Result) -> Source | list[Source]:
+        """The design of a result, or designs: those that were found where some are."""
+        return result.given
 
     def document(self, result: Result) -> Document:
         """JSON document without its head (command, design, model, estimated error)."""
@@ -435,7 +458,7 @@ class Analysis(ABC):
 
     def path(self, result: Result, folder: Path) -> Path:
         """Path of the results file."""
-        return folder / f"{result.source.stem()}-{self.stem}.h5"
+        return folder / f"{result.given.stem()}-{self.stem}.h5"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the results file."""

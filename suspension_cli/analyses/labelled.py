@@ -62,8 +62,8 @@ def to_xarray(result: Any) -> xarray.Dataset:
             dims = [dim.replace("/", ".") for dim in one.dims]
             arrays[path.replace("/", ".")] = (dims, one.read(), attributes)
     about = {
-        "design": result.name,
-        "model": result.model,
+        "design": result.given.name,
+        "model": result.choice.level,
         "estimated_error": result.estimated_error,
     }
     return xarray.Dataset(arrays, attrs=about)

@@ -10,12 +10,12 @@ import contextlib
 import inspect
 import re
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from inspect import Parameter
 from typing import Any
 
 from suspension_cli.analyses.options import FILES, Input, Option, default_values
-from suspension_cli.errors import Fault, InputError, PendsusError
+from suspension_cli.errors import Fault, InputError, PendsusError, suggest
 
 WORDS = {
     "Design | PathLike": "Design",
@@ -88,6 +88,25 @@ def _argument(
         Parameter(name.lstrip("*"), how, default=default, annotation=annotation),
         f"{name} : {words}{', optional' if optional else ''}\n{about}",
     )
+
+
+def demand_known_arguments(analysis: Any, known: Collection[str], given: Collection[str]) -> None:
+    """Raise `InputError` for an argument that the function of an analysis does not have.
+
+    It suggests the argument of the option of that name, ``inputs`` for ``input``, if there is one.
+    """
+    of_option = {
+        option.lstrip("-").replace("-", "_"): str(param.name)
+        for param in analysis.parameters
+        for option in (*param.opts, *param.secondary_opts)
+    }
+    for name in given:
+        if name in known:
+            continue
+        remedy = suggest(of_option.get(name, name), list(known))
+        if name in of_option and of_option[name] not in known:
+            remedy = "it is an option of the command alone; docs/api.md says what replaces it"
+        raise InputError.of(name, f"is no argument of {analysis.name}()", remedy)
 
 
 CALLS = (

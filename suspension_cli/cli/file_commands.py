@@ -216,7 +216,7 @@ def plot(
             with open_results(file) as stored:
                 results.append(registry.loaded(stored, file))
     for result, path in zip(results, paths, strict=True):
-        with reporting_damage(result.source.file, "run the analysis again"):
+        with reporting_damage(result.given.file, "run the analysis again"):
             with limited(*limits):
                 figures = result.figures() or {"": result.plot()}  # refused if there is none
             for figure in figures.values():

@@ -120,7 +120,7 @@ def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
     analysis, setting = result.analysis, run.setting
     path = analysis.path(result, settings.folder(str(run.folder)))
     if result.file is None:
-        with replacing(path, result.source.text, voice.say):
+        with replacing(path, result.given.text, voice.say):
             analysis.save(path, result)
     others = analysis.others(result, path)
     others += labelled.write_csv(result, path) if setting.get("as_csv") else []

@@ -51,13 +51,23 @@ class Source:
     given_stem: str | None = None  # start of the names of written files, if the user gave one
     overrides: tuple[str, ...] = ()  # that these names tell
 
+    @property
+    def name(self) -> str:
+        """Name of the design."""
+        return self.design.design.name
+
+    @property
+    def title(self) -> str:
+        """Title of the design, or its name."""
+        return self.design.design.title or self.name
+
     def stem(self, name: str = "") -> str:
         """Start of the names of written files: as given, else a name with the overrides.
 
         `name` is that of the design by default. An override of `design.name` suffices; a digest
         follows where letters had to be replaced or left out: ``my-test.wires.d=0.002``.
         """
-        name = name or self.design.design.name
+        name = name or self.name
         plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in self.overrides]
         if self.given_stem or any(text.startswith("design.name=") for text in plain):
             return self.given_stem or name
@@ -110,6 +120,11 @@ def read_as(kind: type[T], wanted: str, file: str | Path, text: str | None = Non
     with attribute_faults_to(str(file)):
         _check_kind(raw, wanted)
         return faults.convert(raw, kind)
+
+
+def with_text(source: Source, text: str) -> Source:
+    """Return a design of another text, without a file; of the same class as `source`."""
+    return replace(source, design=parse(text), text=text, file="", given_stem=None, overrides=())
 
 
 def parse(text: str) -> Design:

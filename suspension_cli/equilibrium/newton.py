@@ -93,7 +93,7 @@ def search(
     if isinstance(target, np.ndarray):
         given = target.reshape(-1, target.shape[-1])[:, 6:].T
         goal += given if given.shape[1] == 1 else given[:, rows]
-    rotates = [name.endswith((".roll", ".pitch", ".yaw")) for name in numbering.name[6:]]
+    rotates = [unit == "rad" for unit in numbering.unit[6:]]
     unit = np.where(rotates, 1.0, largest_lever_arm(arrays)[:, None]).T
     scale = every = residual_scale(arrays)
     free = [6 * body + dof for body in spinning_bodies(scene) for dof in (-3, -2, -1)]

@@ -39,6 +39,19 @@ SOLVED = 1 << 21
 """Most numbers in the matrices that are solved at once."""
 ROUNDING = 1e-10
 """Real part of a pole, relative to its modulus, that may be a rounding error."""
+RATE, MOMENTUM = " rate", " momentum"
+"""Kinds of states besides the coordinates: the ends of their names."""
+LIGHT, RELAXATION, WIRE_MODE = "sqrt(J s)", "sqrt(J)", "m sqrt(kg)"
+"""Units of coordinates that are added: sidebands of the light of a cavity, deformations that relax
+(y^2 / 2 is their energy), modes of wires of unit mass."""
+UNIT_OF_MOMENTUM = {
+    "m": "N s",
+    "rad": "N m s",
+    LIGHT: "sqrt(J s)",
+    RELAXATION: "s sqrt(J)",
+    WIRE_MODE: "m sqrt(kg)/s",
+}
+"""Unit of the momentum of a coordinate: J s over the unit of the coordinate."""
 NAMED = 0.2
 """Fraction of a pole's participation in mechanical states above which it is named after one."""
 
@@ -133,7 +146,7 @@ def assemble(
     model = _with_states_of_light(replace(model, damping=damped))
     more = model.size - rows.shape[1]
     rows, forces = np.pad(rows, ((0, 0), (0, more))), np.pad(forces, ((0, more), (0, 0)))
-    parts, states = [], list[str]()
+    parts, states, units = [], list[str](), list[str]()
     for block in Pencil.of(model.constant).blocks:
         if rows[:, block.keep].any() and (undriven or block.is_driven(moves, forces).any()):
             part = _block(block, model.damping, moves, forces, rows)
@@ -141,13 +154,14 @@ def assemble(
             feed = feed + part.d
             for kind, coordinates in part.states:
                 states += [f"{model.coordinate[n]}{kind}" for n in coordinates]
+                units += [_unit(kind, model.unit[n]) for n in coordinates]
     return StateSpace(
         a=np.asarray(block_diag(np.zeros((0, 0)), *(part.a for part in parts))),
         b=np.concatenate([np.zeros((0, len(inputs))), *(part.b for part in parts)]),
         c=np.concatenate([np.zeros((len(outputs), 0)), *(part.c for part in parts)], axis=1),
         d=feed,
         state=tuple(states),
-        state_unit=tuple(_unit(name) for name in states),
+        state_unit=tuple(units),
         input=tuple(signal.text for signal in inputs),
         input_unit=tuple(signal.unit for signal in inputs),
         output=tuple(signal.text for signal in outputs),
@@ -179,7 +193,8 @@ def _with_states_of_light(model: LinearSystem) -> LinearSystem:
         stiffness = np.block([[-spring, both.T], [both, -light]])
         damping = np.diag([*np.zeros(size), -1.0, 1.0])
         others = replace(model, terms=tuple(one for one in model.terms if one is not term))
-        model = others.widened(names_of_light(term), 0 * damping, stiffness, damping)
+        names, units = names_of_light(term), 2 * [LIGHT]
+        model = others.widened(names, units, 0 * damping, stiffness, damping)
     return model.constant
 
 
@@ -188,18 +203,9 @@ def names_of_light(term: LossTerm) -> list[str]:
     return [f"light-{n}.{term.cause.split('.')[0]}" for n in (1, 2)]
 
 
-def _unit(state: str) -> str:
-    name, _, kind = state.partition(" ")
-    if name.startswith("light-"):
-        return "sqrt(J s)"
-    if name.startswith("relaxation"):
-        return "s sqrt(J)"
-    if name.startswith("wire-"):
-        return "m sqrt(kg)" + ("/s" if kind else "")
-    linear = name.rsplit(".", 1)[1] in "xyz"
-    if kind == "momentum":
-        return "N s" if linear else "N m s"
-    return ("m" if linear else "rad") + ("/s" if kind else "")
+def _unit(kind: str, unit: str) -> str:
+    """Unit of a state of a kind, of a coordinate with a unit."""
+    return {"": unit, RATE: f"{unit}/s", MOMENTUM: UNIT_OF_MOMENTUM[unit]}[kind]
 
 
 @dataclass(frozen=True)
@@ -279,7 +285,7 @@ def _block(
     rates[p] = resisted @ applied[light]
     sensed = np.real(sensed @ q)
     leading = light[qr(resisted, mode="r", pivoting=True)[-1][:rank]] if rank else light[:0]
-    states = ("", heavy), (" rate", heavy), (" momentum", leading)
+    states = ("", heavy), (RATE, heavy), (MOMENTUM, leading)
     names = tuple((kind, keep[which]) for kind, which in states)
     return _Part(rates[:, : u.start], rates[:, u], sensed[:, : u.start], sensed[:, u], names)
 
@@ -399,7 +405,7 @@ def find_poles(
     mechanical_fraction = (participation * mechanical).sum(0) / participation.sum(0)
     participation = np.where(mechanical | (mechanical_fraction < NAMED), participation, 0.0)
     leading = participation[:, upper_half].argmax(0)[order]
-    names = tuple(system.state[n].removesuffix(" rate") for n in leading)
+    names = tuple(system.state[n].removesuffix(RATE) for n in leading)
     values, shapes = values[upper_half][order], (system.c @ right)[:, upper_half][:, order]
     steady = np.abs(np.real(values)) <= ROUNDING * np.abs(values)
     return Poles(np.where(steady, 1j * np.imag(values), values), names), shapes

@@ -9,6 +9,7 @@ to which that of a blade is added.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -60,6 +61,8 @@ class LinearSystem:
     ----------
     coordinate
         ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
+    unit
+        SI unit of each coordinate: m, rad, or what an added one has.
     basis
         The named coordinates (rows) in terms of the system's own (columns).
     massless
@@ -90,10 +93,13 @@ class LinearSystem:
     top
         Number (from 0) of the body that hangs from the support in the chain of each body; () if
         that is the first body for all.
+    unowned
+        Numbers of added coordinates that belong to no body, whatever their names are.
     """
 
     body: tuple[str, ...]
     coordinate: tuple[str, ...]
+    unit: tuple[str, ...]
     basis: Float[np.ndarray, "coordinate coordinate"]
     massless: Bool[np.ndarray, " coordinate"]
     mass: Inexact[np.ndarray, "*#batch coordinate coordinate"]
@@ -110,6 +116,7 @@ class LinearSystem:
     ground: Ground | None = None
     active: bool = False
     top: tuple[int, ...] = ()
+    unowned: tuple[int, ...] = ()
 
     @property
     def driven_by_ground(self) -> LinearSystem:
@@ -155,13 +162,19 @@ class LinearSystem:
 
     def widened(
         self,
-        names: list[str],
+        names: Sequence[str],
+        units: Sequence[str],
         mass: Float[np.ndarray, "new new"],
         stiffness: Inexact[np.ndarray, "new new"],
         damping: Float[np.ndarray, "new new"],
         from_new: Float[np.ndarray, "coordinate new"] | None = None,
+        *,
+        owned: bool = False,
     ) -> LinearSystem:
-        """Append coordinates, which move those so far by `from_new`, and add matrices of all."""
+        """Append coordinates, which move those so far by `from_new`, and add matrices of all.
+
+        If `owned`, the first parts of their names are their bodies.
+        """
         size, count = self.size, len(names)
         basis = np.eye(size + count)
         basis[:size, :size] = self.basis
@@ -171,11 +184,13 @@ class LinearSystem:
         return replace(
             wider,
             coordinate=(*self.coordinate, *names),
+            unit=(*self.unit, *units),
             basis=basis,
             massless=np.append(self.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
             allowed=wider.allowed | (mass != 0) | (stiffness != 0) | (damping != 0),
             ground=self.ground and self.ground.widened(count),
             rigid=None if self.rigid is None else _padded(self.rigid, count),
+            unowned=self.unowned if owned else (*self.unowned, *range(size, size + count)),
         )
 
     @property
@@ -273,7 +288,9 @@ class LinearSystem:
         A blade's tip goes with the stage below.
         """
         number = {name: n for n, name in enumerate(self.body, 1)}
-        return np.array([number.get(name.split(".", 1)[0], 0) for name in self.coordinate])
+        own = np.array([number.get(name.split(".", 1)[0], 0) for name in self.coordinate])
+        own[list(self.unowned)] = 0
+        return own
 
     @property
     def batch(self) -> tuple[int, ...]:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.conventions import DOF_UNITS, DOFS, SUPPORT
 from suspension_cli.design.derive import (
     beyond_symmetric_chains,
     blade_stiffness,
@@ -223,6 +223,7 @@ def assembled(
     return LinearSystem(
         body=bodies[1:],
         coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
+        unit=len(bodies) * DOF_UNITS,
         basis=np.eye(size),
         massless=np.zeros(size, dtype=bool),
         mass=mass,

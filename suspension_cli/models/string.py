@@ -99,6 +99,7 @@ def linear_model(
     model = LinearSystem(
         body=scene.bodies.name,
         coordinate=numbering.name,
+        unit=numbering.unit,
         basis=adapted.basis,
         massless=adapted.adapt_flags(tips),
         mass=replace(assembly, scene=heavy).sum(item.add_mass for item in kinds),

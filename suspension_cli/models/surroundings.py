@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, FRAME, SUPPORT
+from suspension_cli.conventions import DOF_UNITS, DOFS, FRAME, SUPPORT
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design
 from suspension_cli.linear.system import LinearSystem
@@ -91,7 +91,8 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     if support.loss_angle:
         own[0] = own[0] * (1 + 1j * support.loss_angle)
     names = [f"{FRAME}.{dof}" for dof in names]
-    return model.widened(names, mass, *own, from_new=from_new)
+    units = [DOF_UNITS[dof] for dof in moving]
+    return model.widened(names, units, mass, *own, from_new=from_new)
 
 
 def surroundings_key(design: Design) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.conventions import DOF_UNITS, DOFS, SUPPORT
 from suspension_cli.rotations import rotation_minus_identity
 from suspension_cli.scene.arrays import inner
 from suspension_cli.scene.scene import Scene
@@ -29,6 +29,7 @@ class Layout:
     size: int  # number N of coordinates, the support's six included
     blade: Int[np.ndarray, "blade 3"]  # of its tip along each axis; N where it is rigid
     name: tuple[str, ...]  # ``support.x``, ..., ``test.yaw``, ``upper.blade1.z``
+    unit: tuple[str, ...]  # m or rad
 
 
 def layout(scene: Scene) -> Layout:
@@ -43,7 +44,8 @@ def layout(scene: Scene) -> Layout:
         for label, row in zip(scene.blades.label, axes, strict=True)
         for axis in np.flatnonzero(row)
     ]
-    return Layout(size, blade, (*bodies, *tips))
+    units = len(bodies) // len(DOFS) * DOF_UNITS + len(tips) * ("m",)
+    return Layout(size, blade, (*bodies, *tips), units)
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ def check_other_forms(loaded: sus.Result, folder: Path) -> None:
         loaded = copied
     assert (folder / "again.h5").read_bytes() == (folder / "once-more.h5").read_bytes()
     table = loaded.to_xarray()
-    assert table.data_vars and table.attrs["model"] == loaded.model
+    assert table.data_vars and table.attrs["model"] == loaded.choice.level
     loaded.save(folder / "c.csv")
     text = (folder / "c.csv").read_text()
     assert text in {path.read_text() for path in (folder / "a").glob("*.csv")}

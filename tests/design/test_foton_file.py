@@ -46,7 +46,7 @@ def test_results_contain_the_filter(tmp_path):
     assert result.exit_code == 0, result.stderr
     (tmp_path / "X1SUS.txt").unlink()
     (file,) = (tmp_path / "out").glob("*.h5")
-    again = sus.parse(sus.load(file).source.text)
+    again = sus.parse(sus.load(file).design.text)
     (loop,) = again.design.control.loop
     assert loop.filter.source == "X1SUS.txt, M0_DAMP_L, sections 1, 2"
     assert loop.filter.rate == RATE

@@ -26,7 +26,7 @@ from suspension_cli.errors import (
     escape_unprintable,
     format_value,
 )
-from suspension_cli.grids import decade_points, parse_frequencies
+from suspension_cli.grids import parse_frequencies, table_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,6 +41,8 @@ GROUND = "nhnm"
 """Ground of a noisy site: a requirement that is met there is met anywhere."""
 CREST = 4.0
 """Peak over RMS of a drive: Gaussian noise exceeds it for 6e-5 of the time."""
+ABREAST = 6
+"""Most columns of frequencies beside each other."""
 HIGHEST = 10.0
 """Highest frequency of Peterson's models, Hz."""
 
@@ -225,9 +227,9 @@ def _document(one: Budget) -> Document:
 
 def _tabulate(one: Budget) -> Iterator[str]:
     """Write the table of one output, the largest cause first, and what it requires."""
-    shown = decade_points(one.frequency)
+    shown = table_points(one.frequency)
     columns = {"cause": "", f"RMS\n{one.unit}": ".3e", f"RMS velocity\n{one.unit}/s": ".3e"}
-    columns |= {f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)": ".3e" for at in one.frequency[shown]}
+    heads = [f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)" for at in one.frequency[shown]]
     causes = zip(
         ("all", *one.cause),
         (one.rms[0], *one.mean_square[0] ** 0.5),
@@ -242,7 +244,15 @@ def _tabulate(one: Budget) -> Iterator[str]:
             rows.append((name, *sizes, *density[shown]))
         else:
             none.append(name)
-    yield tables.render(columns, rows)
+    before = len(columns)
+    yield tables.render(
+        columns | dict.fromkeys(heads[:ABREAST], ".3e"), [row[: before + ABREAST] for row in rows]
+    )
+    for start in range(ABREAST, len(heads), ABREAST):
+        some = heads[start : start + ABREAST]
+        own = [(row[0], *row[before + start :][: len(some)]) for row in rows]
+        yield ""
+        yield tables.render({"cause": ""} | dict.fromkeys(some, ".3e"), own)
     if none:
         yield f"  no contribution of {', '.join(none)}"
     if one.requirement is not None:

@@ -77,7 +77,7 @@ class CheckAnalysis(Analysis):
         found: Check = result.data
         loads, own = found.statics, found.weights
         document: Document = {
-            "file": result.source.file,
+            "file": result.given.file,
             "stable": found.stable,
             "stability_model": found.stability_model,
             "residual": loads.residual,
@@ -104,7 +104,7 @@ class CheckAnalysis(Analysis):
         found: Check = result.data
         loads, count = found.statics, len(found.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
-        file, choice = escape_unprintable(result.source.file) or result.name, found.choice
+        file, choice = escape_unprintable(result.given.file) or result.given.name, found.choice
         lines = [f"{file}: {verdict}; simplest valid model: {choice.level} ({choice.reason})"]
         tabulated = (loads.wires, loads.blades, loads.legs, loads.filters, loads.cavities)
         lines += [render(parts) for parts in tabulated if parts]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
 from suspension_cli.analyses.options import argument
+from suspension_cli.grids import end_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,7 +99,7 @@ class CompareAnalysis(Analysis):
         from suspension_cli.files.hdf5 import reporting_damage
 
         items, damage = run.inputs["items"], contextlib.nullcontext()
-        if stored := " or ".join(item.result.source.file for item in items if item.result):
+        if stored := " or ".join(item.result.given.file for item in items if item.result):
             # whose numbers, unlike those of designs, nobody has checked
             damage = reporting_damage(stored, "run the analysis again")
         with damage:
@@ -163,7 +164,7 @@ class CompareAnalysis(Analysis):
         """Path of the results file, named after the first two items."""
         names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
-        stem = result.source.stem(f"{names[0]}-and-{names[1]}{more}")
+        stem = result.given.stem(f"{names[0]}-and-{names[1]}{more}")
         return folder / f"{stem}-{self.stem}.h5"
 
 
@@ -243,10 +244,10 @@ def _ratios(found: Comparison, overlay: Overlay) -> Iterator[str]:
         text = "no frequency in common"
         if len(f):
             worst = int(np.argmax(np.abs(np.log(size))))
+            values = (f"{size[n]:.4g} at {f[n]:.4g} Hz" for n in end_points(f))
             text = (
-                f"median {np.median(size):.4g}, {size[0]:.4g} at {f[0]:.4g} Hz,"
-                f" {size[-1]:.4g} at {f[-1]:.4g} Hz, farthest from 1: {size[worst]:.4g} at"
-                f" {f[worst]:.5g} Hz"
+                f"median {np.median(size):.4g}, {', '.join(values)},"
+                f" farthest from 1: {size[worst]:.4g} at {f[worst]:.5g} Hz"
             )
         yield f"  {found.name[curve.item]} / {reference}: {text}"
 

@@ -146,7 +146,7 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
     from suspension_cli.measurements.read import read_bare
 
     if isinstance(given, Result):
-        return _of_result(given, given.source.file)
+        return _of_result(given, given.given.file)
     if isinstance(given, reader.Source):
         run = ask(given)
         return Item(run.name, run.source, run, file=given.file)
@@ -235,8 +235,8 @@ def _of_result(result: Result, file: str) -> Item:
         problem = f"has results of {result.analysis.command_name}, which are not compared"
         names = f"{', '.join(COMPARED[:-1])} or {COMPARED[-1]}"
         fault = Fault("", problem, f"name results of {names}, or the designs themselves")
-        raise InputError([fault], result.source.file)
-    return Item(result.name, result.source, result=result, curves=curves_of(result), file=file)
+        raise InputError([fault], result.given.file)
+    return Item(result.given.name, result.given, result=result, curves=curves_of(result), file=file)
 
 
 def _with_own_names(items: list[Item]) -> list[Item]:

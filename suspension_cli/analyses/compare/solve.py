@@ -299,7 +299,7 @@ def _shape_overlap(one: Result, other: Result) -> Float[np.ndarray, "one other"]
 
 def _weighted_shapes(result: Result) -> Float[np.ndarray, "mode body 6"]:
     """Shapes in the motion of bodies, times L^T of each; of unit norm if only bodies move."""
-    bodies, count = expand(result.design).bodies, len(result.data.body)
+    bodies, count = expand(result.given.design).bodies, len(result.data.body)
     shape = result.data.shape[:, : 6 * count].reshape(-1, count, 6).copy()
     shape[..., :3] *= np.sqrt(bodies.mass)[:, None]
     shape[..., 3:] = np.einsum("mbi,bij->mbj", shape[..., 3:], np.linalg.cholesky(bodies.inertia))

@@ -137,8 +137,8 @@ class DampAnalysis(Analysis):
             return []
         from suspension_cli.files import whole_files
 
-        made = path.with_name(f"{result.source.stem()}-foton.txt")
-        whole_files.write_bytes(made, write_foton(result.design).encode())
+        made = path.with_name(f"{result.given.stem()}-foton.txt")
+        whole_files.write_bytes(made, write_foton(result.given.design).encode())
         return [made]
 
     def parse_names(

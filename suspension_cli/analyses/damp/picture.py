@@ -106,7 +106,9 @@ def _refine_gains(
     """Add the frequencies that resolve resonances to loop gains, the other loops closed."""
 
     def build() -> tuple[Solve, Array]:
-        plant = control.build_plant(result.design, result.choice.model.system(result.design))
+        plant = control.build_plant(
+            result.given.design, result.choice.model.system(result.given.design)
+        )
         return (lambda at: control.compute_loop_gains(plant, at)[:, None]), np.empty(0)
 
     frequency, gain = add_from_model(build, result.data.frequency, result.data.gain[:, None])

@@ -59,7 +59,7 @@ class DrawAnalysis(Analysis):
 
     def path(self, result: Result, folder: Path) -> Path:
         """Path of the picture."""
-        return folder / f"{result.source.stem()}-draw.{result.extra['format']}"
+        return folder / f"{result.given.stem()}-draw.{result.extra['format']}"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the picture."""

@@ -221,7 +221,7 @@ class ExportAnalysis(Analysis):
         """Return the path of the exported file."""
         from suspension_cli.analyses.export.file import FORMATS
 
-        stem, form = result.source.stem(), result.extra["format"]
+        stem, form = result.given.stem(), result.extra["format"]
         # gwinc takes a dot for the start of a file's ending
         stem = stem.replace(".", "_") if form == "gwinc" else f"{stem}-statespace"
         return folder / f"{stem}{FORMATS[form].suffix}"

@@ -30,7 +30,7 @@ import numpy as np
 
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.errors import InputError
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import eigenmodes, statespace
 from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.system import LinearSystem
 
@@ -243,6 +243,7 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
     lossless = replace(model.lossless, terms=tuple(filter(is_light, model.terms)), ground=None)
     system = lossless.widened(
         names,
+        len(names) * [statespace.WIRE_MODE],
         np.block([[mass, drives.T], [drives, unit]]),
         np.diag(np.append(np.zeros(size), omega**2)),
         np.block([[damping, (drag[:, None] * drives).T], [drag[:, None] * drives, unit * drag]]),
@@ -308,7 +309,8 @@ def _with_relaxation(
     whole = np.block([[softer + follow.T @ follow, -follow.T], [-follow, np.eye(len(follow))]])
     damping = np.diag(np.append(np.zeros(size), 1 / own_rates))
     names = [f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)]
-    return system.widened(names, np.zeros_like(whole), whole, damping)
+    units = len(names) * [statespace.RELAXATION]
+    return system.widened(names, units, np.zeros_like(whole), whole, damping)
 
 
 def _followers(

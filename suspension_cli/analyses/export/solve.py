@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.export.relaxation import relax
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
@@ -25,7 +26,7 @@ GRID = 800
 """Number of frequencies at which a system is compared with the direct solution. With an odd number
 the only mode of a design without loss would be one of them."""
 FAINT = 1e-6
-"""Fraction of an output's largest response below which errors are relative to it."""
+"""Fraction of the motion of an output's body below which errors are relative to that fraction."""
 AGREEMENT = (0.01, 0.1)
 """Errors against the most complete model whose bands are reported."""
 NARROW = 0.07
@@ -135,9 +136,9 @@ def build(
     """
     lowest, highest = mode_range(model)
     tried, tolerance = (lowest / 100, 100 * highest), TOLERANCE_ZPK if zpk else TOLERANCE
-    exact = response.solve(model, np.geomspace(*tried, GRID), inputs, outputs).value
+    exact = _solve(model, np.geomspace(*tried, GRID), inputs, outputs)
     system = statespace.build(model, inputs, outputs)
-    return _measure(system, exact, inputs, tried, tolerance, zpk=zpk, narrow=True)
+    return _measure(system, exact, tried, tolerance, zpk=zpk, narrow=True)
 
 
 def build_lossy(
@@ -155,11 +156,11 @@ def build_lossy(
     errors up to `accuracy` and Q up to twice that, in the band (Hz); or the best.
     """
     modes = damped.solve(model)
-    exact = response.solve(model, np.geomspace(*band, GRID), inputs, outputs).value
+    exact = _solve(model, np.geomspace(*band, GRID), inputs, outputs)
     best: tuple[float, Exported] | None = None
     for density in DENSITIES:
         system = statespace.build(relax(model, band, density), inputs, outputs)
-        made = _measure(system, exact, inputs, band, accuracy, zpk=zpk, narrow=False)
+        made = _measure(system, exact, band, accuracy, zpk=zpk, narrow=False)
         made = replace(made, q_error=_error_of_q(system, modes, band))
         share = max(made.worst, (made.q_error or 0.0) / 2) / accuracy
         if best is not None and share > GAIN * best[0]:
@@ -173,8 +174,7 @@ def build_lossy(
 
 def _measure(
     system: statespace.StateSpace,
-    exact: Complex[np.ndarray, "frequency output input"],
-    inputs: list[Signal],
+    exact: _Exact,
     tried: tuple[float, float],
     tolerance: float,
     *,
@@ -184,7 +184,7 @@ def _measure(
     """Compare a system with exact responses; without errors at resonances unless `narrow`."""
     form, frequency = compute_zero_pole_gain(system) if zpk else None, np.geomspace(*tried, GRID)
     value = (form or system).at(frequency)
-    error = _compute_errors(value, exact, inputs)
+    error = exact.errors_of(value)
     largest = (error if narrow else off_resonance(error, frequency)).max((1, 2))
     band, worst = _find_band(frequency, largest <= tolerance), float(largest.max())
     return Exported(system, form, band, tolerance, worst, tried, value)
@@ -209,27 +209,53 @@ def mode_range(model: LinearSystem) -> tuple[float, float]:
     return (float(positive[0]), float(positive[-1])) if len(positive) else (1.0, 1.0)
 
 
-def _compute_errors(
-    value: Complex[np.ndarray, "frequency output input"],
-    exact: Complex[np.ndarray, "frequency output input"],
-    inputs: list[Signal],
-) -> Float[np.ndarray, "frequency output input"]:
-    """Compute the errors of responses against exact ones.
+@dataclass(frozen=True)
+class _Exact:
+    """Responses of the direct solution, and the motion of each output's body at the same inputs.
 
-    They are relative to each response, or to `FAINT` of the output's largest response to an input
-    of the same unit (the direct solution loses digits of fainter ones too).
+    The motion is the largest response of the body's six coordinates; 1 rad counts as 1 m.
     """
-    size = np.abs(exact)
-    for unit in {signal.unit for signal in inputs}:
-        alike = [signal.unit == unit for signal in inputs]
-        own = size[:, :, alike]
-        size[:, :, alike] = np.where(
-            own > 0, np.maximum(own, FAINT * own.max(-1, keepdims=True)), 0
-        )
-    off = np.abs(value - exact)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.where(size > 0, off / size, np.where(off == 0, 0.0, np.inf))
-    return np.where(np.isnan(error), np.inf, error)
+
+    value: Complex[np.ndarray, "frequency output input"]
+    motion: Float[np.ndarray, "frequency output input"]
+
+    def errors_of(
+        self, value: Complex[np.ndarray, "frequency output input"]
+    ) -> Float[np.ndarray, "frequency output input"]:
+        """Compute errors relative to each response, or to `FAINT` of the motion of its body.
+
+        Of a fainter one the direct solution has fewer digits too.
+        """
+        exact = np.abs(self.value)
+        size = np.where(exact > 0, np.maximum(exact, FAINT * self.motion), 0.0)
+        off = np.abs(value - self.value)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = np.where(size > 0, off / size, np.where(off == 0, 0.0, np.inf))
+        return np.where(np.isnan(error), np.inf, error)
+
+
+def _solve(
+    model: LinearSystem,
+    frequency: Float[np.ndarray, " frequency"],
+    inputs: list[Signal],
+    outputs: list[Signal],
+) -> _Exact:
+    """Solve directly for responses and for the motions of the bodies."""
+    bodies = [one.body for one in outputs if one.body in model.body]
+    bodies = list(dict.fromkeys(bodies))
+    motions = [
+        Signal(f"{body}.{dof}", body, n, (0.0, 0.0, 0.0), acts=False)
+        for body in bodies
+        for n, dof in enumerate(DOFS)
+    ]
+    found = response.solve(model, frequency, inputs, [*outputs, *motions]).value
+    value, others = np.split(found, [len(outputs)], axis=1)
+    largest = np.abs(others).reshape(len(frequency), len(bodies), len(DOFS), -1).max(2)
+    motion = np.zeros(value.shape)
+    for n, one in enumerate(outputs):
+        if one.body in bodies:
+            motion[:, n] = largest[:, bodies.index(one.body)]
+    return _Exact(value, motion)
 
 
 def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, float]) -> float:
@@ -266,8 +292,8 @@ def compare_with_complete(
     unknown = complete.unsuitable(design)
     band = np.full((len(AGREEMENT), len(outputs), len(inputs), 2), np.nan)
     if not unknown:
-        exact = response.solve(complete.system(design), made.frequency, inputs, outputs).value
-        error = off_resonance(_compute_errors(made.value, exact, inputs), made.frequency)
+        exact = _solve(complete.system(design), made.frequency, inputs, outputs)
+        error = off_resonance(exact.errors_of(made.value), made.frequency)
         for n, o, i in np.ndindex(band.shape[:-1]):
             agrees = error[:, o, i] <= AGREEMENT[n]
             band[n, o, i] = _find_band(made.frequency, agrees) or np.nan

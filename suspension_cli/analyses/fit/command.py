@@ -40,7 +40,8 @@ class FitAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...; for transfer functions `responses`.
+        `residual`, ...; for transfer functions `responses`. `design` is the fitted design (of
+        several experiments a list), `given` the one that was fitted.
 
     Raises
     ------
@@ -174,6 +175,13 @@ class FitAnalysis(Analysis):
         extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
         return Result(self, run.source, choice, data, extra, command=run.command)
 
+    def design_of(self, result: Result) -> Source | list[Source]:
+        """Return the fitted design, or those of several experiments."""
+        from suspension_cli.design import reader
+
+        found = [reader.with_text(result.given, text) for text in result.data.design]
+        return found[0] if len(found) == 1 else found
+
     def document(self, result: Result) -> Document:
         """Return fitted parameters and modes; an uncertainty is null if infinite or at a bound."""
         from suspension_cli.analyses.fit import findings
@@ -191,7 +199,7 @@ class FitAnalysis(Analysis):
         """Draw modes before and after, and fitted numbers."""
         from suspension_cli.analyses.fit import picture
 
-        title = f"{result.data.title} · {result.model} model"
+        title = f"{result.data.title} · {result.choice.level} model"
         pages = {"": picture.draw(result.data, title)}
         if result.data.responses is not None:
             pages["-responses"] = picture.draw_responses(result.data.responses, title)
@@ -199,7 +207,7 @@ class FitAnalysis(Analysis):
 
     def path(self, result: Result, folder: Path) -> Path:
         """Return the path of the results file, named after the design or the measurements."""
-        return folder / f"{result.extra.get('stem', result.name)}-{self.stem}.h5"
+        return folder / f"{result.extra.get('stem', result.given.name)}-{self.stem}.h5"
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""

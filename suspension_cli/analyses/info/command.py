@@ -169,7 +169,7 @@ class InfoAnalysis(Analysis):
             for level, row in found.errors.items()
         ]
         head = "Errors of the models against the most complete one that is valid:"
-        lines = [result.title, "", head, tables.render(columns, rows)]
+        lines = [result.given.title, "", head, tables.render(columns, rows)]
         if math.isfinite(found.first_violin):
             lines.append(f"lowest first violin mode: {found.first_violin:.4g} Hz")
         lines += ["", f"Models that auto takes, for a tolerance of {found.tolerance:g}:"]

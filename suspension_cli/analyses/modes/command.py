@@ -181,7 +181,9 @@ class ModesAnalysis(Analysis):
         columns[f"mode, by fraction of kinetic energy{failing}"] = "", what
         forms = {head: form for head, (form, _) in columns.items()}
         rows = zip(*(values for _, values in columns.values()), strict=True)
-        title = result.title + (f"  [{result.name}]" if result.title != result.name else "")
+        title = result.given.title + (
+            f"  [{result.given.name}]" if result.given.title != result.given.name else ""
+        )
         return "\n".join([title, result.choice.line, "", tables.render(forms, [*rows])])
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
@@ -189,7 +191,7 @@ class ModesAnalysis(Analysis):
         from suspension_cli.analyses.modes import picture
         from suspension_cli.equilibrium.nominal import expand
 
-        modes, design = result.data, result.design
+        modes, design = result.data, result.given.design
         pages = picture.draw_pages(modes, design, expand(design), result.subtitle)
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
         if modes.wire:
@@ -203,9 +205,9 @@ class ModesAnalysis(Analysis):
             from suspension_cli.analyses.modes import picture
             from suspension_cli.equilibrium.nominal import expand
 
-            scene = expand(result.design)
+            scene = expand(result.given.design)
             for n in chosen:
-                yield f"-{n + 1}.gif", picture.animate(result.data, n, result.design, scene)
+                yield f"-{n + 1}.gif", picture.animate(result.data, n, result.given.design, scene)
 
 
 def _animated(modes: Modes, setting: Settings) -> list[int]:

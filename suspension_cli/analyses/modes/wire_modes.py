@@ -36,6 +36,8 @@ CUTS = ((3 - 5**0.5) / 2, 0.36, 0.45)
 order, but a piece may resonate at the frequency of a mode."""
 PER_WIRE = sum(COORDINATES[part] // 2 for part in PARTS)
 """Coordinates of a cut."""
+CUT_UNITS = ("m", "rad", "m", "rad", "m", "rad")
+"""Their units: deflection and slope in both planes, stretching, twist."""
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
 CLOSE = 1e-6
@@ -286,7 +288,8 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         start += PER_WIRE * len(term.forms["twist"])
         for sign, one in (-1, term), (1, upper), (1, lower):
             added[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
-    system = model.widened(names, none, added, none)
+    units = len(names) // PER_WIRE * CUT_UNITS
+    system = model.widened(names, units, none, added, none, owned=True)
     others = [term for term in system.terms if not isinstance(term, WireTerm)]
     return (
         replace(

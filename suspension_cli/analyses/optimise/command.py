@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.optimise.optimum import Optimum
+    from suspension_cli.design.reader import Source
 
 COLUMNS = {
     "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
@@ -55,7 +56,8 @@ class OptimiseAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...
+        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...;
+        `design` is the design that was found, `given` the one from which the search started.
 
     Raises
     ------
@@ -132,6 +134,12 @@ class OptimiseAnalysis(Analysis):
         data = replace(found, goals=run.inputs["text"])
         return Result(self, run.source, choice, data, {"goals_file": file}, command=run.command)
 
+    def design_of(self, result: Result) -> Source:
+        """Return the design that was found."""
+        from suspension_cli.design import reader
+
+        return reader.with_text(result.given, result.data.design)
+
     def document(self, result: Result) -> Document:
         """Return numbers, limits, quantities and modes; null where there is none."""
         found: Optimum = result.data
@@ -187,8 +195,8 @@ class OptimiseAnalysis(Analysis):
         from suspension_cli.files.whole_files import write_bytes
         from suspension_cli.version import __version__
 
-        made = path.with_name(f"{result.source.stem()}-optimised.toml")
-        file, goals = Path(result.source.file).name, Path(result.extra.get("goals_file", "")).name
+        made = path.with_name(f"{result.given.stem()}-optimised.toml")
+        file, goals = Path(result.given.file).name, Path(result.extra.get("goals_file", "")).name
         head = f"{file}, optimised for {goals or 'goals'} by pendsus {__version__}:"
         lines = [head, f"  {result.command}", *str(result).splitlines()]
         comments = "".join(f"# {escape_unprintable(line)}".rstrip() + "\n" for line in lines)

@@ -99,7 +99,7 @@ class ReportAnalysis(Analysis):
 
     def path(self, result: Result, folder: Path) -> Path:
         """Path of the page."""
-        return folder / f"{result.source.stem()}-report.html"
+        return folder / f"{result.given.stem()}-report.html"
 
     def save(self, path: Path, result: Result) -> None:
         """Write the page."""

@@ -111,7 +111,7 @@ class Composition:
         with tables.collecting() as found:
             answer = str(result)
         first, _, rest = answer.partition("\n")
-        if first in (f"{result.title}  [{result.name}]", result.title):
+        if first in (f"{result.given.title}  [{result.given.name}]", result.given.title):
             answer = rest
         yield from page.prose(answer, found, result.choice.line)
 

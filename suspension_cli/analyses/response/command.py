@@ -20,6 +20,7 @@ from suspension_cli.analyses.analysis import (
     table,
 )
 from suspension_cli.analyses.options import option
+from suspension_cli.grids import end_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -160,7 +161,8 @@ class ResponseAnalysis(Analysis):
     def text(self, result: Result) -> str:
         """Return the ends of every response, and its peak even between the points of the grid.
 
-        One that symmetry makes exactly 0 has a remark instead.
+        Of a few frequencies all are returned. One that symmetry makes exactly 0 has a remark
+        instead.
         """
         import numpy as np
 
@@ -168,20 +170,18 @@ class ResponseAnalysis(Analysis):
         if data.measured:
             return f"{result.choice.line}\n\n{_table(data.measured)}"
         lines, largest = [result.choice.line], data.largest
-        if data.closed_loop and result.design.control is not None:
-            names = ", ".join(loop.name for loop in result.design.control.loop)
+        if data.closed_loop and result.given.design.control is not None:
+            names = ", ".join(loop.name for loop in result.given.design.control.loop)
             lines.append(f"loops closed: {names}")
-        first, last = data.frequency[0], data.frequency[-1]
+        shown = end_points(data.frequency)
         for o, out in enumerate(data.output):
             for i, into in enumerate(data.input):
                 size = np.abs(data.value[:, o, i])
                 if not size.any():
                     lines.append(f"{into} -> {out}: 0 by symmetry")
                     continue
-                line = (
-                    f"{out} / {into} ({data.unit[o][i]}): {size[0]:.4g} at {first:.4g} Hz,"
-                    f" {size[-1]:.4g} at {last:.4g} Hz"
-                )
+                values = (f"{size[n]:.4g} at {data.frequency[n]:.4g} Hz" for n in shown)
+                line = f"{out} / {into} ({data.unit[o][i]}): {', '.join(values)}"
                 if largest is not None:
                     peak = largest.size[o, i]
                     top = f"{peak:.4g}" if np.isfinite(peak) else "infinite (no loss there)"
@@ -194,7 +194,7 @@ class ResponseAnalysis(Analysis):
         from suspension_cli.analyses.response import picture
 
         scale = setting.get("scale", "db")
-        stages = [stage.name for stage in result.design.stage]
+        stages = [stage.name for stage in result.given.design.stage]
         data: ComparedResponse = result.data
         if data.measured:
             title = result.subtitle + ", loops closed" * data.closed_loop

@@ -85,9 +85,9 @@ def refine(result: Result) -> Response:
     data: Response = result.data
 
     def build() -> tuple[Solve, Array]:
-        model = result.linear_system or result.choice.model.system(result.design)
+        model = result.linear_system or result.choice.model.system(result.given.design)
         names, closed = (data.input, data.output), data.closed_loop
-        wanted = make_transfer(result.design, model, names, data.frequency, closed=closed)
+        wanted = make_transfer(result.given.design, model, names, data.frequency, closed=closed)
         modes = np.empty(0) if closed else eigenmodes.solve(model.constant).frequency
         return partial(wanted.values, model), modes
 

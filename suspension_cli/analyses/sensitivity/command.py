@@ -141,7 +141,7 @@ class SensitivityAnalysis(Analysis):
         """Draw a coloured table."""
         from suspension_cli.analyses.sensitivity import picture
 
-        return {"": picture.draw(result.data, result.subtitle, result.design.perturbation)}
+        return {"": picture.draw(result.data, result.subtitle, result.given.design.perturbation)}
 
 
 ANALYSIS = SensitivityAnalysis()

@@ -171,7 +171,7 @@ class SweepAnalysis(Analysis):
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import picture
 
-        stages = [stage.name for stage in result.design.stage]
+        stages = [stage.name for stage in result.given.design.stage]
         return {"": picture.draw(result.data, result.subtitle, stages)}
 
 

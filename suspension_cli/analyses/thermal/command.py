@@ -17,7 +17,7 @@ from suspension_cli.analyses.analysis import (
 )
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.grids import decade_points, parse_frequencies
+from suspension_cli.grids import parse_frequencies, table_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -136,7 +136,7 @@ class ThermalAnalysis(Analysis):
         for noise in result.data:
             lines.append(f"{noise.output}{name_mirrors(result, noise.tilt)}: thermal noise")
             rows = []
-            for n in decade_points(noise.frequency):
+            for n in table_points(noise.frequency):
                 power = noise.density[:, n]
                 order = sorted(range(len(power)), key=lambda s: -power[s])[:NAMED]
                 fractions = (
@@ -157,7 +157,7 @@ class ThermalAnalysis(Analysis):
         """Draw amplitude spectral densities, with the points that resolve resonances added."""
         from suspension_cli.analyses.thermal import picture
 
-        stages = [stage.name for stage in result.design.stage]
+        stages = [stage.name for stage in result.given.design.stage]
         subtitle = result.subtitle + name_mirrors(result)
         return {"": picture.draw(picture.refine(result), subtitle, stages)}
 

@@ -100,9 +100,9 @@ def refine(result: Result) -> list[Thermal]:
     noises: list[Thermal] = result.data
 
     def build() -> tuple[Solve, Array]:
-        model = result.choice.model.system(result.design)
+        model = result.choice.model.system(result.given.design)
         motions = [thermal.parse_motion(model, noise.output, noise.tilt) for noise in noises]
-        warmth = result.design.constants.temperature
+        warmth = result.given.design.constants.temperature
         modes = eigenmodes.solve(model.constant).frequency
         root = result.extra.get("mirrors", 1.0) ** 0.5
 

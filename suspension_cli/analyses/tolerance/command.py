@@ -189,9 +189,8 @@ class ToleranceAnalysis(Analysis):
             return [(factors[n].label, float(one.rank[n])) for n in strongest(one.rank, LEADING)]
 
         spread = "mean_hz=mean mean_error_hz=error std_hz=deviation quantiles_hz=quantiles"
-        known = found.job.nominal
-        frequency, rows = known.frequency, table(found.modes, spread)
-        modes = zip(known.label, frequency, rows, found.modes, strict=True)
+        frequency, rows = found.job.nominal.frequency, table(found.modes, spread)
+        modes = zip(frequency, rows, found.modes, strict=True)
         spread = "quantity=name unit mean mean_error=error std=deviation quantiles"
         statics = zip(table(found.static, spread), found.static, strict=True)
         together, required = None, list[Document]()
@@ -208,8 +207,8 @@ class ToleranceAnalysis(Analysis):
             "levels": list(QUANTILES),
             "significant_correlation": found.significant,
             "modes": [
-                {"label": label, "nominal_hz": frequency, **row, "leading": leading(one)}
-                for label, frequency, row, one in modes
+                {"label": one.name, "nominal_hz": frequency, **row, "leading": leading(one)}
+                for frequency, row, one in modes
             ],
             "coupling": {
                 "ratio": found.ratio,
@@ -287,11 +286,11 @@ def _of_possible_count(job: RandomBuilds, log: Log) -> RandomBuilds:
 
 
 def _modes(found: Summary) -> str:
-    rows, known = [], found.job.nominal
-    for label, nominal, one in zip(known.label, known.frequency, found.modes, strict=True):
+    rows = []
+    for nominal, one in zip(found.job.nominal.frequency, found.modes, strict=True):
         spread = 100 * one.deviation / nominal if nominal else None
         low, high = one.quantiles[[LOW, HIGH]]
-        rows.append((nominal, low, high, spread, label, _causes(found, one, 2)))
+        rows.append((nominal, low, high, spread, one.name, _causes(found, one, 2)))
     columns = dict.fromkeys(("nominal\nHz", "5 %\nHz", "95 %\nHz"), "#.5g")
     columns |= {"std\n%": ".2f", "mode": "", "depends most on (rank correlation, change)": ""}
     return tables.render(columns, rows)
@@ -304,8 +303,10 @@ def _coupling(found: Summary) -> Iterator[str]:
         f" {quantiles[HIGH]:.3g}"
     )
     low, high = under.interval
+    failed = found.hanging < found.independent
+    which = f"the {found.hanging:,} builds that hang" if failed else "builds"
     yield (
-        f"{100 * under.fraction:.4g} % of builds lie below {found.limit:g} (95 % confidence:"
+        f"{100 * under.fraction:.4g} % of {which} lie below {found.limit:g} (95 % confidence:"
         f" {100 * low:.3g} to {100 * high:.3g} %)"
     )
     yield f"depends most on: {_causes(found, found.signed, 5) or 'no number significantly'}"
@@ -364,10 +365,16 @@ def _indices(found: Summary) -> Iterator[str]:
         "Sobol indices: fraction of the variance that a tolerance causes alone (first), or alone"
         " and together with others (total)"
     )
+    if failed := found.job.count - found.good:
+        failures = f"{failed:,} of {found.job.count:,} builds failed"
+        yield f"{failures}; the indices leave out the samples with one of them, and are biased"
     columns = dict.fromkeys(("total", "std error", "first", "std error "), ".3f")
     columns |= {"tolerance": ""}
     for one in dict.fromkeys((found.coupling, *found.required)):
         own = found.indices_of(one)
+        if own is None:
+            yield f"  {one.name}: not known, as too few builds hang"
+            continue
         names = "total", "total_error", "first", "first_error"
         rows = zip(*(own[name].tolist() for name in names), found.job.groups, strict=True)
         shown = [row for row in rows if row[0] > max(0.005, 2 * row[1])]

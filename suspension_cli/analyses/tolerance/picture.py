@@ -47,16 +47,19 @@ def draw(summary: Summary, title: str) -> Figure:
     """Draw the figure of `pendsus tolerance`."""
     first, *rest = [*_requirements(summary), *_causes(summary), *_varying(summary)]
     first = replace(first, key=KEY, remarks=[*first.remarks, "in brackets: 95 % confidence"])
-    count = f"{min(summary.good, summary.independent):,}"
-    heading = f"{count} random builds"
+    count, failed = summary.independent, summary.independent - summary.hanging
+    heading = f"{count:,} random builds"
     if summary.joint is not None:
-        heading = f"{summary.joint.percent} of {count} builds meet all limits"
+        heading = f"{summary.joint.percent} of {count:,} builds meet all limits"
+    if failed:
+        remark = f"{failed:,} builds failed: they meet no limit, and no distribution has them"
+        first = replace(first, remarks=[*first.remarks, remark])
     return panels.draw(heading, title, [first, *rest])
 
 
 def _requirements(summary: Summary) -> Iterator[Panel]:
     """Make panels of quantities with requirements, and of the coupling."""
-    job = summary.job
+    job, share = summary.job, summary.hanging / summary.independent
     limits: dict[str, list[Requirement]] = {COUPLING: []}
     lines: dict[str, list[str]] = {COUPLING: []}
     for quantity, limit, met in zip(job.required, job.requirements, summary.yields, strict=True):
@@ -65,21 +68,23 @@ def _requirements(summary: Summary) -> Iterator[Panel]:
     for one in summary.required:
         if one.name != COUPLING:
             label = f"{one.name} ({one.quantity.displayed[0] or 'ratio'})"
-            yield _histogram(one, limits[one.name], label, lines[one.name])
+            yield _histogram(one, share, limits[one.name], label, lines[one.name])
     dashes: LineStyleType = "--"
     if not limits[COUPLING]:  # without requirements the limit is one, else for comparison
         limits[COUPLING].append(Requirement(COUPLING, -np.inf, summary.limit, magnitude=True))
-        line = f"{summary.under.percent}: {COUPLING} < {summary.limit:g}"
+        some = "" if share == 1 else " of those that hang"
+        line = f"{summary.under.percent}{some}: {COUPLING} < {summary.limit:g}"
         if job.requirements:
             line, dashes = f"for comparison: {line}", (0, (1, 2))
         lines[COUPLING].append(line)
     label = f"|{single_line(summary.ratio, 52)}| ({curves.unit_of_ratio(summary.ratio)})"
     said = [f"{line} at {summary.frequency:g} Hz" for line in lines[COUPLING]]
-    yield _histogram(summary.coupling, limits[COUPLING], label, said, dashes)
+    yield _histogram(summary.coupling, share, limits[COUPLING], label, said, dashes)
 
 
 def _histogram(
     one: Spread,
+    share: float,
     limits: Sequence[Requirement],
     label: str,
     lines: Sequence[str],
@@ -87,6 +92,7 @@ def _histogram(
 ) -> Panel:
     """Make the panel of the distribution of a quantity, with builds beyond limits on top.
 
+    `share` is the fraction of builds that hang, of which it is a distribution.
     The coupling is drawn on a logarithmic axis; limits that are not dashed are no requirements.
     """
     logarithmic, per, values = one.name == COUPLING, one.quantity.displayed[1], one.sample
@@ -109,7 +115,7 @@ def _histogram(
         axes.hist(
             [shown[met], shown[~met]],
             bins=spaced(first, last, BINS + 1).tolist(),
-            weights=[np.full(int(kind.sum()), 100 / len(shown)) for kind in (met, ~met)],
+            weights=[np.full(int(kind.sum()), 100 * share / len(shown)) for kind in (met, ~met)],
             color=[MET, MISSED],
             stacked=True,
             histtype="stepfilled",
@@ -140,8 +146,8 @@ def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], lab
 def _causes(summary: Summary) -> Iterator[Panel]:
     """Make the panel of the coupling's significant rank correlations or Sobol indices."""
     rank, most = summary.signed.rank, MAX_ROWS[0]
-    if summary.indices:
-        found = summary.indices_of(summary.coupling)
+    found = summary.indices_of(summary.coupling) if summary.indices else None
+    if found is not None:
         total, first, error = (found[name] for name in ("total", "first", "total_error"))
         top = strongest(np.maximum(total, 0.0), most, 0.005)
         lines = panels.stems(0.0, total[top], PALE, BAR)
@@ -167,7 +173,8 @@ def _varying(summary: Summary) -> Iterator[Panel]:
     modes = summary.job.nominal
     with np.errstate(all="ignore"):
         change = 100 * (summary.quantiles / modes.frequency[:, None] - 1)
-    names = [f"{name}  {f:.3g} Hz" for name, f in zip(modes.label, modes.frequency, strict=True)]
+    pairs = zip(summary.modes, modes.frequency, strict=True)
+    names = [f"{one.name}  {frequency:.3g} Hz" for one, frequency in pairs]
     yield from _spreads("Frequencies", names, change, "frequency from nominal", "%")
     for unit, what in (("rad", "rotation"), ("m", "displacement")):
         some = [one for one in summary.static if one.unit == unit]

@@ -382,7 +382,8 @@ def build_change(job: RandomBuilds) -> Comparison:
         ]
         if not model.has_wire_mass:
             places = pair_bodies(job.nominal, one.nominal, systems(model))
-            values += zip(job.nominal.label, found["frequency"].T[places], strict=True)
+            names = named_results.labels(job.nominal)
+            values += zip(names, found["frequency"].T[places], strict=True)
         return values
 
     compared = compare_builds(solve)

@@ -156,7 +156,8 @@ def sobol_indices(
     V_i = <f(B) (f(A_B^i) - f(A))> (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), table 2
     b) and V_Ti = <(f(A) - f(A_B^i))^2>/2 (Jansen, Comput. Phys. Commun. 117, 35 (1999)), over the
     variance of f in A and B; f less its mean, which only reduces the scatter. Rows in which one of
-    the three failed (NaN) are left out. Errors are from the scatter of the replicates.
+    the three failed (NaN) are left out. Errors are from the scatter of the replicates, NaN if one
+    of these has too few rows left.
 
     >>> a, b = np.random.default_rng(1).random((2, 4096, 1))
     >>> found = sobol_indices(np.stack([a, b, b]), np.arange(4096) // 512)
@@ -223,6 +224,8 @@ class Summary:
         Limit on the cross-coupling.
     good
         Number of builds with an equilibrium on taut wires.
+    hanging
+        Number of those among the `independent` ones, of which all but yields are statistics.
     failures
         Number of builds by reason of failure.
     modes, coupling, static, required
@@ -245,6 +248,7 @@ class Summary:
     job: RandomBuilds
     limit: float
     good: int
+    hanging: int
     failures: dict[str, int]
     modes: list[Spread]
     coupling: Spread
@@ -283,10 +287,17 @@ class Summary:
         """Sobol indices of `job.quantities` and their errors, by name; empty if not requested."""
         return {} if self.sobol is None else dict(vars(self.sobol))
 
-    def indices_of(self, one: Spread) -> dict[str, Float[np.ndarray, " group"]]:
-        """Sobol indices of one quantity, without NaN."""
+    def indices_of(self, one: Spread) -> dict[str, Float[np.ndarray, " group"]] | None:
+        """Sobol indices of one quantity, 0 where it does not vary.
+
+        None if their errors are not known: so many builds failed that a replicate has none left.
+        """
         n = self.job.quantities.index(one.quantity)
-        return {name: np.nan_to_num(values[:, n]) for name, values in self.indices.items()}
+        own = {name: values[:, n] for name, values in self.indices.items()}
+        varies = bool(one.deviation > 1e-12 * abs(one.mean)) or self.hanging < 2
+        if varies and not all(np.isfinite(values).all() for values in own.values()):
+            return None
+        return {name: np.nan_to_num(values) for name, values in own.items()}
 
     @property
     def ratio(self) -> str:
@@ -345,6 +356,7 @@ def summarise(
         job=job,
         limit=limit,
         good=int((status == builds.GOOD).sum()),
+        hanging=int(good.sum()),
         failures=builds.count_failures(status),
         modes=[own for one, own in spreads.items() if one.column == "frequency"],
         coupling=spreads[RATIO],
@@ -498,7 +510,7 @@ def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) 
         factor_unit=tuple(one.unit for one in factors),
         factor_group=tuple(one.group for one in factors),
         mode=np.arange(1, len(nominal.label) + 1),
-        mode_label=tuple(nominal.label),
+        mode_label=tuple(labels(nominal)),
         nominal_frequency=nominal.frequency,
         stage=tuple(job.scene.bodies.name),
         build=np.arange(job.count, dtype=np.uint32),

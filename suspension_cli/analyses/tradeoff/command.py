@@ -123,7 +123,7 @@ class TradeoffAnalysis(Analysis):
         """Draw error against time, a chart per question."""
         from suspension_cli.analyses.tradeoff import measure
 
-        return {"": measure.draw(result.data, result.title)}
+        return {"": measure.draw(result.data, result.given.title)}
 
 
 ANALYSIS = TradeoffAnalysis()

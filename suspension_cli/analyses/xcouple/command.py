@@ -170,7 +170,7 @@ class CouplingAnalysis(Analysis):
 
         data: Coupling = result.data
         over, under = (name.partition("@")[0][-2:] for name in (data.over, data.under))
-        limit = _limit(result.design) if (over, under) == (".x", ".z") else None
+        limit = _limit(result.given.design) if (over, under) == (".x", ".z") else None
         return {"": picture.draw(data, result.subtitle, limit)}
 
 

@@ -259,3 +259,18 @@ def test_agreement_is_not_known_without_cross_sections(form, tmp_path):
     assert "is not known: wire test.1 has no cross-section; give the material" in said
     answer = strict_json(run(*options, "--json").stdout)["agreement"]
     assert answer["pairs"] is None and "no cross-section" in answer["unknown"]
+
+
+@pytest.mark.parametrize("loss", [False, True])
+@pytest.mark.parametrize("name", ["wire-box", "light-mass", "relaxation1", "wire-1", "upper"])
+def test_units_of_states_do_not_depend_on_names_of_stages(name, loss):
+    """Stages may be called like the coordinates that losses, wires and light add."""
+    design = sus.example("double")
+    renamed = sus.parse(design.text.replace('"upper"', f'"{name}"').replace("upper.", f"{name}."))
+    how = {"inputs": "support.x", "outputs": "test.x", "loss": loss, "band": "0.1:10"}
+    plain, found = (sus.export(one, **how).system for one in (design, renamed))
+    assert found.state_unit == plain.state_unit
+    unit = dict(zip(found.state, found.state_unit, strict=True))
+    assert unit[f"{name}.x"] == "m" and unit[f"{name}.pitch rate"] == "rad/s"
+    assert len(unit) == len(found.state)
+    assert np.allclose(found.at(np.array([0.3, 3.0])), plain.at(np.array([0.3, 3.0])), rtol=1e-8)

@@ -13,6 +13,7 @@ from suspension_cli.grids import decade_points
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, document, run, written
 from tests.support.legible import assert_legible
+from tests.support.paths import CONFIGS
 
 CAUSES = (
     *("bending-upper", "bending-lower", "stretching", "torsion"),
@@ -85,6 +86,28 @@ def test_text_for_people(file, out):
 )
 def test_frequencies_that_are_printed(frequency, places):
     assert decade_points(np.array(frequency)) == places
+
+
+@pytest.mark.parametrize("listed", ["3,10,30", "30", "7,3,11"])
+def test_all_listed_frequencies_are_printed(file, out, listed):
+    """In the tables of noise, and in the lines of responses and comparisons."""
+    words = [f"{float(one):g} Hz" for one in listed.split(",")]
+    common = ("--frequency", listed, "--no-plot", "--out", out)
+    rows = run("thermal", file, *common).stdout.splitlines()[4:]
+    assert [f"{float(row.split()[0]):g} Hz" for row in rows] == words
+    response = run("response", file, "--input", "support.x", *common).stdout
+    compared = run("compare", file, CONFIGS / "double.toml", "--noise", "test.x", *common).stdout
+    for text in (response, compared):
+        assert all(f" at {word}" in text for word in words)
+    budget = run("budget", file, "--ground", "nlnm", "--output", "test.x", *common).stdout
+    assert all(f" {word}" in budget for word in words)
+
+
+def test_long_lists_are_tables_below_each_other(file, out):
+    listed = ("--frequency", "1,2,3,4,5,6,7,8", "--no-plot", "--out", out)
+    text = run("budget", file, "--ground", "nlnm", "--output", "test.x", *listed).stdout
+    heads = [line for line in text.splitlines() if "cause" in line]
+    assert [line.count(" Hz") for line in heads] == [6, 2]
 
 
 # refusals

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
@@ -87,6 +88,54 @@ def test_failures_are_reported(tmp_path):
     assert "of 40 builds failed: a wire is slack" in result.stderr
     good = int(result.stdout.split(" of 40 builds hang on taut wires")[0].split("\n")[-1])
     assert 0 < good < 36
+
+
+def test_fractions_say_of_which_builds_they_are(tmp_path):
+    """Of 200 builds, of which some do not hang; the table counts these with all others."""
+    require = [{"quantity": "test static pitch", "below": 2e-1}]
+    file = scattered(
+        tmp_path, wire=[{"stage": "test", "length": {"normal": 1.5e-3}}], require=require
+    )
+    done = run(
+        *("tolerance", file, "--builds", "200", "--out", tmp_path, "--workers", "1"),
+        *("--fidelity", "string"),
+    )
+    found = sus.load(tmp_path / "husman2000-figure6-tolerance.h5")
+    good, met = found.good, round(200 * found.joint.fraction)
+    assert met < good < 200
+    assert f"of the {good} builds that hang lie below 0.001" in done.stdout
+    figure = found.plot()
+    said = [text.get_text() for text in figure.findobj(Text)]
+    assert any(f"{100 * met / 200:.3g} %" in one and "of 200 builds meet" in one for one in said)
+    assert any(f"{200 - good} builds failed" in one for one in said)
+    assert any("of those that hang: coupling" in one for one in said)
+    bars = figure.axes[0].patches
+    tops = max(bars, key=lambda one: len(one.get_path().vertices)).get_path().vertices
+    assert tops[:, 1].max() < 100 * good / 200
+
+
+def test_indices_of_which_too_few_builds_are_left_are_not_known(tmp_path):
+    file = scattered(tmp_path, wire=[{"stage": "test", "length": {"normal": 6e-3}}])
+    done = run(
+        *("tolerance", file, "--builds", "400", "--sobol-indices", "--out", tmp_path),
+        *("--workers", "1", "--fidelity", "string"),
+    )
+    assert done.exit_code == 0, done.stderr
+    assert "coupling: not known, as too few builds hang" in done.stdout
+    assert re.search(r"\d+ of 384 builds failed; the indices leave out", done.stdout)
+    assert "0.000" not in done.stdout.partition("Sobol indices: ")[2]
+
+
+def test_equal_labels_of_modes_are_numbered(tmp_path):
+    raw = tomllib.loads(sus.example("geo-silica-triple").text)
+    raw["tolerance"] = {"body": [{"stage": "test", "mass": {"normal": 0.001}}]}
+    answer = tolerance(written(tmp_path, raw), tmp_path, "--fidelity", "string", builds=4)
+    labels = [mode["label"] for mode in answer["modes"]]
+    assert len(set(labels)) == len(labels) and "upper transverse#2" in labels
+    found = sus.load(next(tmp_path.glob("*.h5")))
+    assert "upper transverse#2" in str(found)
+    with h5py.File(next(tmp_path.glob("*.h5"))) as file:
+        assert file["tolerance/mode_label"].asstr()[:].tolist() == labels
 
 
 def test_nothing_but_failures(tmp_path, monkeypatch):
