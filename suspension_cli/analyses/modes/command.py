@@ -124,6 +124,8 @@ class ModesAnalysis(Analysis):
         if np.isfinite(modes.q).any():
             for line in describe_lossless(lossless, choice.level):
                 run.log.warn(f"{run.name}: {line}")
+            for line in warnings.describe_falsified_losses(run.design, choice.level):
+                run.log.warn(line)
         if not modes.stable:
             grows = growth.find_growth(run.design, choice.model, model)
             remedy = "" if grows is None else f"; {grows.cause.remedy}"
