@@ -11,7 +11,7 @@ import msgspec
 from suspension_cli.design import materials, paths, reader
 from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.materials import AgainstTemperature, Material
-from suspension_cli.design.paths import DISPLAYED, twins, unit_of
+from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import CROSS_SECTIONS, stretches
 from suspension_cli.models import registry
@@ -154,6 +154,5 @@ def natural_step(path: str, value: float) -> tuple[float, str]:
     names = [key for key in keys[2:] if not key.isdigit()] or keys[-1:]
     of_wire = any(key in WIRES for key in names) and any(key in CROSS_SECTIONS for key in names)
     thin = names[-1] in ACROSS or of_wire
-    lossy = "loss" in names or "loss" in names[-1]
-    step = None if thin or lossy else STEPS.get(unit_of(path))
+    step = None if thin or is_loss_angle(path) else STEPS.get(unit_of(path))
     return step or (value / 100, "%")
