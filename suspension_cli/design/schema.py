@@ -315,7 +315,9 @@ def body_inertia(body: Any) -> Rows:
     moments: Any = body.inertia
     if moments is not None and isinstance(moments[0], list):
         return (*moments[0],), (*moments[1],), (*moments[2],)
-    if body.shape == "box":
+    if moments is not None:
+        pass  # a shape beside them is for its surface
+    elif body.shape == "box":
         a, b, c = (side**2 for side in body.size)
         moments = [mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12]
     elif body.shape == "cylinder":

@@ -217,3 +217,18 @@ def test_the_shipped_quadruple_has_the_losses_of_its_fibres():
     same = sus.thermal(other, frequency=[100.0])
     assert found.data[0].amplitude == pytest.approx(same.data[0].amplitude, rel=1e-9)
     assert found.data[0].amplitude[0] == pytest.approx(4.94e-22, rel=0.01)
+
+
+def test_losses_of_modes(tmp_path):
+    """Q of a glass with a loss angle alone is too high by the factor that is stated."""
+    quality, texts = [], []
+    for name, table in (("mine", GLASS), ("fused-silica", "")):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(BARE.replace("mine", name).replace("loss = { angle = 0.0 }", table))
+        result = run("modes", file, "--no-plot", "--out", tmp_path, "--fidelity", "beam")
+        quality.append(sus.load(tmp_path / "cold-modes.h5").data.q)
+        texts.append(" ".join(result.stdout.split()))
+    ratio = np.max(quality[0] / quality[1])
+    stated = f"surface and thermoelastic loss of mine (a factor of {ratio:.3g}) in the Q of a mode"
+    assert stated in texts[0]
+    assert "thermoelastic" not in texts[1]
