@@ -182,7 +182,8 @@ def _amended(choice: Choice, found: list[str], of_what: str, error: float) -> Ch
     why, _, rest = choice.reason.partition("; ")
     if not rest and choice.error != 0 and (omitted := " and ".join(choice.model.omits)):
         rest = f"neglected: {omitted}, of unknown effect"
-    added = f"neglected: {', '.join(found)}{of_what}"
+    word = "and" if rest.startswith("neglected: ") else "neglected:"
+    added = f"{word} {', '.join(found)}{of_what}"
     reason = "; ".join(filter(None, (why, rest, added)))
     error = math.nan if math.isnan(choice.error) else error
     return replace(choice, reason=reason, error=error)

@@ -167,7 +167,7 @@ def test_check_names_them_too(tmp_path):
 # ---------------------------------------------------------------- losses that a material lacks
 
 BARE = TEXT.replace("temperature = 20.0", "temperature = 290.0").replace("silicon", "mine")
-GLASS = "youngs_modulus = 7.2e10\ndensity = 2200.0\nloss_angle = 4.1e-10"
+GLASS = "youngs_modulus = 7.2e10\npoisson_ratio = 0.17\ndensity = 2200.0\nloss_angle = 4.1e-10"
 
 
 def test_missing_losses_are_computed(tmp_path):
