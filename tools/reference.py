@@ -116,8 +116,14 @@ def keys(name: str) -> str:
     return table(("key", "takes", "meaning"), rows)
 
 
-def number(value: float | None) -> str:
-    """Format a number; empty if it is unknown."""
+ROOM = 290.0
+"""Temperature in K of the tables of built-in materials."""
+
+
+def number(value: materials.Property | None) -> str:
+    """Format a number, of a property against temperature that at 290 K; empty if it is unknown."""
+    if value is not None:
+        value = materials.value_at(value, ROOM)
     return "" if value is None else f"{value:g}".replace("e+0", "e").replace("e+", "e")
 
 
@@ -174,6 +180,8 @@ def takes(hint: Any) -> str:
     if get_origin(kind) is Literal:
         return ", ".join(f"`{msgspec.json.encode(option).decode()}`" for option in get_args(kind))
     if get_origin(kind) is tuple:
+        if get_args(kind)[-1] is Ellipsis:
+            return "numbers"
         return f"{len(get_args(kind))} numbers"
     if get_origin(kind) is list:
         return list_of(bare(get_args(kind)[0])[0], metas)

@@ -30,7 +30,7 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
-from suspension_cli.design.materials import MECHANISMS
+from suspension_cli.design.materials import MECHANISMS, AgainstTemperature
 from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.towers import SUFFIX, leg_count
@@ -121,7 +121,7 @@ def _bodies(stage: Stage) -> list[str]:
 def _check_materials(design: Design) -> Problems:
     """Check the tables of materials."""
     for name, own in design.materials.items():
-        path, material = f"materials.{format_key(name)}", materials.resolve(design, name)
+        path, material = f"materials.{format_key(name)}", materials.look_up(design, name)
         if not re.fullmatch(units.NAME, name):
             remedy = "call it by letters, digits, _ and -, starting with a letter"
             yield path, "is not a valid name, so no wire can refer to it", remedy
@@ -341,6 +341,19 @@ def _negative(given: units.Matrix6 | None) -> str:
     return f"is negative along {axis}" if values[0] < -ROUNDING else ""
 
 
+def find_without_drag(design: Design) -> list[Fault]:
+    """Find the bodies that gas surrounds, but whose surface is unknown; one fault for all."""
+    if design.gas is None or not design.gas.pressure:
+        return []
+    bare = [stage for stage in design.stage if not schema.has_surface(stage.body)]
+    if not bare:
+        return []
+    names = ", ".join(stage.name for stage in bare)
+    problem = f"exerts no drag on {names}, whose body has neither a shape nor a surface_area"
+    remedy = "give surface_area (m^2), or a shape with its sizes beside mass and inertia"
+    return [Fault("gas", problem, remedy)]
+
+
 @dataclass(frozen=True)
 class ImplausibleNumber(Fault):
     """An implausible number."""
@@ -397,7 +410,9 @@ def _check_planes(design: Design) -> Iterator[Row]:
 
 
 def _sizes(value: Any) -> list[float]:
-    """Magnitudes of a number, or of those of a list."""
+    """Magnitudes of a number, or of those of a list or of a table against temperature."""
+    if isinstance(value, AgainstTemperature):
+        value = value.values
     if isinstance(value, (list, tuple)):
         return [size for item in value for size in _sizes(item)]
     return [abs(value)] if isinstance(value, (int, float)) else []

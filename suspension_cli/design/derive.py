@@ -17,6 +17,7 @@ from suspension_cli.design.towers import SUFFIX, keystone_inertia
 from suspension_cli.design.wires import (
     AnyBlade,
     BladeGeometry,
+    EndTemperatures,
     Stretch,
     Wire,
     WireSet,
@@ -35,19 +36,27 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
     """
     if wire.k is not None:
         return wire.k
-    pieces = stretches(wire, length)
+    pieces, temperature = stretches(wire, length), mean_temperature(design, wire)
     if len(pieces) == 1 and wire.sections is None:
-        return _modulus(design, pieces[0].material or "") * pieces[0].shape.least_area / length
-    return 1.0 / sum(_compliance(design, piece) for piece in pieces)
+        modulus = _modulus(design, pieces[0].material or "", temperature)
+        return modulus * pieces[0].shape.least_area / length
+    return 1.0 / sum(_compliance(design, piece, temperature) for piece in pieces)
 
 
-def _compliance(design: Design, piece: Stretch) -> float:
+def mean_temperature(design: Design, part: WireSet | Wire | AnyBlade) -> float:
+    """Mean temperature of a wire or a blade, K: its own, or that of the design."""
+    given = part.temperature or design.constants.temperature
+    return given.mean if isinstance(given, EndTemperatures) else given
+
+
+def _compliance(design: Design, piece: Stretch, temperature: float) -> float:
     """Elongation of a uniform stretch of wire per tension, m/N."""
-    return piece.length / (_modulus(design, piece.material or "") * piece.shape.area)
+    modulus = _modulus(design, piece.material or "", temperature)
+    return piece.length / (modulus * piece.shape.area)
 
 
-def _modulus(design: Design, material: str) -> float:
-    modulus = materials.resolve(design, material).youngs_modulus
+def _modulus(design: Design, material: str, temperature: float) -> float:
+    modulus = materials.resolve(design, material, temperature).youngs_modulus
     assert modulus is not None
     return modulus
 
@@ -62,7 +71,8 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     angles = [0.0 if name is None else materials.constant_angle(design, name) for name in names]
     if len({*angles}) == 1:
         return angles[0]
-    compliances = [_compliance(design, piece) for piece in pieces]
+    temperature = mean_temperature(design, wire)
+    compliances = [_compliance(design, piece, temperature) for piece in pieces]
     return sum(c * a for c, a in zip(compliances, angles, strict=True)) / sum(compliances)
 
 
@@ -84,7 +94,8 @@ def blade_stiffness(design: Design, blade: AnyBlade, stage_mass: float, count: i
     if blade.uncoupled_frequency is not None:
         return (2 * math.pi * blade.uncoupled_frequency) ** 2 * stage_mass / count
     assert blade.geometry is not None
-    return cantilever_stiffness(blade.geometry, _modulus(design, blade.geometry.material))
+    modulus = _modulus(design, blade.geometry.material, mean_temperature(design, blade))
+    return cantilever_stiffness(blade.geometry, modulus)
 
 
 def cantilever_stiffness(blade: BladeGeometry, youngs_modulus: float) -> float:

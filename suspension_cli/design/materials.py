@@ -10,13 +10,20 @@ strain s/E(T) + alpha T it is a = alpha - s E'/E^2 = alpha - u beta, u = s/E the
 beta = E'/E: in a material that stiffens with temperature the loss vanishes at one tension (Cagnoli
 and Willems, Phys. Rev. B 65, 174111 (2002)). Stretching and twisting drive no heat across a wire.
 In a complex frequency the angle is continued analytically.
+
+**Temperature.** Properties may be tables against temperature. `resolve` gives a material at one
+temperature: numbers alone. Thermoelastic loss, which may act at another temperature at either end
+of a wire, keeps the tables and evaluates them where it is asked for.
 """
 
 from __future__ import annotations
 
 import math
 import tomllib
+from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
@@ -27,6 +34,75 @@ from suspension_cli.design.tables import Problems, Table, key
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections import CrossSection, Frequencies, Spectrum
+
+
+WIDE_GAP = 3.0
+"""Ratio of the temperatures of two neighbours in a table from which they leave a gap, if their
+values differ by more than `STEEP` too: specific heats and conductivities of crystals have peaks and
+bends within such a range."""
+STEEP = 2.0
+"""Ratio of the largest to the smallest value of a table from which it is interpolated in the
+logarithms: powers of the temperature, like the specific heat of a cold crystal, are then exact."""
+
+
+class AgainstTemperature(Table, frozen=True):
+    """A property by temperature: interpolated, constant outside."""
+
+    temperature: tuple[units.Kelvin, ...] = key("K, ascending", min_length=2, max_length=1000)
+    values: tuple[units.Number, ...] = key(
+        "value at each of them, in the unit of the property; in between linear in the logarithms if"
+        " all have one sign and differ by more than a factor of 2, else linear",
+        min_length=2,
+        max_length=1000,
+    )
+
+    rules = (tables.same_length("values", "temperature"), tables.ascending("temperature"))
+
+    def at(self, temperature: float) -> float:
+        """Interpolate at a temperature in K.
+
+        >>> AgainstTemperature(temperature=(10.0, 20.0), values=(1.0, 8.0)).at(15.0)
+        3.375
+        """
+        nodes, values = self.temperature, self.values
+        if temperature <= nodes[0]:
+            return values[0]
+        if temperature >= nodes[-1]:
+            return values[-1]
+        n = bisect_right(nodes, temperature) - 1
+        low, high = values[n], values[n + 1]
+        if not self._is_steep:
+            part = (temperature - nodes[n]) / (nodes[n + 1] - nodes[n])
+            return low + part * (high - low)
+        part = math.log(temperature / nodes[n]) / math.log(nodes[n + 1] / nodes[n])
+        return low * (high / low) ** part
+
+    @property
+    def _is_steep(self) -> bool:
+        """Whether the logarithms are interpolated."""
+        sizes = [abs(value) for value in self.values]
+        one_sign = min(self.values) > 0 or max(self.values) < 0
+        return one_sign and max(sizes) > STEEP * min(sizes)
+
+    def unknown_range(self, temperature: float) -> str:
+        """Describe where the table ends or has a gap, if a temperature (K) is there; else ""."""
+        nodes = self.temperature
+        if not nodes[0] <= temperature <= nodes[-1]:
+            return f"known from {nodes[0]:g} to {nodes[-1]:g} K"
+        for (low, high), pair in zip(pairwise(nodes), pairwise(self.values), strict=True):
+            small, large = sorted(abs(value) for value in pair)
+            if low < temperature < high and high > WIDE_GAP * low and large > STEEP * small:
+                return f"unknown between {low:g} and {high:g} K"
+        return ""
+
+
+Property = float | AgainstTemperature
+"""A property of a material: a number, or a table against temperature."""
+
+
+def value_at(given: Property, temperature: float) -> float:
+    """Evaluate a property at a temperature in K."""
+    return given.at(temperature) if isinstance(given, AgainstTemperature) else given
 
 
 class LossTable(Table, frozen=True):
@@ -61,25 +137,71 @@ class MaterialLoss(Table, frozen=True):
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
-    youngs_modulus: units.Modulus | None = key("Young's modulus in Pa")
-    poisson_ratio: float | None = key("for twisting; 0.3 if not given", unit="1", gt=-1, lt=0.5)
+    youngs_modulus: units.Modulus | AgainstTemperature | None = key(
+        "Young's modulus in Pa; a number or a table against temperature, like the thermal values"
+    )
+    poisson_ratio: units.PoissonRatio | None = None
     density: units.Density | None = None
-    thermal_expansion: units.Expansion | None = None
-    modulus_slope: units.ModulusSlope | None = None
-    specific_heat: float | None = key("specific heat in J/(kg K)", unit="J/(kg K)", ge=1e-6, le=1e6)
-    thermal_conductivity: float | None = key("in W/(m K)", unit="W/(m K)", ge=1e-6, le=1e6)
+    thermal_expansion: units.Expansion | AgainstTemperature | None = None
+    modulus_slope: units.ModulusSlope | AgainstTemperature | None = None
+    specific_heat: units.SpecificHeat | AgainstTemperature | None = None
+    thermal_conductivity: units.ThermalConductivity | AgainstTemperature | None = None
     tensile_strength: units.Strength | None = key(
         "stress in Pa at which it breaks (blades: yields)"
     )
     loss_angle: units.LossAngle | None = key("constant loss angle in rad, short for loss.angle")
     loss: MaterialLoss | None = None
+    temperature_range: tuple[units.Kelvin, units.Kelvin] | None = key(
+        "lowest and highest temperature in K at which the numbers that are no tables apply; default"
+        " any for those of a design, 280 to 310 K for built-in ones"
+    )
     source: str = key("where the numbers come from", "")
+
+    def check(self) -> Problems:
+        """Check the values of tables against the bounds of plain numbers."""
+        for name, kind in BOUNDS.items():
+            given, bounds = getattr(self, name), kind.__metadata__[0]
+            if not isinstance(given, AgainstTemperature):
+                continue
+            for temperature, value in zip(given.temperature, given.values, strict=True):
+                if not bounds.ge <= value <= bounds.le:
+                    unit = bounds.extra["unit"]
+                    problem = f"is {value:g} at {temperature:g} K, not {bounds.ge:g}"
+                    yield f"{name}.values", f"{problem} to {bounds.le:g} {unit}", "check its unit"
+                    break
+        if self.temperature_range and self.temperature_range[0] > self.temperature_range[1]:
+            yield "temperature_range", "has the highest temperature first", "exchange them"
+
+
+BOUNDS: dict[str, Any] = {
+    "youngs_modulus": units.Modulus,
+    "thermal_expansion": units.Expansion,
+    "modulus_slope": units.ModulusSlope,
+    "specific_heat": units.SpecificHeat,
+    "thermal_conductivity": units.ThermalConductivity,
+}
+"""Keys of a material that may be tables against temperature, and the types of their numbers."""
+
+
+MaterialAtTemperature = Any
+"""A `Material` whose properties are numbers, those at one temperature."""
+
+
+def at_temperature(material: Material, temperature: float) -> MaterialAtTemperature:
+    """Give a material at a temperature in K: tables against temperature become numbers."""
+    values = {
+        name: given.at(temperature)
+        for name in BOUNDS
+        if isinstance(given := getattr(material, name), AgainstTemperature)
+    }
+    return msgspec.structs.replace(material, **values) if values else material
 
 
 class Mechanism:
     """A mechanism of loss, with the constants of one material: a frozen dataclass.
 
-    Materials are from `resolve`, with None for what is unknown.
+    Materials are from `look_up`, with None for what is unknown; properties may be tables against
+    temperature (`value_at`).
 
     Loss angles are in rad, finite at zero frequency, and add up; `omega` is in rad/s, of any shape,
     not negative, or complex (of a damped mode).
@@ -122,12 +244,12 @@ class Mechanism:
 
     twisting = stretching
 
-    def coefficient(self, area: float) -> tuple[float, float] | None:
+    def coefficient(self, area: float, temperature: float) -> tuple[float, float] | None:
         """(p, q) of a bending angle proportional to a^2, with a = p - q T at the tension T (N).
 
         At most one mechanism of a material has it.
         """
-        del area
+        del area, temperature
         return None
 
     @property
@@ -208,12 +330,12 @@ class Thermoelastic(Mechanism):
 
     name: ClassVar[str] = "thermoelastic"
 
-    youngs_modulus: float  # Pa
+    youngs_modulus: Property  # Pa
     density: float  # kg/m^3
-    expansion: float  # linear thermal expansion alpha, 1/K
-    modulus_slope: float  # beta = (1/E) dE/dT, 1/K
-    heat_capacity: float  # specific heat, J/(kg K)
-    conductivity: float  # thermal, W/(m K)
+    expansion: Property  # linear thermal expansion alpha, 1/K
+    modulus_slope: Property  # beta = (1/E) dE/dT, 1/K
+    heat_capacity: Property  # specific heat, J/(kg K)
+    conductivity: Property  # thermal, W/(m K)
 
     @classmethod
     def check(cls, own: Any, material: Any) -> Problems:
@@ -243,14 +365,17 @@ class Thermoelastic(Mechanism):
         depth = shape.depth[plane]
         if math.isinf(depth):
             return 0.0 * (np.asarray(omega) + temperature)
-        capacity = self.density * self.heat_capacity
-        strength = self.youngs_modulus * temperature / capacity
-        phase = np.asarray(omega) * (capacity * (depth / 2) ** 2 / self.conductivity)
+        capacity = self.density * value_at(self.heat_capacity, temperature)
+        conductivity = value_at(self.conductivity, temperature)
+        strength = value_at(self.youngs_modulus, temperature) * temperature / capacity
+        phase = np.asarray(omega) * (capacity * (depth / 2) ** 2 / conductivity)
         return strength * shape.relaxation(phase)
 
-    def coefficient(self, area: float) -> tuple[float, float]:
+    def coefficient(self, area: float, temperature: float) -> tuple[float, float]:
         """a without tension, 1/K, and its decrease per tension, 1/(K N)."""
-        return self.expansion, self.modulus_slope / (self.youngs_modulus * area)
+        stiffness = value_at(self.youngs_modulus, temperature) * area
+        slope = value_at(self.modulus_slope, temperature)
+        return value_at(self.expansion, temperature), slope / stiffness
 
     @property
     def acts_unstrained(self) -> bool:
@@ -262,7 +387,7 @@ MECHANISMS: tuple[type[Mechanism], ...] = (Bulk, Thermoelastic)
 
 
 def mechanisms_of(material: Any, wire: Table | None) -> tuple[Mechanism, ...]:
-    """List the mechanisms that act in a material, from `resolve`, and wire (or blade)."""
+    """List the mechanisms that act in a material, from `look_up`, and wire (or blade)."""
     found = (kind.of(material, wire) for kind in MECHANISMS)
     return tuple(one for one in found if one is not None)
 
@@ -282,12 +407,17 @@ class WithMaterials(Protocol):
         """Tables of materials by name."""
         ...
 
+    @property
+    def constants(self) -> Any:
+        """Constants, among them the temperature in K."""
+        ...
 
-def resolve(design: WithMaterials, name: str) -> Material:
+
+def look_up(design: WithMaterials, name: str) -> Material:
     """Look up a material: values of the design, then built-in ones, with all losses in `loss`.
 
-    A surface depth is relative to the loss angle of the bulk, so both built-in ones are dropped if
-    the design gives a bulk loss.
+    Properties may be tables against temperature. A surface depth is relative to the loss angle of
+    the bulk, so both built-in ones are dropped if the design gives a bulk loss.
     """
     own, base = design.materials.get(name, Material()), BUILT_IN.get(name, Material())
     loss, own_loss = _given(base.loss), _given(own.loss)
@@ -296,6 +426,36 @@ def resolve(design: WithMaterials, name: str) -> Material:
     if {"angle", "table"} & own_loss.keys():
         loss = {key: loss[key] for key in loss.keys() - {"angle", "table", "surface_depth"}}
     return msgspec.structs.replace(base, **_given(own) | {"loss": MaterialLoss(**loss | own_loss)})
+
+
+def resolve(
+    design: WithMaterials, name: str, temperature: float | None = None
+) -> MaterialAtTemperature:
+    """Look up a material at a temperature in K (None: that of the design), with numbers alone."""
+    there = design.constants.temperature if temperature is None else temperature
+    return at_temperature(look_up(design, name), there)
+
+
+def find_unknown(design: WithMaterials, name: str, temperature: float) -> Iterator[tuple[str, str]]:
+    """List keys of a material whose values do not apply at a temperature (K), each with its range.
+
+    Plain numbers of a design apply at any temperature unless it gives a `temperature_range`.
+    """
+    own, base = design.materials.get(name, Material()), BUILT_IN.get(name, Material())
+    found, given = look_up(design, name), own.loss_angle is not None or own.loss is not None
+    for property_name in (*BOUNDS, "loss"):
+        value = getattr(found, property_name)
+        if isinstance(value, AgainstTemperature):
+            if problem := value.unknown_range(temperature):
+                yield property_name, problem
+            continue
+        from_design = getattr(own, property_name) is not None
+        if property_name == "loss":
+            from_design = given
+        limits = own.temperature_range or (None if from_design else base.temperature_range)
+        missing = value is None or value == MaterialLoss()
+        if limits is not None and not missing and not limits[0] <= temperature <= limits[1]:
+            yield property_name, f"known from {limits[0]:g} to {limits[1]:g} K"
 
 
 def _given(table: Material | MaterialLoss | None) -> dict[str, Any]:

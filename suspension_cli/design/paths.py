@@ -163,15 +163,29 @@ def unit_of(path: str) -> str:
     return facts.get("unit", "")
 
 
+def is_loss_angle(path: str) -> bool:
+    """Whether a dotted path leads to a loss angle.
+
+    >>> is_loss_angle("materials.steel302.loss_angle"), is_loss_angle("stage.lossy.wires.d")
+    (True, False)
+    """
+    keys = path.split(".")
+    names = keys[2:] or keys[-1:]  # after the name of a stage or material
+    in_losses = any(key in ("loss", "loss_angle") for key in names)
+    return in_losses and names[-1] != "surface_depth"
+
+
 def displayed_unit(path: str, value: float) -> tuple[str, float]:
     """Choose the customary unit of a number of a design, and the factor to it from SI.
 
-    The unit of a pure number is "".
+    The unit of a pure number is "". Loss angles are in rad, not in mrad like rotations.
 
     >>> displayed_unit("stage.test.wires.d", 0.0015), displayed_unit("gas.pressure", 1e-5)
     (('mm', 1000.0), ('Pa', 1.0))
     """
     unit = unit_of(path)
+    if is_loss_angle(path):
+        return unit, 1.0
     if unit == "1" or (unit == "Pa" and abs(value) < LOW_PRESSURE):
         return unit.removeprefix("1"), 1.0
     return DISPLAYED.get(unit, (unit, 1.0))

@@ -27,9 +27,9 @@ THINNEST = 1e-12
 MOST_MASS = 1e9
 """Largest mass that follows from a density, kg: that of a given mass."""
 KEYS = {
-    None: (["mass", "inertia"], []),
-    "cylinder": (["radius", "length"], ["axis", "inner_radius", "mass", "density"]),
-    "box": (["size"], ["mass", "density"]),
+    None: (["mass", "inertia"], ["surface_area"]),
+    "cylinder": (["radius", "length"], ["axis", "inner_radius", "mass", "density", "inertia"]),
+    "box": (["size"], ["mass", "density", "inertia"]),
 }
 """Keys that a body without a shape, and each shape, needs, and others that it takes."""
 
@@ -163,9 +163,16 @@ class Body(Table, frozen=True):
 
     mass: units.Mass | None = None
     inertia: list[units.Inertia | units.Row3] | None = key(
-        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2", count=3
+        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2; instead of those of a"
+        " homogeneous shape",
+        count=3,
     )
-    shape: Literal["cylinder", "box"] | None = key("homogeneous shape, instead of inertia")
+    surface_area: units.SurfaceArea | None = key(
+        "area of its whole surface in m^2, for the drag of [gas] on a body without a shape"
+    )
+    shape: Literal["cylinder", "box"] | None = key(
+        "homogeneous shape; beside inertia, for the drag of [gas] and for drawings alone"
+    )
     axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
     radius: units.BodySize | None = key("radius of a cylinder, m")
     inner_radius: units.BodySize | None = key("inner radius of a hollow cylinder, m")
@@ -287,6 +294,11 @@ class Design(Table, frozen=True):
         return [(kind, row) for kind in kinds for row in getattr(self, kind)]
 
 
+def has_surface(body: Body) -> bool:
+    """Whether the surface of a body is known, on which gas exerts its drag."""
+    return body.shape is not None or body.surface_area is not None
+
+
 def body_mass(body: Body) -> float:
     """Compute the mass of a body in kg, given or from density and shape."""
     if body.mass is not None:
@@ -312,7 +324,9 @@ def body_inertia(body: Any) -> Rows:
     moments: Any = body.inertia
     if moments is not None and isinstance(moments[0], list):
         return (*moments[0],), (*moments[1],), (*moments[2],)
-    if body.shape == "box":
+    if moments is not None:
+        pass  # a shape beside them is for its surface
+    elif body.shape == "box":
         a, b, c = (side**2 for side in body.size)
         moments = [mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12]
     elif body.shape == "cylinder":

@@ -34,6 +34,18 @@ BodySize = Annotated[
     Length,
     doc("length in m", "m", Plausible(10.0, "larger than any suspended body", serious=True)),
 ]
+SurfaceArea = Annotated[
+    float,
+    doc(
+        "area in m^2",
+        "m^2",
+        Plausible(
+            100.0, "larger than that of any suspended body", (("cm^2", 1e-4), ("mm^2", 1e-6))
+        ),
+        ge=1e-12,
+        le=1e6,
+    ),
+]
 WireSize = Annotated[
     Length, doc("length in m", "m", Plausible(0.02, "thicker than any wire", serious=True))
 ]
@@ -92,6 +104,13 @@ ModulusSlope = Annotated[
         ge=-1.0,
         le=1.0,
     ),
+]
+PoissonRatio = Annotated[
+    float, doc("Poisson's ratio, for twisting; 0.3 if not given", "1", gt=-1, lt=0.5)
+]
+SpecificHeat = Annotated[float, doc("specific heat in J/(kg K)", "J/(kg K)", ge=1e-6, le=1e6)]
+ThermalConductivity = Annotated[
+    float, doc("thermal conductivity in W/(m K)", "W/(m K)", ge=1e-6, le=1e6)
 ]
 PER_SECOND = (("cm/s^2", 1e-2), ("mm/s^2", 1e-3))
 GRAVITY = Plausible(30.0, "more than on Jupiter", PER_SECOND, 1.0, "less than on the Moon")

@@ -72,6 +72,11 @@ class EndTemperatures(Table, frozen=True):
     upper: units.Kelvin
     lower: units.Kelvin
 
+    @property
+    def mean(self) -> float:
+        """Mean of both, K."""
+        return (self.upper + self.lower) / 2
+
 
 Clamped = (
     Annotated[

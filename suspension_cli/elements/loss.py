@@ -56,7 +56,7 @@ def bending_angle(
     result = 0.0 * np.asarray(omega)
     for own in section.losses:
         angle = own.bending(section.shape, plane, omega, temperature)
-        if (coefficient := own.coefficient(section.shape.area)) is not None:
+        if (coefficient := own.coefficient(section.shape.area, temperature)) is not None:
             free, slope = coefficient
             angle = angle * (free - slope * np.asarray(tension)) ** 2
         result = result + angle
@@ -95,7 +95,8 @@ def blade_angle(blade: BladeLoss, omega: Omega) -> Angle:
         return blade.angle + 0.0 * np.asarray(omega)
     shape, result = blade.shape or plate(blade.thickness), 0.0 * np.asarray(omega)
     for own in blade.losses:
-        angle, coefficient = own.bending(shape, 0, omega, blade.temperature), own.coefficient(1.0)
+        angle = own.bending(shape, 0, omega, blade.temperature)
+        coefficient = own.coefficient(1.0, blade.temperature)
         result = result + (angle if coefficient is None else angle * coefficient[0] ** 2)
     return result
 
@@ -108,13 +109,14 @@ def surface_drag(gas: Gas) -> tuple[float, float]:
 
 
 def body_damping(body: Body, gas: Gas) -> Array | None:
-    """Damping matrix (6, 6) of a body at the COM of its shape, N s/m and N m s; None without shape.
+    """Damping matrix (6, 6) of a body at its COM, N s/m and N m s; None without a surface.
 
-    For a box or a cylinder; the wall of a hole counts as free surface.
+    For a box or a cylinder, centred at the COM; the wall of a hole counts as free surface. A body
+    of which only the surface area is known is taken as a sphere.
     """
-    if body.shape is None:
-        return None
     drag = surface_drag(gas)
+    if body.shape is None:
+        return None if body.surface_area is None else np.diag(_sphere(body.surface_area, *drag))
     if body.shape == "box":
         assert body.size is not None
         return np.diag(_box(body.size, *drag))
@@ -126,6 +128,18 @@ def body_damping(body: Body, gas: Gas) -> Array | None:
     values = [push] * 3 + [turn] * 3
     values[axis], values[3 + axis] = push_along, turn_along
     return np.diag(values)
+
+
+def _sphere(area: float, normal: float, along: float) -> list[float]:
+    """Diagonal elements of a sphere of a surface area S.
+
+    The square of the normal component of a unit velocity has the mean 1/3: S (normal + 2 along)/3,
+    which is pi R^2 n m v (4/3) (1 + pi/8) with the mean velocity v of the molecules (Epstein, Phys.
+    Rev. 23, 710 (1924)). It is the mean over all directions for any convex body of this surface. In
+    a rotation all slides, with the mean square 2 R^2/3.
+    """
+    push, turn = area * (normal + 2 * along) / 3, area * along * area / (6 * math.pi)
+    return [push] * 3 + [turn] * 3
 
 
 def _box(size: tuple[float, float, float], normal: float, along: float) -> list[float]:

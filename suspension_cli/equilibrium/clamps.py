@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design import materials
-from suspension_cli.design.derive import gives_natural_lengths
+from suspension_cli.design.derive import gives_natural_lengths, mean_temperature
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import stretches
 from suspension_cli.elements.bending import with_bending
@@ -187,10 +187,10 @@ def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
         if table.bending is None:
             result.append((0.0, 0.0))
             continue
-        pieces = stretches(table, 1.0)
+        pieces, temperature = stretches(table, 1.0), mean_temperature(design, table)
         ends = []
         for piece in (pieces[0], pieces[-1]):
-            modulus = materials.resolve(design, piece.material or "").youngs_modulus
+            modulus = materials.resolve(design, piece.material or "", temperature).youngs_modulus
             assert modulus is not None
             ends.append(modulus * min(piece.shape.moments, key=lambda value: value.real))
         result.append((ends[0], ends[1]))

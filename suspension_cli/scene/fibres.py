@@ -10,9 +10,20 @@ import numpy as np
 
 from suspension_cli.design import materials
 from suspension_cli.design.cross_sections import circle
-from suspension_cli.design.derive import gravity_strength, part_loss, wire_signs
+from suspension_cli.design.derive import (
+    gravity_strength,
+    mean_temperature,
+    part_loss,
+    wire_signs,
+)
 from suspension_cli.design.links import Link
-from suspension_cli.design.materials import Bulk, Material, Mechanism, mechanisms_of
+from suspension_cli.design.materials import (
+    Bulk,
+    MaterialAtTemperature,
+    Mechanism,
+    at_temperature,
+    mechanisms_of,
+)
 from suspension_cli.design.schema import Design, Spring
 from suspension_cli.design.wires import (
     AnyBlade,
@@ -99,13 +110,13 @@ def _fibres(design: Design, table: WireSet | Wire, lines: Sequence[Row]) -> Iter
 
 def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Section, ...]:
     """Sections of a wire of a length (m); a given k scales their stretching stiffness."""
-    made: dict[str, tuple[Material, tuple[Mechanism, ...]]] = {}
-    sections = []
+    made: dict[str, tuple[MaterialAtTemperature, tuple[Mechanism, ...]]] = {}
+    sections, temperature = [], mean_temperature(design, table)
     for piece in stretches(table, length):
         name = piece.material or ""
         if name not in made:
-            own = materials.resolve(design, name)
-            made[name] = own, mechanisms_of(own, table)
+            own = materials.look_up(design, name)
+            made[name] = at_temperature(own, temperature), mechanisms_of(own, table)
         sections.append(_section(piece, *made[name]))
     along = 1.0
     if table.k is not None:
@@ -132,7 +143,9 @@ def _weighed(
     return tuple(result)
 
 
-def _section(piece: Stretch, material: Material, losses: tuple[Mechanism, ...]) -> Section:
+def _section(
+    piece: Stretch, material: MaterialAtTemperature, losses: tuple[Mechanism, ...]
+) -> Section:
     """Compute the stiffnesses of one stretch of wire."""
     poisson, modulus = material.poisson_ratio, material.youngs_modulus
     density = material.density or 0.0
@@ -188,7 +201,7 @@ def _part_loss(design: Design, label: str, part: AnyBlade | Spring | Link) -> Bl
     """Look up the loss of a part; its own loss angle replaces the bulk's."""
     ambient, losses = design.constants.temperature, None
     if part.made_of is not None:
-        losses = mechanisms_of(materials.resolve(design, part.made_of), None)
+        losses = mechanisms_of(materials.look_up(design, part.made_of), None)
         if part.loss_angle is not None:
             others = tuple(own for own in losses if not isinstance(own, Bulk))
             losses = (Bulk(part.loss_angle), *others)

@@ -10,17 +10,27 @@ import msgspec
 
 from suspension_cli.design import materials, paths, reader
 from suspension_cli.design.derive import add_keystones, drop_keystones
-from suspension_cli.design.materials import Material
-from suspension_cli.design.paths import DISPLAYED, twins, unit_of
+from suspension_cli.design.materials import AgainstTemperature, Material
+from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import CROSS_SECTIONS, stretches
 from suspension_cli.models import registry
 
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
 """Tables that do not describe the suspension itself."""
-NOT_CONTINUOUS = ("count", "steps", "temperature", "profile", "real", "imaginary", "static")
-"""Keys of numbers that are not varied: integers, temperatures, profiles of wires, and tables of
-links (which have a factor)."""
+NOT_CONTINUOUS = (
+    "count",
+    "steps",
+    "temperature",
+    "temperature_range",
+    "values",
+    "profile",
+    "real",
+    "imaginary",
+    "static",
+)
+"""Keys of numbers that are not varied: integers, temperatures, properties against them, profiles of
+wires, and tables of links (which have a factor)."""
 TABLE_FREQUENCY = re.compile(r"link\.[^.]+\.table\.frequency\.")
 """Frequencies of a link's table."""
 TWIST = "poisson_ratio"
@@ -104,8 +114,14 @@ def shifted(design: Design, name: str, by: float) -> Design:
         # losses stay as given: only given ones matter to strings
         given = design.materials.get(keys[1], Material())
         own = msgspec.structs.replace(
-            materials.resolve(design, keys[1]), loss=given.loss, loss_angle=given.loss_angle
+            materials.look_up(design, keys[1]), loss=given.loss, loss_angle=given.loss_angle
         )
+        table = getattr(own, keys[2])
+        if isinstance(table, AgainstTemperature):
+            values = tuple(add(value) for value in table.values)
+            table = msgspec.structs.replace(table, values=values)
+            own = msgspec.structs.replace(own, **{keys[2]: table})
+            return msgspec.structs.replace(design, materials=design.materials | {keys[1]: own})
         return msgspec.structs.replace(
             design, materials=design.materials | {keys[1]: paths.changed(own, keys[2:], add)}
         )
@@ -138,6 +154,5 @@ def natural_step(path: str, value: float) -> tuple[float, str]:
     names = [key for key in keys[2:] if not key.isdigit()] or keys[-1:]
     of_wire = any(key in WIRES for key in names) and any(key in CROSS_SECTIONS for key in names)
     thin = names[-1] in ACROSS or of_wire
-    lossy = "loss" in names or "loss" in names[-1]
-    step = None if thin or lossy else STEPS.get(unit_of(path))
+    step = None if thin or is_loss_angle(path) else STEPS.get(unit_of(path))
     return step or (value / 100, "%")

@@ -85,6 +85,7 @@ def test_every_number_is_described():
 
 
 DEPENDS = {
+    "AgainstTemperature": "values",
     "Damping": "x y z roll pitch yaw",
     "Damper": "damping",
     "Distribution": "normal uniform truncate",

@@ -4,6 +4,7 @@ stretched wire."""
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import mpmath
@@ -14,7 +15,7 @@ import tomli_w
 import suspension_cli as sus
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
 from suspension_cli.design.cross_sections import circle, rectangle
-from suspension_cli.design.schema import Body, Gas
+from suspension_cli.design.schema import Body, Gas, body_inertia
 from suspension_cli.elements import loss as drag
 
 AIR = Gas(pressure=1e-5, molar_mass=0.028, temperature=300.0)
@@ -185,3 +186,57 @@ def test_drag_along_a_wire(frequency):
     density = -4 * BOLTZMANN * WARMTH / (2 * math.pi * frequency) * susceptibility.imag
     for name in (noise["contributions"]["test.gas"], noise["displacement_asd"]):
         assert name[0] == pytest.approx(math.sqrt(density), rel=1e-10)
+
+
+def test_a_body_of_which_only_the_area_is_known():
+    """A sphere: elements of its surface summed, and Epstein's drag (Phys. Rev. 23, 710 (1924)) of
+    pi R^2 n m v (4/3) (1 + pi/8) with the mean velocity v = sqrt(8 k T/(pi m))."""
+    radius = 0.07
+    points, normals, areas = [], [], []
+    for u, w in zip(NODES, WEIGHTS, strict=True):
+        for azimuth in (np.arange(24) + 0.5) * 2 * np.pi / 24:
+            across = math.sqrt(1 - u * u)
+            normal = np.array([across * math.cos(azimuth), across * math.sin(azimuth), u])
+            points.append(radius * normal)
+            normals.append(normal)
+            areas.append(radius**2 * w * 2 * np.pi / 24)
+    body = Body(mass=1.0, inertia=[0.01] * 3, surface_area=4 * math.pi * radius**2)
+    found = drag.body_damping(body, AIR)
+    np.testing.assert_allclose(found, summed(points, normals, areas), rtol=1e-12, atol=1e-24)
+    assert AIR.temperature is not None
+    density = AIR.pressure / (BOLTZMANN * AIR.temperature)
+    speed = math.sqrt(8 * BOLTZMANN * AIR.temperature / (math.pi * AIR.molecule))
+    epstein = math.pi * radius**2 * density * AIR.molecule * speed * 4 / 3 * (1 + math.pi / 8)
+    assert found is not None
+    assert found[0, 0] == pytest.approx(epstein, rel=1e-12)
+
+
+def test_a_shape_beside_the_inertia_is_its_surface():
+    """Mass and moments as given, drag of the shape."""
+    sizes: Any = {"shape": "cylinder", "axis": "x", "radius": 0.1, "length": 0.15}
+    whole = Body(mass=5.0, **sizes)
+    given = Body(mass=5.0, inertia=[0.03, 0.02, 0.01], **sizes)
+    np.testing.assert_array_equal(drag.body_damping(given, AIR), drag.body_damping(whole, AIR))
+    assert [row[n] for n, row in enumerate(body_inertia(given))] == [0.03, 0.02, 0.01]
+    assert drag.body_damping(Body(mass=5.0, inertia=[0.03, 0.02, 0.01]), AIR) is None
+
+
+def test_bodies_without_a_surface_are_named():
+    text = sus.template("double").text
+    way: Any = {"outputs": ["upper.x"], "frequency": [100.0], "fidelity": "beam"}
+    bare = "body = { mass = 3.0, inertia = [0.02, 0.02, 0.02] }"
+    text = re.sub(r"^body = .*$", bare, text, count=1, flags=re.MULTILINE)
+    gas = "\n[gas]\npressure = 1e-3\n"
+    assert all(item.key != "gas" for item in sus.check(sus.parse(text)).warnings)
+    (found,) = [item for item in sus.check(sus.parse(text + gas)).warnings if item.key == "gas"]
+    assert "exerts no drag on upper" in found.problem
+    assert "surface_area" in found.remedy
+    with pytest.warns(sus.PendsusWarning, match="exerts no drag on upper"):
+        none = sus.thermal(sus.parse(text + gas), **way)
+    cured = text.replace("0.02] }", "0.02], surface_area = 0.1 }", 1)
+    given = sus.thermal(sus.parse(cured + gas), **way)
+    assert "upper.gas" not in none.data[0].source
+    assert "upper.gas" in given.data[0].source
+    boxed = text.replace("0.02] }", '0.02], shape = "box", size = [0.1, 0.1, 0.1] }', 1)
+    given = sus.thermal(sus.parse(boxed + gas), **way)
+    assert "upper.gas" in given.data[0].source

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.budget.ground import Spectrum
     from suspension_cli.analyses.budget.solve import Budget, Requirement
+    from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
@@ -349,6 +350,8 @@ def _model(
     """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
     from suspension_cli.analyses import model_choice
     from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
+    from suspension_cli.analyses.check.missing_losses import state_missing_losses
+    from suspension_cli.analyses.check.warnings import describe_falsified_losses
     from suspension_cli.analyses.thermal import solve as thermal
     from suspension_cli.linear import signals
     from suspension_cli.models import registry
@@ -360,6 +363,16 @@ def _model(
         warm = True
         lossless = find_lossless(run.design, choice.level)
         notes += [f"{run.name}: {line}" for line in describe_lossless(lossless, choice.level)]
+        notes += describe_falsified_losses(run.design, choice.level)
+        few = grid[decade_points(grid)]
+        level = choice
+
+        def compute(design: Design) -> tuple[Array, str]:
+            return thermal.amplitudes(design, level, few, outputs, arm)
+
+        lacking = state_missing_losses(run.design, choice, compute, run.setting["tolerance"])
+        choice = lacking.choice
+        notes += lacking.warnings
     except InputError as error:
         warm = False
 

@@ -99,7 +99,7 @@ def _lack(
     if not registry.by_name(level).bends_wires:
         lossy = own is None and any(materials.constant_angle(design, name) for name in given)
         return None if lossy else (given, ())
-    losses = {name: mechanisms_of(materials.resolve(design, name), wire) for name in given}
+    losses = {name: mechanisms_of(materials.look_up(design, name), wire) for name in given}
     lacking = tuple(
         name for name in given if own == 0 or not any(loss.uniform for loss in losses[name])
     )

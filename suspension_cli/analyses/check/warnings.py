@@ -18,6 +18,7 @@ from suspension_cli.analyses import growth
 from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.check.loads import Check, FilterLoad, LegLoad, LinkLoad, Statics
 from suspension_cli.analyses.check.statics import list_wire_tables
+from suspension_cli.analyses.check.temperatures import find_unknown_temperatures
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
 from suspension_cli.design import checks
 from suspension_cli.design.checks import ImplausibleNumber
@@ -68,6 +69,10 @@ def check(source: Source) -> Check:
         raise InputError([*error.faults, *found], source.file) from None
     found += find_implausible_loads(design, loads)
     model, modes, unstable = find_stability(design)
+    level = registry.most_complete(design).name
+    unknown = find_unknown_temperatures(design, level)
+    found += [ImplausibleNumber.of(fault) for fault in unknown]
+    found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
     found += [*unstable, *find_slackest(loads)]
     found += find_unknown_names(design, modes, tomllib.loads(source.text))
     return Check(choice, loads, None if model is None else not unstable, model, found)
@@ -337,6 +342,16 @@ def warn(design: Design, modes: Modes, log: Log) -> None:
         with contextlib.suppress(InputError):
             for item in find_slackest(statics.solve(design)):
                 log.warn(f"{design.design.name}: {item.line('')}")
+
+
+def describe_falsified_losses(design: Design, level: str) -> list[str]:
+    """Describe what makes losses wrong in the model `level`, one line each.
+
+    Materials at temperatures at which what they need is unknown, and bodies on which gas exerts no
+    drag, as their surface is unknown.
+    """
+    found = find_unknown_temperatures(design, level) + checks.find_without_drag(design)
+    return [f"{design.design.name}: {fault.line('')}" for fault in found]
 
 
 def warn_of_tables(design: Design, frequency: Array, log: Log) -> None:

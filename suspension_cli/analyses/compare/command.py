@@ -22,8 +22,9 @@ MIXED = 0.9
 """Overlap of two shapes below which the table notes a difference."""
 MANY = 20
 """Most printed changes of a design."""
-ROUNDED = 1e-9
-"""Change of a frequency, %, below which it is a rounding error."""
+ROUNDED = 5e-4
+"""Change of a frequency, %, below which it is printed as 0: the five digits of the frequencies
+beside it do not show it. JSON and files have all digits."""
 
 
 class CompareAnalysis(Analysis):

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
+    from suspension_cli.scene.arrays import Array
 
 HIGHEST = 1000.0
 """Hz, up to which the violin model lists modes."""
@@ -124,6 +125,9 @@ class ModesAnalysis(Analysis):
         if np.isfinite(modes.q).any():
             for line in describe_lossless(lossless, choice.level):
                 run.log.warn(f"{run.name}: {line}")
+            choice, lines = _state_losses(run, choice)
+            for line in lines:
+                run.log.warn(line)
         if not modes.stable:
             grows = growth.find_growth(run.design, choice.model, model)
             remedy = "" if grows is None else f"; {grows.cause.remedy}"
@@ -294,6 +298,27 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
         if not len(listed.q):
             raise wire_modes.no_mode_error(highest)
     return choice, model, eigenmodes.solve(model), listed
+
+
+def _state_losses(run: Run, choice: Choice) -> tuple[Choice, list[str]]:
+    """Add losses that materials lack to what is neglected; also list what makes Q wrong."""
+    import numpy as np
+
+    from suspension_cli.analyses.check.missing_losses import state_missing_losses
+    from suspension_cli.analyses.check.warnings import describe_falsified_losses
+    from suspension_cli.linear import eigenmodes
+
+    lines = describe_falsified_losses(run.design, choice.level)
+    if not choice.model.bends_wires:
+        return choice, lines
+
+    def compute(design: Design) -> tuple[Array, str]:
+        q = eigenmodes.solve(choice.model.system(design)).q
+        return np.where(np.isfinite(q) & (q > 0), q, 1.0), "the Q of a mode"
+
+    lacking = state_missing_losses(run.design, choice, compute, run.setting["tolerance"])
+    # the stated error is that of frequencies
+    return dataclasses.replace(lacking.choice, error=choice.error), lines + lacking.warnings
 
 
 class TooManyModes(InputError):

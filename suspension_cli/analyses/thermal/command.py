@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.thermal.solve import Thermal
+    from suspension_cli.design.schema import Design
+    from suspension_cli.scene.arrays import Array
 
 LEADING = 0.01
 """Fraction of the power from which a cause is named in the summary."""
@@ -79,6 +81,7 @@ class ThermalAnalysis(Analysis):
         from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
+        from suspension_cli.analyses.check.missing_losses import state_missing_losses
         from suspension_cli.analyses.thermal import solve as thermal
         from suspension_cli.design.derive import mirror
 
@@ -107,10 +110,22 @@ class ThermalAnalysis(Analysis):
         root = setting["mirrors"] ** 0.5
         noises = [replace(one, contribution=root * one.contribution) for one in noises]
         lossless = find_lossless(run.design, choice.level)
-        for line in describe_lossless(lossless, choice.level):
-            run.log.warn(f"{run.name}: {line}")
+        few = frequency[decade_points(frequency)]
+
+        def compute(design: Design) -> tuple[Array, str]:
+            return thermal.amplitudes(design, choice, few, outputs, arm)
+
+        lacking = state_missing_losses(run.design, choice, compute, setting["tolerance"])
+        choice = lacking.choice
+        for line in (
+            *(f"{run.name}: {line}" for line in describe_lossless(lossless, choice.level)),
+            *warnings.describe_falsified_losses(run.design, choice.level),
+            *lacking.warnings,
+        ):
+            run.log.warn(line)
         warnings.warn_of_tables(run.design, noises[0].frequency, run.log)
         extra: Document = {"without_loss": [part.part for part in lossless]}
+        extra["missing_losses"] = lacking.losses
         extra |= describe_mirrors(run.setting)
         return Result(self, run.source, choice, noises, extra, command=run.command)
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
     from suspension_cli.design.reader import Source
+    from suspension_cli.design.schema import Design
     from suspension_cli.models.registry import Choice
 
 EARTH = 6.371e6
@@ -181,6 +182,19 @@ def _check_powers(
             problem = "gives power back instead of dissipating it, so it has no thermal noise"
             remedy = "make its stiffness and damping matrices positive, or its loss angle 0"
             raise InputError.of(name, problem, remedy)
+
+
+def amplitudes(
+    design: Design, choice: Choice, frequency: Array, outputs: Sequence[str], arm: float
+) -> tuple[Array, str]:
+    """Compute the noise of all motions at a few frequencies, one after the other, and name it.
+
+    In the model that was chosen for a design that differs in its losses.
+    """
+    system = choice.model.system(design)
+    motions = parse_outputs(system, outputs, arm)
+    noises = solve(system, frequency, motions, design.constants.temperature)
+    return np.concatenate([one.amplitude for one in noises]), f"the thermal noise of {outputs[0]}"
 
 
 def parse_motion(model: LinearSystem, text: str, tilt: float = 0.0) -> Signal:

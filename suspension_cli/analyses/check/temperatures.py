@@ -1,0 +1,131 @@
+"""Materials used at temperatures at which their properties are not known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from suspension_cli.design import materials
+from suspension_cli.design.derive import mean_temperature
+from suspension_cli.design.materials import Bulk, Thermoelastic
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.wires import EndTemperatures, WireSet, stretches
+from suspension_cli.errors import Fault
+from suspension_cli.models import registry
+
+THERMAL = ("thermal_expansion", "modulus_slope", "specific_heat", "thermal_conductivity")
+"""Properties that only thermoelastic loss needs."""
+
+
+@dataclass(frozen=True)
+class Use:
+    """A material in a part of a design, at a temperature (K).
+
+    Attributes
+    ----------
+    bulk
+        Whether the material's loss of bulk and surface counts there; a part may have a loss angle
+        of its own.
+    stiffness
+        Whether its Young's modulus counts there.
+    """
+
+    material: str
+    temperature: float
+    part: str
+    bulk: bool = True
+    stiffness: bool = True
+
+
+def list_uses(design: Design) -> Iterator[Use]:
+    """List the materials of wires, blades, springs and links, and where these are used."""
+    ambient = design.constants.temperature
+    for stage in design.stage:
+        yield from _wires(design, stage)
+        for blade in stage.blade_tables:
+            if blade.made_of is not None:
+                part = f"{stage.name}.{getattr(blade, 'name', 'blades')}"
+                temperature, by_itself = mean_temperature(design, blade), blade.loss_angle is None
+                shaped = blade.geometry is not None
+                yield Use(blade.made_of, temperature, part, by_itself, stiffness=shaped)
+        for spring in stage.spring:
+            if spring.made_of is not None:
+                temperature, by_itself = spring.temperature or ambient, spring.loss_angle is None
+                part = f"{stage.name}.springs"
+                yield Use(spring.made_of, temperature, part, by_itself, stiffness=False)
+    for link in design.link:
+        if link.strands is not None:
+            by_itself = link.loss_angle is None
+            yield Use(link.strands.material, ambient, f"{link.name}.link", by_itself)
+
+
+def _wires(design: Design, stage: Stage) -> Iterator[Use]:
+    """List the materials of the wires of a stage, at both ends if these differ."""
+    for number, wire in enumerate(stage.wire_tables, 1):
+        part = f"{stage.name}.{'wires' if isinstance(wire, WireSet) else number}"
+        given = wire.temperature
+        ends = {mean_temperature(design, wire)}
+        if isinstance(given, EndTemperatures):
+            ends = {given.upper, given.lower}
+        names = [wire.material, *(piece.material for piece in stretches(wire, 1.0))]
+        for name in dict.fromkeys(name for name in names if name is not None):
+            for temperature in sorted(ends):
+                yield Use(name, temperature, part)
+
+
+def find_unknown_temperatures(design: Design, level: str) -> list[Fault]:
+    """Find materials at temperatures at which properties are unknown that the model `level` needs.
+
+    One fault per material and temperature: the properties, the losses that are wrong, the remedy.
+    """
+    bends = registry.by_name(level).bends_wires
+    uses: dict[tuple[str, float], list[Use]] = {}
+    for use in list_uses(design):
+        uses.setdefault((use.material, use.temperature), []).append(use)
+    found = []
+    for (name, temperature), own in uses.items():
+        needed = _needed(design, name, own, bends)
+        keys: dict[str, list[str]] = {}
+        effects: dict[str, None] = {}
+        for key, problem in materials.find_unknown(design, name, temperature):
+            if key in needed:
+                keys.setdefault(problem, []).append(key)
+                effects[needed[key]] = None
+        if keys:
+            found.append(_fault(name, temperature, own, keys, list(effects)))
+    return found
+
+
+def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str, str]:
+    """List the properties of a material that matter, and for what: key and effect."""
+    material, needed = materials.look_up(design, name), dict[str, str]()
+    if any(use.stiffness for use in uses):
+        needed["youngs_modulus"] = "stiffness"
+    if bends and Thermoelastic.of(material, None) is not None:
+        needed |= dict.fromkeys(THERMAL, "thermoelastic loss")
+    if bends and Bulk.of(material, None) is not None and any(use.bulk for use in uses):
+        has_surface = material.loss is not None and material.loss.surface_depth
+        needed["loss"] = "bulk and surface loss" if has_surface else "bulk loss"
+    return needed
+
+
+def _fault(
+    name: str, temperature: float, uses: list[Use], keys: dict[str, list[str]], effects: list[str]
+) -> Fault:
+    """Describe what is unknown of a material at a temperature (K)."""
+    parts = ", ".join(dict.fromkeys(use.part for use in uses))
+    ranges = "; ".join(f"{', '.join(own)} {problem}" for problem, own in keys.items())
+    wrong = ", ".join(effects[:-1]) + " and " * (len(effects) > 1) + effects[-1]
+    problem = (
+        f"used at {temperature:g} K ({parts}), but {ranges}; the nearest known value is used, so"
+        f" its {wrong} may be wrong by orders of magnitude"
+    )
+    if effects == ["stiffness"]:
+        problem = problem.replace("by orders of magnitude", "by some per cent")
+    listed = dict.fromkeys(key for own in keys.values() for key in own)
+    example = next(iter(listed))
+    example = f"{example} = {{ temperature = [...], values = [...] }}"
+    if "loss" in listed and len(listed) == 1:
+        example = "loss_angle = ..."
+    remedy = f"give values for {temperature:g} K in [materials.{name}], for example {example}"
+    return Fault(f"materials.{name}", problem, remedy)
