@@ -126,7 +126,7 @@ class Case:
             "filter": given,
             "delay": self.delay,
         }
-        raw = tomllib.loads(sus.template("single").text) | {"control": {"loop": [loop]}}
+        raw: dict[str, Any] = tomllib.loads(sus.template("single").text) | {"control": {"loop": [loop]}}
         raw["materials"]["steel302"]["loss_angle"] = 0.0
         return tomli_w.dumps(raw)
 
@@ -154,7 +154,8 @@ class Reference:
         self.delay, self.made = case.delay, make_response(loop.filter)
         self.held: tuple[Roots, Roots] | None = None  # of a and a + b in z, behind a hold
         if case.rate == SAMPLED[0] and self.delay:
-            a, b, c = signal.cont2discrete((plant.a, plant.b, plant.c, plant.d), 1 / case.rate)[:3]
+            held: Any = signal.cont2discrete((plant.a, plant.b, plant.c, plant.d), 1 / case.rate)
+            a, b, c = held[:3]
             self.held = np.linalg.eigvals(a), np.linalg.eigvals(a - b @ c)
 
     def at(self, s: Any) -> Any:

@@ -50,6 +50,8 @@ FAR = 50.0
 """Decay within a delay, nepers, beyond which poles are given up."""
 GROWING = 1e-18
 """Growth rate over frequency up to which it is a rounding error of the power of loops."""
+RISING = (0.1, 0.2, 0.4, 0.7, 1.0)
+"""Fractions of the gain of loops at which poles of filters are followed."""
 SAME = 1e-6
 """Relative distance of two poles up to which they are one."""
 BESIDE = 1 + 1e-6
@@ -428,16 +430,24 @@ def _search_again(
     value: Complex[np.ndarray, " pole"],
     missing: Bool[np.ndarray, " pole"],
 ) -> None:
-    """Find poles that are missing from those of digital filters with the loops open, in place."""
+    """Find poles that are missing, in place: from those of digital filters with the loops open.
+
+    They are followed while the gain of the loops rises.
+    """
     parts = [one for loop in block.loops for one in loop.filter.parts if one.rate]
     start = [_move(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
     start = np.array([one for one in start if np.isfinite(one) and one != 0], dtype=complex)
     if not missing.any() or not len(start):
         return
-    motion = np.zeros((len(start), plant.model.size), dtype=complex)
-    found, kept = _refine_poles(plant, block, np.unique(start), motion)
+    found = np.unique(start)
+    for share in RISING:
+        scaled = [replace(one.filter, gain=one.filter.gain * share) for one in block.loops]
+        loops = [replace(one, filter=own) for one, own in zip(block.loops, scaled, strict=True)]
+        motion = np.zeros((len(found), plant.model.size), dtype=complex)
+        found, kept = _refine_poles(plant, replace(block, loops=tuple(loops)), found, motion)
+        found = found[kept]
     highest = np.pi * max(one.rate for one in parts) * (1 + SAME)
-    for pole in found[kept]:
+    for pole in found:
         known = np.isclose(value[~missing], pole, rtol=SAME, atol=0.0).any()
         if missing.any() and not known and np.imag(pole) <= highest:
             free = np.flatnonzero(missing)[0]
