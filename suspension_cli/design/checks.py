@@ -369,7 +369,7 @@ class ImplausibleNumber(Fault):
 
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
-    found: list[Row] = [*_check_ranges(design), *_check_planes(design)]
+    found: list[Row] = [*_check_ranges(design), *_check_planes(design), *_check_signs(design)]
     bodies = {stage.name: stage.body for stage in design.stage}
     for stage, above in with_bodies_above(design):
         own = [*_check_density(stage.body), *_check_attachments(stage, bodies.get(above))]
@@ -396,17 +396,33 @@ def _check_ranges(design: Design) -> Iterator[Row]:
 
 def _check_planes(design: Design) -> Iterator[Row]:
     """Report filters with poles or zeros in rad/s because their strings name no plane."""
+    for path, text in _filter_strings(design):
+        if factors := foton.find_without_plane(text):
+            what, bare = " and ".join(factors), factors[0][:-1]
+            problem = f"{what} without a plane: in rad/s by Foton's rule, not in Hz,"
+            problem += " with another gain at 0 Hz than 1"
+            remedy = f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is'
+            remedy += " meant"
+            yield path, problem, remedy, format_value(text), True
+
+
+def _check_signs(design: Design) -> Iterator[Row]:
+    """Report factors to which Foton gives another sign than its documentation."""
+    for path, text in _filter_strings(design):
+        if factors := foton.find_turned(text):
+            problem = f"{' and '.join(factors)}: Foton turns the sign, as the zeros exceed the"
+            problem += " poles by an odd number, or an odd number is in the right half plane"
+            remedy = "check the sign of the loop; turn that of the gain if this is not meant"
+            yield path, problem, remedy, format_value(text), True
+
+
+def _filter_strings(design: Design) -> Iterator[tuple[str, str]]:
+    """Iterate over the keys of filters of loops, and their design strings."""
     for loop in design.control.loop if design.control is not None else ():
         for key in ("filter", "sensor_response"):
             given = getattr(loop, key) or ""
             text = given if isinstance(given, str) else given.design or ""
-            if factors := foton.find_without_plane(text):
-                what, bare = " and ".join(factors), factors[0][:-1]
-                problem = f"{what} without a plane: in rad/s by Foton's rule, not in Hz,"
-                problem += " with another gain at 0 Hz than 1"
-                remedy = f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is'
-                remedy += " meant"
-                yield f"control.loop.{loop.name}.{key}", problem, remedy, format_value(text), True
+            yield f"control.loop.{loop.name}.{key}", text
 
 
 def _sizes(value: Any) -> list[float]:

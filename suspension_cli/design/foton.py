@@ -18,15 +18,34 @@ f (documentation of `FilterDesign` in LIGO's Global Diagnostics System):
 - ``"n"``: roots r in Hz, factors 1 + i f / r, and i f where r = 0. Real parts are *positive* in the
   left half plane.
 
-A notch of the depth d has the poles of s^2 + 2 w s / Q + w^2, and zeros damped d times less or,
-without depth, not at all (definition of Foton's notch in the package kontrol,
-`kontrol.transfer_function.Notch`). A `resgain` is taken as a notch of the inverse depth, and a
-`comb` as a series of either.
+These names, types and planes may be in upper case, a list may end in ``;``, and an argument that is
+empty is an empty list, or nothing.
+
+**What Foton makes of a string** is measured: the filter files of front ends contain strings beside
+the coefficients that Foton made of them (`tests/data/foton-cases.json`).
+
+- A root r != 0 of plane ``"n"`` is divided by its modulus, (r + i f) / abs(r). So each real zero in
+  the right half plane turns the sign.
+- An odd excess of zeros over poles in one `zpk` of plane ``"n"`` turns the sign, too.
+- With d in dB, D = 10^(abs(d) / 20) and q = (Q / 2) (8 Q^2 - 2) / (8 Q^2 - 1) sqrt(1 - 2 / D^2), a
+  notch has the poles of s^2 + w s / q + w^2 and the zeros of s^2 + w s / (q D) + w^2; a `resgain`
+  is its inverse. That is, with y(f) = abs(f / f0 - f0 / f), a notch is down by 3.01 dB (to
+  1 / sqrt(2)) where y = y(f0 - f0 / 2 Q) + y(f0 + f0 / 2 Q), which is at f0 (1 +- 1 / Q) if Q is
+  large. With D^2 <= 2 it never is. A `comb` is a series of either.
 
 A digital filter is a function of z = exp(s / rate), or of w = 2 rate (z - 1) / (z + 1) =
 2 rate tanh(s / (2 rate)), near s at low frequencies. In w it has zeros and poles like a continuous
-filter. Foton makes it of a design in s by moving each root to |w| = 2 rate tan(|s| / (2 rate)),
-with the gain of plane ``"n"``, and so does `parse` if it gets a rate.
+filter. With a rate, `parse` makes what Foton makes:
+
+- Each root of `zpk`, `rpoly`, `pole`, ... moves to abs(w) = 2 rate tan(abs(s) / (2 rate)), and
+  factors keep the gain of plane ``"n"``. An excess of zeros gets poles at abs(s) = 2 rate, which is
+  at 1 / pi of the rate: pairs of Q = 1 / sqrt(2), and a real pole if it is odd (cases have an
+  excess of 1, 2 and 4).
+- `notch`, `resgain` and `comb` keep q, and the frequency moves.
+- `butter`, `cheby1`, `cheby2` and `ellip` are designed for edges that move, like those of scipy.
+
+Without a rate nothing moves and no pole is added: the string means the filter that Foton's digital
+one approaches at low frequencies, with the same sign.
 """
 
 from __future__ import annotations
@@ -132,25 +151,52 @@ def change_rate(made: Filter, rate: float) -> Filter:
     of = rate or made.rate
 
     def move(root: complex) -> complex:
-        angle = math.pi * abs(root) / of
-        if rate and not angle < math.pi / 2:
-            problem = f"has a root at {abs(root):g} Hz, above half the sample rate"
-            raise FotonError(problem, "give a higher rate, or leave it out")
-        return root * (math.tan(angle) if rate else math.atan(angle)) / angle if angle else root
+        size = abs(root)
+        moved = (
+            move_frequency(size, rate) if rate else of / math.pi * math.atan(math.pi * size / of)
+        )
+        return root * (moved / size) if size else root
 
     zeros, poles = (tuple(map(move, roots)) for roots in (made.zeros, made.poles))
-    gain = made.gain * normal(made.zeros) / normal(made.poles)
+    gain = made.gain * product(made.zeros) / product(made.poles)
     return replace(normalised(gain, zeros, poles), rate=rate)
 
 
+def move_frequency(frequency: float, rate: float) -> float:
+    """Compute abs(w) / 2 pi of a digital filter at a frequency in Hz; the same without a rate.
+
+    Raises `FotonError` at or above half the rate.
+    """
+    if not rate:
+        return frequency
+    angle = math.pi * frequency / rate
+    if not angle < math.pi / 2:
+        problem = f"has a frequency of {frequency:g} Hz, above half the sample rate of {rate:g} Hz"
+        raise FotonError(problem, "give a higher rate, or leave it out")
+    return rate / math.pi * math.tan(angle)
+
+
 def normalised(gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...]) -> Filter:
-    """Make a filter of plane "n"."""
-    return Filter(gain * normal(poles) / normal(zeros), zeros, poles)
+    """Make a filter of factors (r + i f) / abs(r), and i f for roots 0."""
+    return Filter(gain * product(poles) / product(zeros), zeros, poles)
 
 
-def normal(roots: tuple[complex, ...]) -> float:
-    """Product of the roots that are not 0: factor between (i f + r) and (1 + i f / r)."""
-    return complex(math.prod(root or 1.0 for root in roots)).real
+def product(roots: tuple[complex, ...]) -> float:
+    """Product of the moduli of the roots that are not 0."""
+    return math.prod(abs(root) for root in roots if root)
+
+
+def sign_of_excess(zeros: Roots, poles: Roots) -> int:
+    """Sign that Foton gives a `zpk` of plane "n" for its excess of zeros over poles."""
+    excess = max(len(zeros) - len(poles), 0)
+    return -1 if excess % 2 else 1
+
+
+def _roll_off(excess: int, rate: float) -> tuple[complex, ...]:
+    """Poles in Hz that Foton adds to a digital `zpk` for its excess of zeros over poles."""
+    pair = _pair(rate / math.pi, math.sqrt(0.5))
+    single = (complex(rate / math.pi),)
+    return pair * (excess // 2) + single * (excess % 2)
 
 
 def format_filter(filter_: Filter) -> str:
@@ -158,9 +204,12 @@ def format_filter(filter_: Filter) -> str:
 
     >>> format_filter(Filter(2.0, (0.0,), (4.0,)))
     'zpk([0],[4],0.5,"n")'
+    >>> format_filter(Filter(2.0, (-3.0,), (4.0,)))  # (i f - 3) / 3 is positive at high frequencies
+    'zpk([-3],[4],1.5,"n")'
     """
     filter_ = change_rate(filter_, 0.0) if filter_.rate else filter_
-    gain = filter_.gain * normal(filter_.zeros) / normal(filter_.poles)
+    gain = filter_.gain * product(filter_.zeros) / product(filter_.poles)
+    gain *= sign_of_excess(filter_.zeros, filter_.poles)
     zeros, poles = (";".join(map(_write, some)) for some in (filter_.zeros, filter_.poles))
     return f'zpk([{zeros}],[{poles}],{_write(gain)},"n")'
 
@@ -184,14 +233,15 @@ def parse(text: str, rate: float = 0.0) -> Filter:
     >>> round(abs(parse('zpk([],[1],10,"n")').at(1.0)), 6)
     7.071068
     """
-    result, place, end = Filter(1.0, rate=rate), 0, len(text.rstrip())
+    result, place, end = Filter(1.0, rate=rate), 0, len(text.rstrip("; \t\r\n"))
     while place < end or not end:
-        found = FACTOR.match(text, place)
+        found = FACTOR.match(text, place, end)
         if found is None or (place == 0 and found["times"]):
-            rest = text[place:].strip()
+            rest = text[place:end].strip()
             what = f"{rest[:20]!r} is not understood" if rest else "is empty"
             raise FotonError(f"column {end - len(rest) + 1}: {what}", EXAMPLE)
-        name, arguments = found["name"] or "gain", found["arguments"] or found["number"] or ""
+        name = (found["name"] or "gain").lower()
+        arguments = found["arguments"] or found["number"] or ""
         where = f"column {found.start('name' if found['name'] else 'number') + 1}: {name}"
         try:
             result = _add(result, name, arguments)
@@ -212,7 +262,23 @@ def find_without_plane(text: str) -> list[str]:
     >>> find_without_plane('gain(2) pole(30) zero(1, "n")')
     ['pole(30)']
     """
-    return re.findall(r"(?:pole|zero)2?\s*\([^()\"']*\)", text)
+    return re.findall(r"(?:pole|zero)2?\s*\([^()\"']*\)", text, re.IGNORECASE)
+
+
+def find_turned(text: str) -> list[str]:
+    """List the factors `zpk` of a valid string whose sign is the opposite of prod(1 + i f / z).
+
+    >>> find_turned('zpk([0],[],5,"n") zpk([0],[3],5,"n") zpk([-2],[3],5,"n") gain(-1)')
+    ['zpk([0],[],5,"n")', 'zpk([-2],[3],5,"n")']
+    """
+    result = []
+    for found in re.finditer(r"zpk\s*\([^()]*\)", text, re.IGNORECASE):
+        zeros, poles, _, *plane = _read_arguments(found[0].partition("(")[2][:-1], 3, PLANES)
+        behind = sum(not root.imag and root.real < 0 for root in _pair_roots(zeros))
+        turned = sign_of_excess(_pair_roots(zeros), _pair_roots(poles)) * (-1) ** behind
+        if plane == ["n"] and turned < 0:
+            result.append(found[0])
+    return result
 
 
 def _add(made: Filter, name: str, arguments: str) -> Filter:
@@ -221,7 +287,7 @@ def _add(made: Filter, name: str, arguments: str) -> Filter:
         remedy = "have Foton write the filter as zeros, poles and gain"
         raise FotonError(f"is not known here ({', '.join(FACTORS)})", remedy)
     least, most, make, planes = FACTORS[name]
-    given = [_read(one.strip()) for one in re.split(r",(?![^\[]*\])", arguments) if arguments]
+    given = _read_arguments(arguments, most, planes)
     plane = planes[0] if planes else "s"
     if planes and given and isinstance(given[-1], str):
         plane = given.pop()
@@ -234,13 +300,30 @@ def _add(made: Filter, name: str, arguments: str) -> Filter:
     return make(made, name, plane, *given)
 
 
+def _read_arguments(text: str, most: int, planes: tuple[str, ...]) -> list[Any]:
+    """Read the arguments of a factor: up to `most`, then one of the texts `planes`.
+
+    Arguments without text are left out if there are more, else they are empty lists.
+    """
+    parts = [one.strip() for one in re.split(r",(?![^\[]*\])", text)] if text.strip() else []
+    last = _read(parts[-1]) if parts and parts[-1] else None
+    if planes and isinstance(last, str):
+        most += 1
+    if len(parts) > most:
+        parts = [one for one in parts if one]
+    given = [_read(one) if one else [] for one in parts]
+    if planes and isinstance(last, str):
+        given[-1] = {one.lower(): one for one in planes}.get(last.lower(), last)
+    return given
+
+
 def _read(text: str) -> Any:
     """Read an argument: a string, a list of roots, or a number (1, -i*2, 1+i*2, 1+2*i, 1-2i)."""
     if quoted := re.fullmatch(r"([\"'])(.*)\1", text):
         return quoted[2]
     if vector := re.fullmatch(r"\[([^\[\]]*)\]", text):
-        return [_read(root) for root in re.split("[;,]", vector[1]) if vector[1].strip()]
-    plain = re.sub(r"\s", "", text).replace("i", "j")
+        return [_read(root) for root in re.split("[;,]", vector[1]) if root.strip()]
+    plain = re.sub(r"\s", "", text).lower().replace("i", "j")
     plain = re.sub(r"j\*([\d.]+(?:e[+-]?\d+)?)", r"\1j", plain).replace("*j", "j")
     try:
         number = complex(plain)
@@ -286,11 +369,17 @@ def _append(
     made: Filter, gain: float, zeros: tuple[complex, ...], poles: tuple[complex, ...], plane: str
 ) -> Filter:
     """Append gain and roots of a plane, positive in the left half plane."""
-    if plane == "s":
-        zeros, poles = (tuple(root / (2 * math.pi) for root in roots) for roots in (zeros, poles))
-    whole = Filter(gain * (2 * math.pi) ** (len(zeros) - len(poles)), zeros, poles)
+    excess = len(zeros) - len(poles)
+    if made.rate and excess > 0:
+        problem = "has more zeros than poles, which Foton's files show of zpk in plane n alone"
+        remedy = 'write zeros and poles of a digital filter together: zpk([2],[30],1,"n")'
+        raise FotonError(problem, remedy)
     if plane == "n":
         whole = normalised(gain, zeros, poles)
+    else:
+        unit = 2 * math.pi if plane == "s" else 1.0
+        zeros, poles = (tuple(root / unit for root in roots) for roots in (zeros, poles))
+        whole = Filter(gain * (2 * math.pi) ** excess, zeros, poles)
     return made * (change_rate(whole, made.rate) if made.rate else whole)
 
 
@@ -320,6 +409,10 @@ def _zpk(made: Filter, name: str, plane: str, zeros: Any, poles: Any, gain: Any)
             problem = f"has a pole at {_write(hertz)} Hz in the right half plane, which grows"
             remedy = f'in plane "{plane}" stable poles have {SIDE[plane]} real parts'
             raise FotonError(problem, remedy)
+    if plane == "n":
+        gain *= sign_of_excess(zeros, poles)
+        if made.rate:
+            poles += _roll_off(max(len(zeros) - len(poles), 0), made.rate)
     return _append(made, gain, zeros, poles, plane)
 
 
@@ -344,36 +437,67 @@ def _pair(f0: float, q: float) -> tuple[complex, complex]:
 def _peaks(made: Filter, name: str, plane: str, *numbers: Any) -> Filter:
     """A notch, a resonant gain, or a comb, with peaks where its height is positive."""
     del plane
-    f0, q, size, count = (*_reals(*numbers), *[0.0, 1.0][len(numbers) - 2 :])
-    if (name != "notch" and not size) or not 1 <= count <= MOST:
-        remedy = f"give frequency (Hz), Q, height (dB) and, for a comb, 1 to {MOST} harmonics"
-        raise FotonError("has no height, or no number of harmonics", remedy)
-    places = [n * f0 for n in range(1, int(count) + 1)]
-    sharp = q / 2 * 10 ** ((size if name == "notch" else -size) / 20)
-    poles = [root for f in places for root in _pair(f, q / 2)]
-    zeros = [root for f in places for root in (_pair(f, sharp) if size else (1j * f, -1j * f))]
-    return _append(made, 1.0, tuple(zeros), tuple(poles), "f")
+    f0, q, height, count = [*_reals(*numbers), *[0.0, 0.0][len(numbers) - 2 :]]
+    harmonics = range(1, int(count) + 1) if name == "comb" else range(1, 2)
+    if not (f0 > 0 and q > 0.5):
+        raise FotonError("takes a positive frequency and a Q above 0.5", "correct them")
+    if not 10 ** (abs(height) / 20) > math.sqrt(2):
+        kind = "depth" if name == "notch" else "height"
+        problem = f"has a {kind} of {height:g} dB, but its width is where its gain has changed by"
+        remedy = f"give a {kind} above 3.01 dB, like 40: {name}(60,30,40)"
+        raise FotonError(f"{problem} 3.01 dB", remedy)
+    if count != int(count) or not 1 <= len(harmonics) <= MOST:
+        remedy = f"give frequency (Hz), Q, height (dB) and 1 to {MOST}: comb(60,30,-40,4)"
+        raise FotonError("has no number of harmonics", remedy)
+    poles, zeros = list[complex](), list[complex]()
+    sharp = _pole_q(q, height)
+    flat = sharp * 10 ** (abs(height) / 20)
+    for n in harmonics:
+        place = move_frequency(n * f0, made.rate)
+        poles += _pair(place, sharp)
+        zeros += _pair(place, flat)
+    if name == "resgain" or (name == "comb" and height > 0):
+        poles, zeros = zeros, poles
+    return made * replace(normalised(1.0, tuple(zeros), tuple(poles)), rate=made.rate)
+
+
+def _pole_q(q: float, height: float) -> float:
+    """Q of the poles of a notch from that of Foton, and its depth in dB."""
+    squared = 8 * q * q
+    return q / 2 * (squared - 2) / (squared - 1) * math.sqrt(1 - 2 / 10 ** (abs(height) / 10))
 
 
 def _prototype(made: Filter, name: str, plane: str, kind: Any, *numbers: Any) -> Filter:
     """A design of scipy: `butter`, `cheby1`, `cheby2` or `ellip`."""
-    import numpy as np
-    from scipy import signal
-
+    del plane
     count, given = 1 + RIPPLES[name], _reals(*numbers)
-    order = int(given[0]) if given else 0
-    band = [2 * math.pi * edge for edge in given[count:]]
-    if kind not in TYPES or not 1 <= order <= MOST or len(band) != 1 + kind.startswith("Band"):
+    shape = kind.lower() if isinstance(kind, str) else ""
+    order, edges = int(given[0]) if given else 0, given[count:]
+    known = [one.lower() for one in TYPES]
+    if shape not in known or not 1 <= order <= MOST or len(edges) != 1 + shape.startswith("band"):
         problem = f"takes a type, an order up to {MOST}, {count - 1} ripples (dB), band edges (Hz)"
         remedy = f'write {", ".join(TYPES)} as in ellip("BandPass",4,1,40,10,20)'
         raise FotonError(problem, remedy)
-    edges, shape = (band if len(band) > 1 else band[0]), kind.lower()
+    moved = [2 * math.pi * move_frequency(edge, made.rate) for edge in edges]
+    zeros, poles, gain = _design(name, order, *given[1:count], band=moved, shape=shape)
+    whole = _zpk(Filter(1.0), name, "s", zeros, poles, gain)
+    return made * replace(whole, rate=made.rate)
+
+
+def _design(
+    name: str, order: int, *ripples: float, band: list[float], shape: str
+) -> tuple[list[complex], list[complex], float]:
+    """Design a continuous filter with the edges `band` (rad/s) by scipy."""
+    import numpy as np
+    from scipy import signal
+
+    edges = band if len(band) > 1 else band[0]
     try:
         with np.errstate(all="ignore"):
-            found = getattr(signal, name)(order, *given[1:count], edges, shape, True, "zpk")
+            found = getattr(signal, name)(order, *ripples, edges, shape, True, "zpk")
     except ValueError as error:
         raise FotonError(f"cannot be designed: {error}", "correct it") from None
-    return _zpk(made, name, plane, list(found[0]), list(found[1]), float(found[2]))
+    return found[0].tolist(), found[1].tolist(), float(found[2])
 
 
 def _rpoly(made: Filter, name: str, plane: str, above: Any, below: Any, gain: Any) -> Filter:
@@ -452,7 +576,8 @@ def _in_z(made: Filter, name: str, order: str, *given: Any) -> Filter:
     found: list[tuple[complex, ...]] = []
     for sign, roots in ((1, zeros), (-1, poles)):
         kept = sorted(roots, key=lambda root: root != 1.0)[delays:]
-        inside = [root for root in kept if root != 2]  # the others are at half the rate
+        # the others are at half the rate
+        inside = [root for root in kept if abs(root - 2) > OUTSIDE]
         if sign < 0 and (len(inside) < len(kept) or any(abs(1 - p) > 1 + OUTSIDE for p in kept)):
             problem = "has a pole outside the unit circle, which grows, or at half the sample rate"
             raise FotonError(problem, "check the signs and the order of the coefficients")

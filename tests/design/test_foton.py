@@ -1,28 +1,74 @@
-"""Foton strings: planes against their formulas, round trips, and errors with their column."""
+"""Foton strings: against coefficients that Foton made of them, formulas, scipy's digital designs
+and an evaluation of their own; round trips, and errors with their column."""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
+from scipy import signal
 from scipy.signal import freqs_zpk
 
-from suspension_cli.design.foton import Filter, FotonError, format_filter, parse
-from tests.support.foton import sections
+from suspension_cli.design.foton import Filter, FotonError, find_turned, format_filter, parse
+from tests.support.foton import sections, written_response
+from tests.support.paths import DATA
 
 F = 3.7
+CASES = json.loads((DATA / "foton-cases.json").read_text())["cases"]
 S = 2j * np.pi * F
+
+
+def test_strings_are_the_coefficients_that_foton_made_of_them():
+    """Within 1e-4 of the largest value (1e-6 is the error of what is known of Foton)."""
+    far = {}
+    for case in CASES:
+        exact = np.array(case["re"]) + 1j * np.array(case["im"])
+        value = parse(case["design"], case["rate"]).at(np.array(case["frequency"]))
+        error = np.abs(value - exact).max() / np.abs(exact).max()
+        if error > 1e-6:
+            far[case["design"]] = error
+    assert len(CASES) == 90
+    assert not far
+
+
+def test_a_string_without_rate_is_what_the_digital_filter_approaches():
+    """The signs of all cases are the same without a rate, and values at low frequencies."""
+    for case in CASES:
+        frequency = np.array(case["frequency"])
+        exact = np.array(case["re"]) + 1j * np.array(case["im"])
+        value = parse(case["design"]).at(frequency)
+        error = np.abs(value / exact - 1)[frequency < 1e-3 * case["rate"]]
+        assert error.max(initial=0.0) < 0.05, case["design"]
 
 
 def resonance(f, f0, q):
     return f0**2 - f**2 + 1j * f * f0 / q
 
 
+def own_q(q, depth):
+    """Of the poles of a notch: half of its width at -3 dB is where |f/f0 - f0/f| is twice that at
+    f0 (1 +- 1 / 2 Q), on average."""
+    edges = 1 - 1 / (2 * q), 1 + 1 / (2 * q)
+    reach = sum(abs(edge - 1 / edge) for edge in edges)
+    return np.sqrt(1 - 2 * 10 ** (-depth / 10)) / reach
+
+
 @pytest.mark.parametrize(
     ("text", "value"),
     [
         ('zpk([0.1],[2;3],5,"n")', 5 * (1 + 1j * F / 0.1) / (1 + 1j * F / 2) / (1 + 1j * F / 3)),
-        ('zpk([0],[],5,"n")', 5j * F),
+        ('zpk([0],[],5,"n")', -5j * F),
+        ('zpk([0;0;2],[1],5,"n")', 5 * (1j * F) ** 2 * (1 + 1j * F / 2) / (1 + 1j * F)),
+        ('zpk([0;0;2;3],[1],5,"n")', 5 * F**2 * (1 + 0.5j * F) * (1 + 1j * F / 3) / (1 + 1j * F)),
+        ('zpk([-2],[3],5,"n")', 5 * (1j * F / 2 - 1) / (1 + 1j * F / 3)),
+        (
+            'zpk([-2;-4;3],[3;3;3],5,"n")',
+            5 * (1j * F / 2 - 1) * (1j * F / 4 - 1) / (1 + 1j * F / 3) ** 2,
+        ),
+        ('zpk([-1+i*2;-1-i*2],[3;3],5,"n")', (5 - F**2 - 2j * F) / (1 + 1j * F / 3) ** 2),
+        ('zpk([2],[-3],5,"f")', 5 * (S - 4 * np.pi) / (S + 6 * np.pi)),
         ('zpk([],[0;1],5,"n")', 5 / (1j * F) / (1 + 1j * F)),
         ('zpk([-0.1],[-2;-3],5,"f")', 5 * (S + 0.2 * np.pi) / (S + 4 * np.pi) / (S + 6 * np.pi)),
         ('zpk([-0.1],[-2;-3],5,"s")', 5 * (S + 0.1) / (S + 2) / (S + 3)),
@@ -33,9 +79,15 @@ def resonance(f, f0, q):
         ('pole2(2,5,"n")', 1 / (1 + 1j * F / 10 - (F / 2) ** 2)),
         ('zero2(2,0.1,"f")', S**2 + 4 * np.pi * S / 0.1 + (4 * np.pi) ** 2),
         ('gain(2)*gain(20,"dB")gain(-1)', -20.0),
-        ("notch(3,10,40)", resonance(F, 3, 500) / resonance(F, 3, 5)),
-        ("notch(3,10)", (9 - F**2) / resonance(F, 3, 5)),
-        ("resgain(3,10,20)", resonance(F, 3, 0.5) / resonance(F, 3, 5)),
+        (
+            "notch(3,10,40)",
+            resonance(F, 3, 100 * own_q(10, 40)) / resonance(F, 3, own_q(10, 40)),
+        ),
+        ("notch(3,0.7,40) resgain(3,0.7,40)", 1.0),
+        (
+            "resgain(3,10,20)",
+            resonance(F, 3, own_q(10, 20)) / resonance(F, 3, 10 * own_q(10, 20)),
+        ),
         ('2.5 pole(2,"n") * -2', -5 / (1 + 1j * F / 2)),
         ("rpoly([1;2],[3;0;4],5)", 5 * (S + 2) / (3 * S**2 + 4)),
         ('pole(2,"n") /. setgain(0,7)', 7 / (1 + 1j * F / 2)),
@@ -44,6 +96,110 @@ def resonance(f, f0, q):
 )
 def test_factors(text, value):
     assert parse(text).at(F) == pytest.approx(value, rel=1e-13)
+
+
+def test_a_resonant_gain_of_foton():
+    """Its coefficients have this gain."""
+    assert abs(parse("resgain(2.75,10,30)", 16384.0).at(4.0)) == pytest.approx(1.034, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ('ZPK([0],[1;2;],5,,"N");', 'zpk([0],[1;2],5,"n")'),
+        ('zpk(,[1; ;2],5,"n") ;\n', 'zpk([],[1;2],5,"n")'),
+        ('zpk([],[1],5,,"n")', 'zpk([],[1],5,"n")'),
+        ('zpk([3],,5,"f")', 'zpk([3],[],5,"f")'),
+        ('Gain(3,) * GAIN(-6,"DB")', 'gain(3)gain(-6,"dB")'),
+        ('BUTTER("LOWPASS",2,1E1)', 'butter("LowPass",2,10)'),
+        ('zpk([],[1+I*2;1-I*2],5,"n")', 'zpk([],[1+i*2;1-i*2],5,"n")'),
+    ],
+)
+def test_strings_that_foton_keeps_too(text, same):
+    assert parse(text) == parse(same)
+
+
+def random_roots(random, most, sides):
+    """Fewer than `most` pairs of either kind and real roots, of the sides, and roots 0."""
+    result = []
+    for _ in range(random.integers(most)):
+        size = 10 ** random.uniform(-2, 2) * random.choice(sides)
+        turn = np.exp(1j * random.uniform(0, np.pi / 2))
+        kinds = [size * turn, size * turn.conjugate()], [complex(size)], [0j]
+        result += kinds[random.integers(3)]
+    return tuple(complex(root) for root in result)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_is_written_reads_the_same_for_foton(seed):
+    """Of continuous filters and of what digital ones are made of."""
+    random, rate = np.random.default_rng(seed), 2048.0
+    zeros, poles = random_roots(random, 6, [-1.0, 1.0]), random_roots(random, 5, [1.0])
+    made, f = Filter(random.normal(), zeros, poles), np.geomspace(1e-3, 900.0, 60)
+    text = format_filter(made)
+    assert parse(text).at(f) == pytest.approx(made.at(f), rel=1e-11)
+    assert written_response(text, f) == pytest.approx(made.at(f), rel=1e-11)
+    digital = parse(text, rate)
+    assert digital.at(f) == pytest.approx(written_response(text, f, rate), rel=1e-10)
+    again = format_filter(digital)
+    assert parse(again, rate).at(f) == pytest.approx(digital.at(f), rel=1e-10)
+    assert written_response(again, f, rate) == pytest.approx(digital.at(f), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'ellip("LowPass",2,1,100,20)',
+        'cheby2("BandStop",3,40,20,900)',
+        "comb(300,5,-40,3) resgain(1000,0.6,20)",
+        'zpk([0;0;0],[],1e-3,"n") butter("HighPass",3,1000)',
+        'sos(2,[0.3;0.7;2;1;0;0;2;1],"o")',
+    ],
+)
+def test_digital_filters_are_written_as_their_designs(text):
+    made, f = parse(text, 4096.0), np.geomspace(0.1, 2047.0, 99)
+    written = format_filter(made)
+    scale = np.abs(made.at(f))
+    for found in (parse(written, 4096.0).at(f), written_response(written, f, 4096.0)):
+        assert (np.abs(found - made.at(f)) <= 1e-8 * scale + 1e-13).all()
+
+
+@pytest.mark.parametrize("rate", [64.0, 16384.0])
+@pytest.mark.parametrize("kind", ["lowpass", "highpass", "bandpass", "bandstop"])
+@pytest.mark.parametrize(
+    ("name", "ripples"), [("butter", []), ("cheby1", [1]), ("cheby2", [40]), ("ellip", [1, 60])]
+)
+def test_designs_are_the_digital_ones_of_scipy(name, ripples, kind, rate):
+    for order in (1, 2, 5):
+        edges = [5.0, 9.0] if kind.startswith("band") else [5.0]
+        rows = getattr(signal, name)(
+            order, *ripples, edges if len(edges) > 1 else 5.0, kind, fs=rate, output="sos"
+        )
+        numbers = ",".join(map(repr, [order, *ripples, *edges]))
+        f = np.geomspace(0.3, 31.0, 50)
+        exact = signal.sosfreqz(rows, f, fs=rate)[1]
+        found = parse(f'{name}("{kind.upper()}",{numbers})', rate).at(f)
+        assert np.abs(found - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+def test_a_notch_is_down_by_3_db_at_its_width():
+    """Also at a frequency comparable to the rate."""
+    q, depth = 4.0, 30.0
+    reach = sum(abs(edge - 1 / edge) for edge in (1 - 1 / (2 * q), 1 + 1 / (2 * q)))
+    edges = 20 * (np.sqrt(1 + reach**2 / 4) + reach / 2 * np.array([-1, 1]))
+    assert np.abs(parse(f"notch(20,{q},{depth})").at(edges)) == pytest.approx(0.5**0.5, rel=1e-12)
+    assert np.abs(parse(f"resgain(20,{q},{depth})").at(edges)) == pytest.approx(2**0.5, rel=1e-12)
+    assert abs(parse(f"notch(20,{q},{depth})").at(20.0)) == pytest.approx(10**-1.5, rel=1e-12)
+
+
+def test_factors_whose_sign_foton_turns():
+    text = (
+        'zpk([0],[],5,"n") zpk([0;0],[],5,"n") ZPK([-2],[3],5,"N") zpk([-2],[],1,"n") pole(3,"n")'
+    )
+    assert find_turned(text) == ['zpk([0],[],5,"n")', 'ZPK([-2],[3],5,"N")']
+    assert not find_turned(
+        'zpk([2],[-3],5,"f") zero(3,"n") gain(-1) zpk([-2+i*3;-2-i*3],[3;4],5,"n")'
+    )
 
 
 def test_round_trip():
@@ -73,8 +229,12 @@ def test_round_trip():
         ('butter("LowPass",4,10,20)', "column 1: butter takes a type, an order"),
         ('cheby1("LowPass",4,-1,10)', "column 1: cheby1 cannot be designed: passband ripple"),
         ('ellip("LowPass",4,40,1,10)', "not a finite number"),
-        ("resgain(1,2)", "column 1: resgain has no height"),
-        ("notch(0,2)", "column 1: notch takes a positive frequency and Q"),
+        ("resgain(1,2)", "column 1: resgain has a height of 0 dB, but its width is where its gain"),
+        ("notch(1,2,3)", "column 1: notch has a depth of 3 dB, but its width is where its gain"),
+        ("notch(1,0.5,30)", "column 1: notch takes a positive frequency and a Q above 0.5"),
+        ("comb(60,30,-40)", "column 1: comb has no number of harmonics; give"),
+        ("comb(60,30,-40,1000)", "column 1: comb has no number of harmonics; give"),
+        ("notch(0,2)", "column 1: notch takes a positive frequency and a Q above 0.5"),
         ("rpoly([0],[1],1)", "column 1: rpoly has a polynomial that is 0"),
         ('pole(0,"n") /. setgain(0,1)', "column 16: setgain sets a gain where the filter is 0"),
         (
@@ -211,7 +371,15 @@ def test_slow_roots_of_sections_keep_their_digits():
         ('sos(1,[0;1.1;0;0],"o")', "has a pole outside the unit circle"),
         ('sos(1,[1;0;0;0],"o")', "or at half the sample rate"),
         ("zroots([0],[0.1;0.2])", "has 1 zeros and 2 poles"),
-        ('pole(60,"n")', "has a root at 60 Hz, above half the sample rate"),
+        ('pole(60,"n")', "has a frequency of 60 Hz, above half the sample rate of 100 Hz"),
+        ('butter("LowPass",2,50)', "has a frequency of 50 Hz, above half the sample rate"),
+        ("comb(20,9,-40,3)", "has a frequency of 60 Hz, above half the sample rate"),
+        (
+            'zero(2,"n")',
+            "has more zeros than poles, which Foton's files show of zpk in plane n alone",
+        ),
+        ('zpk([-2],[],1,"f")', "write zeros and poles of a digital filter together"),
+        ("rpoly([1;2;3],[1;4],1)", "has more zeros than poles"),
         ("biquad(0,1,1,0,0)", "numbers too large or too small"),
     ],
 )

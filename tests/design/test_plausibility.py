@@ -304,6 +304,28 @@ def test_roots_without_plane_are_noticed_once_per_filter(command, text, tmp_path
         assert sum(".sensor_response = " in line and one in line for line in lines) == 1
 
 
+@pytest.mark.parametrize(
+    ("given", "warns"),
+    [
+        ('zpk([0],[],50,"n") pole(30,"n") pole(40,"n")', True),
+        ({"design": 'zpk([-2],[30;40],50,"n")', "rate": 2048.0}, True),
+        ('zpk([0],[30;40],50,"n")', False),
+        ('zero(0,"n") pole(30,"n") pole(40,"n") gain(50)', False),
+    ],
+)
+def test_a_sign_that_foton_turns_is_noticed(given, warns, tmp_path):
+    raw_design = raw("triple-damped")
+    loop = raw_design["control"]["loop"][0]
+    for key in ("zeros", "poles", "gain", "gain_at"):
+        loop.pop(key, None)
+    loop["filter"] = given
+    file = written(tmp_path, raw_design)
+    lines = run("check", file).stderr.splitlines()
+    found = [line for line in lines if "Foton turns the sign" in line]
+    assert len(found) == warns
+    assert all("control.loop.x.filter = " in line for line in found)
+
+
 def test_numbers_that_keep_a_design_from_balancing_are_named_with_the_fault(tmp_path):
     """Five tensions cannot hold a body that a wire pulls 200 m aside: the millimetres are named
     beside the imbalance."""

@@ -293,7 +293,10 @@ def write_foton(design: Design) -> str:
         ends = f"{loop.sensor} -> {loop.actuator}, reference {loop.reference}"
         lines += ["", f"# {loop.name}: {ends}"]
         if loop.damper is not None:
-            lines.append("# a velocity damper: add poles above the band before use in Foton")
+            lines += [
+                "# a velocity damper: Foton adds a pole at 1/pi of the sample rate, and turns the",
+                "# sign, which is why the gain is negative; with a pole of its own it is positive",
+            ]
         if loop.sensor_response is not None:
             given = loop.sensor_response
             text = given if isinstance(given, str) else given.source or given.design

@@ -10,6 +10,7 @@ import suspension_cli as sus
 from suspension_cli.design import foton
 from tests.support import plants
 from tests.support.commandline import run, written
+from tests.support.foton import written_response
 
 DAMPERS = {"x": 20.0, "y": 20.0, "z": 30.0, "roll": 0.2, "pitch": 0.05, "yaw": 0.2}
 
@@ -61,6 +62,10 @@ def test_foton_strings_beside_the_results(tmp_path):
         foton.parse(raw["control"]["loop"][0]["filter"]).at(3.0), rel=1e-12
     )
     assert second.at(3.0) == pytest.approx(2j * np.pi * 3.0 * DAMPERS["z"], rel=1e-12)
+    for one in (first, second):
+        text = foton.format_filter(one)
+        assert written_response(text, 3.0) == pytest.approx(one.at(3.0), rel=1e-12)
+        assert written_response(text, 3.0, 16384.0) == pytest.approx(one.at(3.0), rel=2e-3)
     assert "ms" in result.stdout
     assert "dB" in result.stdout
     assert "All loops at once" in result.stdout

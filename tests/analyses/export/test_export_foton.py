@@ -13,6 +13,8 @@ from suspension_cli.design import foton, foton_file
 from suspension_cli.files.hdf5 import read_design
 from tests.support import plants
 from tests.support.commandline import run, strict_json, written
+from tests.support.foton import written_response
+from tests.support.paths import CONFIGS
 
 BAND = (0.1, 100.0)
 
@@ -79,6 +81,30 @@ def test_read_back_within_the_stated_error(tmp_path, kind, options, rate):
         np.testing.assert_allclose(own, signal.sosfreqz(rows, f, fs=rate)[1], rtol=1e-4)
 
 
+def designs(path, module):
+    """Design strings of the sections of a module, from the comments of the file."""
+    lines = path.read_text().replace(" \\\n#    ", "").splitlines()
+    return [line.split(maxsplit=4)[4] for line in lines if line.startswith(f"# DESIGN   {module}")]
+
+
+def test_a_plant_with_a_zero_in_the_right_half_plane(tmp_path):
+    """Pitch of the quadruple's mirror has one: Foton divides by its modulus, as it does here."""
+    file = CONFIGS / "built" / "ligo-quad.toml"
+    ends = ("--input", "penultimate.force_x", "--output", "test.pitch")
+    assert run("export", file, "--format", "foton", "--out", tmp_path, *ends).exit_code == 0
+    (path,) = tmp_path.glob("*-foton.txt")
+    module, f = "TEST_PITCH_PENULTIMATE_FORCE_X", np.geomspace(0.1, 100, 200)
+    texts = [text.replace(" ", "") for text in designs(path, module)]
+    assert sum("[-" in text or ";-" in text for text in texts)
+    written = np.prod([written_response(text, f, 16384.0) for text in texts], axis=0)
+    read = np.prod([foton.parse(text, 16384.0).at(f) for text in texts], axis=0)
+    of_lines = signal.sosfreqz(coefficients(path, module), f, fs=16384.0)[1]
+    np.testing.assert_allclose(written, read, rtol=1e-9)
+    np.testing.assert_allclose(written, of_lines, rtol=1e-4)
+    plant = sus.export(sus.read(file), inputs=[ends[1]], outputs=[ends[3]]).system.at(f).ravel()
+    assert np.median(np.abs(written / plant - 1)) < 1e-3
+
+
 def test_a_loop_around_an_exported_filter(tmp_path):
     """The design string in a comment of the file, made digital, is the filter of its lines."""
     file = written(tmp_path, plants.raw("double", loss=True))
@@ -86,8 +112,7 @@ def test_a_loop_around_an_exported_filter(tmp_path):
     assert run("export", file, "--format", "foton", "--out", tmp_path, *ends).exit_code == 0
     (path,) = tmp_path.glob("*-foton.txt")
     text = path.read_text()
-    design = text.partition("# DESIGN   TEST_Z_UPPER_FORCE_Z 0 ")[2].partition("\nTEST_Z")[0]
-    design = design.replace(" \\\n#    ", "")
+    (design,) = designs(path, "TEST_Z_UPPER_FORCE_Z")
     f = np.geomspace(0.1, 3000, 50)
     of_lines = foton.parse(*foton_file.read(path, "TEST_Z_UPPER_FORCE_Z", [1])).at(f)
     np.testing.assert_allclose(foton.parse(design, 16384.0).at(f), of_lines, rtol=1e-5)
