@@ -3,19 +3,37 @@
 from __future__ import annotations
 
 import shlex
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from suspension_cli.analyses import options
+import numpy as np
+
+from suspension_cli.analyses import model_choice, options
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.hdf5 import Provenance, open_results, replacing
 from suspension_cli.files.whole_files import target, writing_to
-from suspension_cli.studies.run import describe_exposure, part_of
+from suspension_cli.models.registry import MODELS
+from suspension_cli.studies.run import Columns, Verdict, describe_exposure, part_of
 from suspension_cli.studies.run import run as compute
 
 if TYPE_CHECKING:
+    import h5py
+
+    from suspension_cli.analyses.analysis import Settings
+    from suspension_cli.design.reader import Source
+    from suspension_cli.models.base import Model
+    from suspension_cli.models.choice import Comparison
     from suspension_cli.models.registry import Choice
+    from suspension_cli.scene.arrays import Array
     from suspension_cli.studies.run import Job, Write
+
+    Points = Array
+    """Points of a study, one per row: numbers, or deviations of random builds."""
+
+J = TypeVar("J", bound="Job")
+"""Kind of job."""
 
 UNRECORDED = {
     name: 0 if one.is_flag else 1
@@ -46,33 +64,113 @@ def recorded(command: str) -> str:
     return shlex.join(kept)
 
 
-def fill(run: Run, analysis: Analysis, job: Job, choice: Choice, write: Write) -> Result:
-    """Compute all points of a job, write the results file, and read the result from there.
+@dataclass(frozen=True)
+class Study(Generic[J]):
+    """Many builds, whose model is chosen at some of them, and again when they are computed.
 
-    `write` writes the group of the analysis. Raises `Interrupted` after Ctrl-C; the message says
-    how to continue.
+    Results that turn out largest or change fastest decide then, such as at a resonance that no
+    build of the first comparison meets.
+
+    Attributes
+    ----------
+    at
+        The job in a model, by its name.
+    models
+        The models that it can use, from the cheapest to the most complete.
+    compare
+        Comparison of models at some points, an array with a row per point.
+    first
+        Points of the comparison before the job is computed.
+    extremes
+        Points at which results of a finished job are extreme.
+    write
+        Writes the group of the analysis.
+    """
+
+    at: Callable[[str], J]
+    models: Sequence[Model]
+    compare: Callable[[Points], Comparison]
+    first: Points
+    extremes: Callable[[J, Columns], Points]
+    write: Callable[[h5py.Group, Columns, J], None]
+
+    def choose(self, source: Source, setting: Settings) -> Choice:
+        """Choose the model before the job is computed."""
+        return self._choose(source, setting, self.models, self.first)
+
+    def choose_again(
+        self, source: Source, setting: Settings, last: Choice, points: Points
+    ) -> Choice:
+        """Choose the model by more points: the last one, or a more complete one."""
+        found = self._choose(source, setting, self.models, points)
+        if MODELS.index(found.model) >= MODELS.index(last.model):
+            return found
+        remaining = self.models[self.models.index(last.model) :]
+        return self._choose(source, setting, remaining, points)
+
+    def _choose(
+        self, source: Source, setting: Settings, models: Sequence[Model], points: Points
+    ) -> Choice:
+        change, wanted = self.compare(points), setting["fidelity"]
+        return model_choice.for_builds(source, wanted, models, change, setting["tolerance"])
+
+
+class _Review(Generic[J]):
+    """Review of the results of a study: the model that they need."""
+
+    def __init__(self, run: Run, study: Study[J], choice: Choice) -> None:
+        self.run, self.study, self.choice = run, study, choice
+        self.job, self.points = study.at(choice.level), study.first
+
+    @property
+    def origin(self) -> Provenance:
+        """What the results file says about its origin."""
+        run, choice = self.run, self.choice
+        text, command = run.source.text, recorded(run.command)
+        return Provenance(text, command, choice.level, choice.reason, choice.error)
+
+    @property
+    def write(self) -> Write:
+        """Function that writes the group of the analysis."""
+        job = self.job
+        return lambda group, columns: self.study.write(group, columns, job)
+
+    def __call__(self, columns: Columns) -> Verdict:
+        """Choose the model again, with the points at which results are extreme."""
+        extreme = self.study.extremes(self.job, columns)
+        self.points = np.unique(np.concatenate([self.points, extreme]), axis=0)
+        run, last = self.run, self.choice
+        self.choice = self.study.choose_again(run.source, run.setting, last, self.points)
+        if self.choice.level == last.level:
+            return Verdict(self.origin, self.write)
+        why, level = self.choice.reason.partition(";")[0], self.choice.level
+        run.log.say(f"{run.name}: all builds are computed again in the {level} model: {why}")
+        self.job = self.study.at(level)
+        return Verdict(self.origin, self.write, self.job)
+
+
+def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Result:
+    """Compute all points of a study, write the results file, and read the result from there.
+
+    If the results show that the model of a `choice` is not accurate enough, they are computed in a
+    more complete one. Raises `Interrupted` after Ctrl-C; the message says how to continue.
     """
     setting = run.setting
     path = target(run.folder / f"{run.source.stem()}-{analysis.stem}.h5")
-    origin = Provenance(
-        run.source.text,
-        recorded(run.command),
-        choice.level,
-        choice.reason,
-        choice.error,
-    )
+    review = _Review(run, study, choice)
     if setting["scheduler"] and (exposure := describe_exposure(setting["scheduler"])):
         run.log.warn(exposure)
     with writing_to(run.folder):
         run.folder.mkdir(parents=True, exist_ok=True)
+    how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
-            how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
-            compute(job, path, analysis.name, origin, write, progress=progress, **how)
+            begin = review.job, path, analysis.name, review.origin, review.write
+            compute(*begin, review=review, progress=progress, **how)
     except KeyboardInterrupt:
         part = part_of(path)
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
         raise Interrupted(escape_unprintable(f"interrupted{kept}")) from None
     with open_results(path) as file:
         data = analysis.load(file)
-    return Result(analysis, run.source, choice, data, file=path, command=run.command)
+    return Result(analysis, run.source, review.choice, data, file=path, command=run.command)

@@ -21,7 +21,6 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
@@ -29,6 +28,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import BLADE_TIPS, Model
 from suspension_cli.models.registry import AUTO, Choice
+from suspension_cli.models.spectrum_error import has_wire_mass, largest_error
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -42,13 +42,6 @@ ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
 NO_BUILD = "no build that was compared has an equilibrium"
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
-SAMPLES = 12
-"""Frequencies at which responses of two models are compared."""
-NEAR = 0.05
-"""Relative distance from a mode within which responses are not compared: a shift of the mode by
-delta changes them there by 2 Q delta."""
-BELOW_VIOLIN = 0.5
-"""Frequency over the first violin mode of a wire up to which its mass counts as a small change."""
 
 
 def choose(
@@ -210,7 +203,7 @@ class Frequencies:
         """Compute the change of the mode that changes most; modes are paired by their shapes."""
         modes, changes = shifts(simple, refined)
         most = int(np.argmax(changes))
-        return _described(float(changes[most]), modes.label[most], refined)
+        return _described(float(changes[most]), modes.label[most])
 
 
 @dataclass(frozen=True)
@@ -230,12 +223,10 @@ class Transfer:
         return response.solve(model, frequency, self.inputs, self.outputs).value
 
     def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
-        """Compute the largest change at sampled frequencies away from all modes."""
-        chosen = away_from_modes(self.frequency, simple, refined)
-        old, new = (self.values(model, chosen) for model in (simple, refined))
-        changes = spectrum_change(old, new)
-        _, o, i = np.unravel_index(int(np.argmax(changes)), changes.shape)
-        return float(changes.max()), f"{self.outputs[int(o)].text}/{self.inputs[int(i)].text}"
+        """Compute the largest change, see `spectrum_error`."""
+        found = largest_error(self.frequency, simple, refined, self.values)
+        o, i = found.place
+        return found.value, f"{self.outputs[o].text}/{self.inputs[i].text}"
 
 
 @dataclass(frozen=True)
@@ -257,46 +248,18 @@ class Several:
         modes, changes = shifts(simple, refined)
         here = pair_bodies(self.modes, modes, refined)
         return [
-            _described(float(changes[here[item.number]]), item.text, refined)
+            _described(float(changes[here[item.number]]), item.text)
             if isinstance(item, Mode)
             else (_resized(item, simple, refined), item.text)
             for item in self.scalars
         ]
 
 
-def away_from_modes(
-    frequency: Float[np.ndarray, " frequency"], *models: LinearSystem
-) -> Float[np.ndarray, " sample"]:
-    """Select a few frequencies (Hz), if possible away from the bodies' modes in all models."""
-    known = np.concatenate([eigenmodes.solve(model.constant).frequency for model in models])
-    known = known[np.isfinite(known) & (known > 0)]
-    grid = np.asarray(frequency, dtype=float)
-    away = grid[(np.abs(grid[:, None] / known - 1) > NEAR).all(1)]
-    if not len(away):
-        away = grid
-    return np.unique(away[np.linspace(0, len(away) - 1, min(SAMPLES, len(away))).astype(int)])
-
-
-def spectrum_change(
-    old: Inexact[np.ndarray, "frequency ..."], new: Inexact[np.ndarray, "frequency ..."]
-) -> Float[np.ndarray, "frequency ..."]:
-    """Relative change of spectra; infinite where one is 0 and the other is not.
-
-    Next to a zero of a response its relative change is large but irrelevant, so a tenth of the
-    geometric mean of both neighbours is the least magnitude to which it is relative.
-    """
-    size = np.abs(new)
-    padded = np.concatenate([size[:1], size, size[-1:]])
-    size = np.maximum(size, 0.1 * np.sqrt(padded[:-2]) * np.sqrt(padded[2:]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(old == new, 0.0, np.abs(old - new) / size)
-
-
 def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np.ndarray, " mode"]]:
     """Compute the relative changes of the bodies' modes, and the modes of the refined model.
 
     The modes are those without wire mass; modes are paired by their shapes. Infinite where a mode
-    becomes stable, or wire mass is not a small change.
+    becomes stable.
     """
     new = eigenmodes.solve(refined.constant)
     changes = np.zeros(len(new.omega_squared))
@@ -327,19 +290,8 @@ def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray,
         for part, moved in ends.items():
             added = there[part].stiffness - term.strand.static[part][..., None]
             change += np.einsum("iwm,ijm,jwm->m", moved, added, moved)
-    result, below = np.zeros(len(good)), BELOW_VIOLIN * 2 * np.pi * first_violin(model)
-    result[good] = np.where(omega < below, np.abs(change) / (2 * omega**2), np.inf)
-    return result
-
-
-def first_violin(model: LinearSystem) -> float:
-    """Lowest first violin mode, Hz, of all wires as strings: sqrt(T / (m l)) / 2."""
-    result = math.inf
-    for term in model.terms:
-        if isinstance(term, WireTerm):
-            sections = term.strand.fibre.sections
-            mass, length = sum(s.mass * s.length for s in sections), sum(s.length for s in sections)
-            result = min(result, math.sqrt(float(term.strand.tension) / (mass * length)) / 2)
+    result = np.zeros(len(good))
+    result[good] = np.abs(change) / (2 * omega**2)
     return result
 
 
@@ -354,15 +306,6 @@ def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:
     return relative_change(old, new)
 
 
-def _described(change: float, label: str, refined: LinearSystem) -> tuple[float, str]:
+def _described(change: float, label: str) -> tuple[float, str]:
     """Return the change of a mode with its label, or if it is infinite the reason."""
-    if np.isfinite(change):
-        return change, label
-    if has_wire_mass(refined):
-        return change, f"{label} is near or above the first violin mode"
-    return change, f"it decides whether {label} is stable"
-
-
-def has_wire_mass(model: LinearSystem) -> bool:
-    """Whether wires have mass, so that modes include violin modes."""
-    return any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
+    return change, label if np.isfinite(change) else f"it decides whether {label} is stable"

@@ -20,7 +20,7 @@ from suspension_cli.models import registry
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True)
@@ -116,11 +116,25 @@ class Grid(Job):
 
     def values(self, start: int, stop: int) -> dict[str, Float[np.ndarray, " stop-start"]]:
         """Values of every parameter at points start to stop - 1."""
-        chosen = np.unravel_index(np.arange(start, stop), self.shape)
+        return self.values_at(np.arange(start, stop))
+
+    def values_at(
+        self, points: Int[np.ndarray, " point"]
+    ) -> dict[str, Float[np.ndarray, " point"]]:
+        """Values of every parameter at points given by number."""
+        chosen = np.unravel_index(points, self.shape)
         return {
             axis.name: np.array(axis.values)[pick]
             for axis, pick in zip(self.axes, chosen, strict=True)
         }
+
+    @property
+    def corners(self) -> Int[np.ndarray, " point"]:
+        """Points at the ends and middles of the first three axes, and the middles of others."""
+        chosen = np.ix_(
+            *(_ends_and_middle(n, len(axis.values)) for n, axis in enumerate(self.axes))
+        )
+        return np.ravel_multi_index(chosen, self.shape).ravel()
 
     def on_grid(self, columns: dict[str, Any]) -> dict[str, Any]:
         """Reshape results of all points to the axes of the grid."""
@@ -134,7 +148,7 @@ class Grid(Job):
         `check` raises it for invalid designs.
         """
         for axis in axes:
-            [tried], errors = ends_and_middle((axis,)), []
+            tried, errors = ends_and_middle(axis), list[InputError]()
             for value in tried.values:
                 try:
                     check(reader.parse_with_overrides(self.text, settings({axis.name: value})))
@@ -152,18 +166,20 @@ def distinct(axes: list[Axis], option: str, given: str) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
-def ends_and_middle(axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
-    """Reduce axes to the corners and middles of a grid; those after the third to their middle.
+def ends_and_middle(axis: Axis) -> Axis:
+    """Reduce an axis to its ends and middle.
 
-    >>> ends_and_middle((Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)),))
-    (Axis(name='k', values=(1.0, 3.0, 5.0)),)
+    >>> ends_and_middle(Axis("k", (1.0, 2.0, 3.0, 4.0, 5.0)))
+    Axis(name='k', values=(1.0, 3.0, 5.0))
     """
-    result = []
-    for n, axis in enumerate(axes):
-        half, last = len(axis.values) // 2, len(axis.values) - 1
-        chosen = sorted({0, half, last}) if n < 3 else [half]
-        result.append(Axis(axis.name, tuple(axis.values[i] for i in chosen)))
-    return tuple(result)
+    chosen = _ends_and_middle(0, len(axis.values))
+    return Axis(axis.name, tuple(axis.values[i] for i in chosen))
+
+
+def _ends_and_middle(number: int, length: int) -> list[int]:
+    """Places of ends and middle of an axis; of the middle of those after the third."""
+    half = length // 2
+    return sorted({0, half, length - 1}) if number < 3 else [half]
 
 
 def _of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:

@@ -3,7 +3,9 @@
 A job computes any range of its points independently, so number of workers and engine do not matter.
 Finished chunks are npz files, which have checksums, in the folder ``NAME.h5.part``. A run that is
 killed, also by a power cut, continues from there with ``resume``. When all points are done, the
-results file is written.
+results may show that another job (in a more complete model) is to be computed instead: it keeps its
+chunks in a folder inside that of the first, and what the first had shown follows from its chunks
+again after an interruption. At last the results file is written.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import zipfile
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import Any, NamedTuple, Protocol, TextIO
 
 import h5py
 import numpy as np
@@ -76,6 +78,21 @@ class Job(Protocol):
         ...
 
 
+class Verdict(NamedTuple):
+    """What follows from the results of all points of a job.
+
+    If it is not to be computed in another way (`instead`), they are written, with their origin.
+    """
+
+    origin: Provenance
+    write: Write
+    instead: Job | None = None
+
+
+Review = Callable[[Columns], Verdict]
+"""Judges the results of all points of the last job."""
+
+
 def run(
     job: Job,
     path: Path,
@@ -83,6 +100,7 @@ def run(
     origin: Provenance,
     write: Write,
     *,
+    review: Review | None = None,
     workers: int | None = 1,
     scheduler: str | None = None,
     chunk: int = 512,
@@ -91,28 +109,49 @@ def run(
 ) -> None:
     """Compute all points of a job, and write them into a group of the results file `path`.
 
-    `workers` is a number of processes; None starts one per core when the points left take long. A
-    Dask `scheduler` may compute instead.
+    A `review` may replace origin and `write`, or have another job computed instead. `workers` is a
+    number of processes; None starts one per core when the points left take long. A Dask `scheduler`
+    may compute instead.
     """
     with contextlib.ExitStack() as stack:
         client = None
         if scheduler is not None:
             client = stack.enter_context(connected(scheduler))
         points = stack.enter_context(_opened(path, job, origin, resume))
-        starts = range(0, job.count, chunk)
-        ranges = [(start, min(start + chunk, job.count)) for start in starts]
-        ranges = [(start, stop) for start, stop in ranges if not points.done[start:stop].all()]
-        done, began = int(points.done.sum()), time.monotonic()
-        progress(done, job.count, 0.0)
-        here = client is None
-        results = _here(job, ranges, workers) if here else _on_cluster(job, ranges, client)
-        with contextlib.closing(results):
-            for start, values in results:
-                points.save(start, values)
-                now = int(points.done.sum())
-                progress(now, job.count, (now - done) / max(time.monotonic() - began, 1e-9))
-        hdf5.write(path, origin, lambda file: write(file.create_group(group), points.columns))
+        how = {"workers": workers, "client": client, "chunk": chunk, "progress": progress}
+        _compute_all(job, points, **how)
+        verdict = Verdict(origin, write)
+        while review is not None and (verdict := review(points.columns)).instead is not None:
+            job = verdict.instead
+            points = points.of_another(job)
+            _compute_all(job, points, **how)
+        columns, write = points.columns, verdict.write
+        hdf5.write(path, verdict.origin, lambda file: write(file.create_group(group), columns))
     shutil.rmtree(part_of(path))
+
+
+def _compute_all(
+    job: Job,
+    points: _Points,
+    *,
+    workers: int | None,
+    client: Client | None,
+    chunk: int,
+    progress: Progress,
+) -> None:
+    """Compute the points of a job that are not done."""
+    starts = range(0, job.count, chunk)
+    ranges = [(start, min(start + chunk, job.count)) for start in starts]
+    ranges = [(start, stop) for start, stop in ranges if not points.done[start:stop].all()]
+    done, began = int(points.done.sum()), time.monotonic()
+    progress(done, job.count, 0.0)
+    here = client is None
+    results = _here(job, ranges, workers) if here else _on_cluster(job, ranges, client)
+    with contextlib.closing(results):
+        for start, values in results:
+            points.save(start, values)
+            now = int(points.done.sum())
+            progress(now, job.count, (now - done) / max(time.monotonic() - began, 1e-9))
 
 
 def part_of(path: Path) -> Path:
@@ -123,14 +162,24 @@ def part_of(path: Path) -> Path:
 class _Points:
     """Results of the points of a job that are done, in memory and in a folder."""
 
-    def __init__(self, path: Path, count: int) -> None:
+    def __init__(self, path: Path, count: int, folder: Path | None = None) -> None:
         self.path = path
+        self.folder = folder or part_of(path)
         self.done = np.zeros(count, dtype=bool)
         self.columns: Columns = {}
 
+    def of_another(self, job: Job) -> _Points:
+        """Points of a job that follows from the results of this one, with those already done."""
+        name = hashlib.sha256(job.identity.encode()).hexdigest()[:16]
+        result = _Points(self.path, job.count, self.folder / name)
+        with writing_to(self.path):
+            result.folder.mkdir(exist_ok=True)
+        result.read()
+        return result
+
     def save(self, start: int, values: Columns) -> None:
         """Keep the results of points from `start` on."""
-        file = part_of(self.path) / f"{start}.npz"
+        file = self.folder / f"{start}.npz"
         with writing_to(self.path):
             _write(file.with_suffix(".new"), values)
             os.replace(file.with_suffix(".new"), file)
@@ -146,7 +195,7 @@ class _Points:
 
     def read(self) -> None:
         """Read the chunks in the folder; damaged ones are computed again."""
-        for file in part_of(self.path).glob("*.npz"):
+        for file in self.folder.glob("*.npz"):
             damage = OSError, ValueError, EOFError, zipfile.BadZipFile
             with contextlib.suppress(*damage), np.load(file) as found:
                 self.add(int(file.stem), dict(found))
@@ -174,6 +223,8 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
             if not (resume and given):
                 for file in folder.glob("*.npz"):
                     file.unlink()
+                for inner in filter(Path.is_dir, folder.iterdir()):
+                    shutil.rmtree(inner)
                 stream.truncate(0)
                 stream.write(key)
                 stream.flush()

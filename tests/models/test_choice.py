@@ -15,7 +15,7 @@ from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
-from suspension_cli.models import choice, registry
+from suspension_cli.models import choice, registry, spectrum_error
 from suspension_cli.models.choice import Systems, Transfer
 from tests.support import plants, scenes
 from tests.support.pendulums import Pendulum
@@ -80,7 +80,7 @@ def test_responses_neglect_nothing(seed):
     assert (chosen.level, chosen.error) == ("violin", 0.0)
     assert "neglected" not in chosen.reason
     explicit, simple = model_choice.choose(source_of(design), "string", lambda _: wanted)
-    some = choice.away_from_modes(wanted.frequency, simple, model)
+    some = spectrum_error.away_from_modes(wanted.frequency, simple, model)
     old, new = (wanted.values(one, some)[:, 0, 0] for one in (simple, model))
     change = np.abs(old / new - 1)
     assert explicit.error >= 0.9 * change[change < 0.1].max()
@@ -110,7 +110,9 @@ def test_thermal_noise(level):
     design = scenes.design_of(one.raw())
     area = math.pi * one.radius**2
     first = math.sqrt(one.tension / (one.density * area)) / (2 * one.length)
-    assert choice.first_violin(registry.BEAM.system(design)) == pytest.approx(first, rel=1e-12)
+    assert spectrum_error.first_violin(registry.BEAM.system(design)) == pytest.approx(
+        first, rel=1e-12
+    )
     grid = np.array([0.03 * first])
     chosen, _ = thermal.choose(source_of(design), level, grid, ["test.x"])
     assert chosen.level == level

@@ -100,8 +100,8 @@ class InfoAnalysis(Analysis):
             Systems,
             Transfer,
             choose,
-            first_violin,
         )
+        from suspension_cli.models.spectrum_error import first_violin
 
         source, design, setting = run.source, run.design, run.setting
         frequency = np.array(parse_frequencies(setting["frequency"]))

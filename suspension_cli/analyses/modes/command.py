@@ -290,7 +290,8 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
             model_choice.for_modes(run.source, level, tolerance, massless=True),
         )
         shift = percent(float(np.median(shifts(model, heavy)[1])))
-        why = f"wire mass, {shift} in the median mode, as its modes would take minutes"
+        worst = f"{percent(choice.error)} in {choice.what}, {shift} in the median mode"
+        why = f"wire mass, {worst}, as its modes would take minutes"
         choice = dataclasses.replace(choice, reason=f"as --all is not given; neglected: {why}")
         listed = wire_modes.solve_bodies(model)
     if highest is not None:

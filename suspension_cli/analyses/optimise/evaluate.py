@@ -40,7 +40,7 @@ from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.choice import has_wire_mass
+from suspension_cli.models.spectrum_error import has_wire_mass
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene, select_scenes
 from suspension_cli.studies import builds, variants

@@ -13,7 +13,7 @@ from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear.named_results import Ratio, Scalar
 from suspension_cli.models import registry
-from suspension_cli.models.choice import has_wire_mass
+from suspension_cli.models.spectrum_error import has_wire_mass
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, derivatives, parameters
 from suspension_cli.studies.builds import Builds

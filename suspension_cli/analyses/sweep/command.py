@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
@@ -74,7 +73,7 @@ class SweepAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute all points of the grid, then follow the modes."""
-        from suspension_cli.analyses import model_choice, sweeping
+        from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.sweep import solve as sweep
         from suspension_cli.analyses.sweep.solve import ParameterSweep
@@ -103,22 +102,23 @@ class SweepAnalysis(Analysis):
             problem = "has no modes that could be followed"
             raise InputError.of("--fidelity", problem, remedy, format_value(simplest.level))
         first.check()
-        choice = model_choice.for_builds(
-            source,
-            setting["fidelity"],
+        study = sweeping.Study(
+            on,
             [model for model in registry.MODELS if not (follows and model.has_wire_mass)],
             sweep.result_change(first),
-            setting["tolerance"],
+            sweep.first_points(first),
+            sweep.extreme_points,
+            sweep.write,
         )
-        job = on(choice.level)
+        choice = study.choose(source, setting)
         run.log.detail(f"{run.name}: {choice.line}")
         warnings.warn_implausible(run.design, run.log)
-        result = sweeping.fill(run, self, job, choice, partial(sweep.write, job=job))
+        result = sweeping.fill(run, self, study, choice)
         found: SweepResult = result.data
         for reason, count in found.failures.items():
             run.log.warn(
-                f"{count} of {job.count} points have no result: {reason}; narrow the range of"
-                " --vary"
+                f"{count} of {found.status.size} points have no result: {reason}; narrow the range"
+                " of --vary"
             )
         if found.overlap < ALIKE:
             run.log.warn(

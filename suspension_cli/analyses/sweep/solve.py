@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -27,17 +27,20 @@ from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Several, Systems
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.job import Axis, Grid, ends_and_middle, nominal_system
+from suspension_cli.studies.extremes import find_extremes
+from suspension_cli.studies.job import Axis, Grid, nominal_system
 from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
+    from suspension_cli.models.choice import Comparison
+
 OTHER_COORDINATES = len(builds.STATUS)
 STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
 """Meaning of the status of a point."""
 POINTS = 9
-"""Largest number of points at which models are compared."""
+"""Largest number of points at which models are compared before the sweep."""
 ONE_MODEL_ONLY = "some points have an equilibrium in only one of the models"
 
 
@@ -291,19 +294,26 @@ def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
     )[0]
 
 
+def _follow(
+    job: ParameterSweep, known: dict[str, Any]
+) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
+    """Follow the modes over the grid from the nominal design, see `mode_pairing.follow`."""
+    return mode_pairing.follow(
+        known["omega_squared"],
+        known["shape"],
+        has_modes(known["status"]),
+        nearest_point(job),
+        job.nominal_shape,
+    )
+
+
 def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
     """Follow the modes over the grid, evaluate the results, and write them."""
     known, modes = job.on_grid(columns), job.nominal
     described: dict[str, Any] = {}
     rank, overlap, least, start = None, None, np.nan, nearest_point(job)
     if job.has_modes:
-        rank, overlap = mode_pairing.follow(
-            known["omega_squared"],
-            known["shape"],
-            has_modes(known["status"]),
-            start,
-            job.nominal_shape,
-        )
+        rank, overlap = _follow(job, known)
         modes_asked = [one for one in job.results if isinstance(one, Mode)]
         tracked = [one.number for one in modes_asked if one.motion is None]
         least = float(np.fmin.reduce(overlap[..., tracked], axis=None, initial=np.nan))
@@ -339,30 +349,59 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
         add_dataset(group, "overlap", overlap, "1", *scales, group["mode"])
 
 
-def result_change(job: ParameterSweep) -> Callable[[Model, Model], tuple[float, str]]:
-    """The change of a sweep's results, as `model_choice.for_builds` takes it.
+def first_points(job: ParameterSweep) -> Int[np.ndarray, " point"]:
+    """Points at which models are compared before the sweep, at corners and middles of the grid."""
+    corners = job.corners
+    return corners[np.unique(np.linspace(0, len(corners) - 1, POINTS).astype(int))]
 
-    Results are compared at corners and middles of the grid, with modes paired by their shapes. The
-    change is infinite where a point has an equilibrium, or for responses a stable one, in only one
-    of the models. The `job` is in the simplest model.
+
+def extreme_points(job: ParameterSweep, columns: Columns) -> Int[np.ndarray, " point"]:
+    """Points at which the results of a finished sweep are extreme, or change fastest."""
+    known = job.on_grid(columns)
+    rank = None
+    if job.has_modes:
+        rank, _ = _follow(job, known)
+    return find_extremes(
+        evaluate_results(
+            job.results,
+            known.get("omega_squared"),
+            rank,
+            known.get("label_mode"),
+            known.get("response"),
+        )
+    )
+
+
+def result_change(job: ParameterSweep) -> Callable[[Int[np.ndarray, " point"]], Comparison]:
+    """The change of a sweep's results at some points, as `model_choice.for_builds` takes it.
+
+    Modes are paired by their shapes. The change is infinite where a point has an equilibrium, or
+    for responses a stable one, in only one of the models. The `job` is in the simplest model.
     """
-    sample = replace(job, axes=ends_and_middle(job.axes))
-    designs = [*variants.designs_at(job.text, sample.values(0, sample.count))]
-    chosen = np.unique(np.linspace(0, sample.count - 1, POINTS).astype(int)).tolist()
-    points = [Systems(one) for n in chosen if (one := designs[n]) is not None]
+    known: dict[int, Systems | None] = {}
     stable = bool(job.ratios) and not job.allow_unstable
 
-    def change(simple: Model, refined: Model) -> tuple[float, str]:
-        changes = [(0.0, "the results")]
-        for systems in points:
-            known = {_has_result(systems, model, stable=stable) for model in (simple, refined)}
-            if len(known) > 1:
-                return float("inf"), ONE_MODEL_ONLY
-            if known == {True}:
-                changes += _changes(job, systems, simple, refined)
-        return max(changes, key=lambda one: one[0])
+    def at(points: Int[np.ndarray, " point"]) -> Comparison:
+        new = np.array([n for n in points.tolist() if n not in known], dtype=int)
+        designs = variants.designs_at(job.text, job.values_at(new))
+        known.update(
+            (n, one and Systems(one)) for n, one in zip(new.tolist(), designs, strict=True)
+        )
+        some = [systems for n in points.tolist() if (systems := known[n]) is not None]
 
-    return change
+        def change(simple: Model, refined: Model) -> tuple[float, str]:
+            changes = [(0.0, "the results")]
+            for systems in some:
+                has = {_has_result(systems, model, stable=stable) for model in (simple, refined)}
+                if len(has) > 1:
+                    return float("inf"), ONE_MODEL_ONLY
+                if has == {True}:
+                    changes += _changes(job, systems, simple, refined)
+            return max(changes, key=lambda one: one[0])
+
+        return change
+
+    return at
 
 
 def _has_result(systems: Systems, model: Model, *, stable: bool) -> bool:

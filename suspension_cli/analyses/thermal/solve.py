@@ -29,7 +29,7 @@ from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.choice import away_from_modes, spectrum_change
+from suspension_cli.models.spectrum_error import largest_error
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -234,16 +234,15 @@ class Noise:
     arm: float = 0.0
 
     def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
-        """Compute the largest relative change at sampled frequencies away from all modes."""
-        some = away_from_modes(self.frequency, simple, refined)
-        old, new = (self._amplitude(model, some) for model in (simple, refined))
-        changes = spectrum_change(old, new)
-        most = np.unravel_index(int(np.argmax(changes)), changes.shape)[1]
-        return float(changes.max()), f"the noise of {self.outputs[int(most)]}"
+        """Compute the largest relative change, see `models.spectrum_error`."""
+        found = largest_error(self.frequency, simple, refined, self.amplitude)
+        (output,) = found.place
+        return found.value, f"the noise of {self.outputs[output]}"
 
-    def _amplitude(
+    def amplitude(
         self, model: LinearSystem, frequency: Float[np.ndarray, " sample"]
     ) -> Float[np.ndarray, "sample output"]:
+        """Solve for the noise of all outputs at frequencies in Hz."""
         noises = solve(model, frequency, parse_outputs(model, self.outputs, self.arm), 1.0)
         return np.stack([noise.amplitude for noise in noises], axis=1)
 

@@ -128,8 +128,8 @@ class ToleranceAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import model_choice, sweeping
-        from suspension_cli.analyses.tolerance import summary
-        from suspension_cli.analyses.tolerance.solve import RandomBuilds, build_change, requirements
+        from suspension_cli.analyses.tolerance import solve, summary
+        from suspension_cli.analyses.tolerance.solve import RandomBuilds, requirements
         from suspension_cli.analyses.xcouple.solve import parse_request
         from suspension_cli.design.derive import mirror
         from suspension_cli.models import registry
@@ -147,21 +147,22 @@ class ToleranceAnalysis(Analysis):
         )
         job = _of_possible_count(job, run.log)
         job.check()
-        choice = model_choice.for_builds(
-            source,
-            setting["fidelity"],
+        study = sweeping.Study(
+            lambda level: dataclasses.replace(job, level=level),
             (registry.STRING, registry.BEAM),
-            build_change(job),
-            setting["tolerance"],
+            solve.build_change(job),
+            solve.first_points(job),
+            solve.extreme_points,
+            partial(summary.write, limit=setting["limit"]),
         )
+        choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
-        job = dataclasses.replace(job, level=choice.level)
+        final = study.at(choice.level)
         run.log.detail(
-            f"{len(job.factors)} numbers of the design vary between builds; {len(job.required)}"
+            f"{len(final.factors)} numbers of the design vary between builds; {len(final.required)}"
             " requirements"
         )
-        write = partial(summary.write, job=job, limit=setting["limit"])
-        result = sweeping.fill(run, self, job, choice, write)
+        result = sweeping.fill(run, self, study, choice)
         found: Summary = result.data
         for reason, count in found.failures.items():
             run.log.warn(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,7 @@ from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Frequencies, Systems, compare_builds
 from suspension_cli.studies import builds, sampling
 from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.extremes import find_largest
 from suspension_cli.studies.job import Job, nominal_system
 from suspension_cli.studies.run import Columns
 from suspension_cli.studies.sampling import RANDOM, SamplePoints
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.models.choice import Comparison
+
+    Deviations = Float[np.ndarray, "build factor"]
+    """Random deviations of builds."""
 
 COUPLING = "coupling"
 """Name of the cross-coupling of the analysis."""
@@ -362,45 +366,57 @@ def follow_modes(
     return np.take_along_axis(solved.omega_squared, choice, axis=-1)
 
 
-def build_change(job: RandomBuilds) -> Comparison:
-    """The change of the results of random builds, as `model_choice.for_builds` takes it.
+def build_change(job: RandomBuilds) -> Callable[[Deviations], Comparison]:
+    """The change of the results of builds of given deviations, for `model_choice.for_builds`.
 
-    Frequencies, couplings and statics of the nominal and of extreme builds are compared. The effect
-    of wire mass on frequencies is estimated for the nominal build.
+    Frequencies, couplings, statics and responses are compared. The effect of wire mass on
+    frequencies is estimated for the nominal build.
     """
     systems = Systems(job.design)
-    deviations = _extremes(replace(job, method=RANDOM, with_indices=False))
 
-    def solve(model: Model) -> list[tuple[str, np.ndarray]]:
-        one = replace(job, level=model.name)
-        found = one.compute_with(deviations)
-        values = [
-            ("the cross-coupling", found["ratio"]),
-            ("static displacements", found["static"][..., :3]),
-            ("static rotations", found["static"][..., 3:]),
-            *((ratio.text, found["response"][:, n]) for n, ratio in enumerate(job.ratios)),
-        ]
-        if not model.has_wire_mass:
-            places = pair_bodies(job.nominal, one.nominal, systems(model))
-            names = named_results.labels(job.nominal)
-            values += zip(names, found["frequency"].T[places], strict=True)
-        return values
+    def at(deviations: Deviations) -> Comparison:
+        def solve(model: Model) -> list[tuple[str, np.ndarray]]:
+            one = replace(job, level=model.name)
+            found = one.compute_with(deviations)
+            values = [
+                ("the cross-coupling", found["ratio"]),
+                ("static displacements", found["static"][..., :3]),
+                ("static rotations", found["static"][..., 3:]),
+                *((ratio.text, found["response"][:, n]) for n, ratio in enumerate(job.ratios)),
+            ]
+            if not model.has_wire_mass:
+                places = pair_bodies(job.nominal, one.nominal, systems(model))
+                names = named_results.labels(job.nominal)
+                values += zip(names, found["frequency"].T[places], strict=True)
+            return values
 
-    compared = compare_builds(solve)
+        compared = compare_builds(solve)
 
-    def change(simple: Model, refined: Model) -> tuple[float, str]:
-        found = compared(simple, refined)
-        if refined.has_wire_mass and math.isfinite(found[0]):
-            found = max(found, Frequencies().change(systems(simple), systems(refined)))
-        return found
+        def change(simple: Model, refined: Model) -> tuple[float, str]:
+            found = compared(simple, refined)
+            if refined.has_wire_mass and math.isfinite(found[0]):
+                found = max(found, Frequencies().change(systems(simple), systems(refined)))
+            return found
 
-    return change
+        return change
+
+    return at
 
 
-def _extremes(job: RandomBuilds) -> Float[np.ndarray, "build factor"]:
+def first_points(job: RandomBuilds) -> Deviations:
     """Deviations of the nominal build, 0, and of the most extreme ones."""
+    job = replace(job, method=RANDOM, with_indices=False)
     every = job.deviations(0, min(SEARCHED, job.count))
     scale = every.std(0)
     size = ((every / np.where(scale > 0, scale, 1.0)) ** 2).sum(1)
     most = np.argsort(-size, kind="stable")[:EXTREME]
     return np.concatenate([np.zeros_like(every[:1]), every[most]])
+
+
+def extreme_points(job: RandomBuilds, columns: Columns) -> Deviations:
+    """Deviations of the builds whose results turned out largest and smallest."""
+    count = len(columns["ratio"])
+    names = [name for name in ("ratio", "response", "frequency", "static") if name in columns]
+    value = np.hstack([np.abs(columns[name]).reshape(count, -1) for name in names])
+    chosen = find_largest(value).tolist()
+    return np.concatenate([job.deviations(0, 0), *(job.deviations(n, n + 1) for n in chosen)])

@@ -36,21 +36,14 @@ from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.choice import (
-    TOLERANCE,
-    away_from_modes,
-    percent,
-    relative_change,
-    spectrum_change,
-)
+from suspension_cli.models.choice import TOLERANCE, percent, relative_change
+from suspension_cli.models.spectrum_error import largest_error
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.models.base import Model
-
-    Spectrum = tuple[LinearSystem, Array]
 
 FREQUENCIES = 200
 """Number of frequencies of a response or noise."""
@@ -226,28 +219,26 @@ def _spectrum(design: Design, quantity: str, words: str, low: float, high: float
     """Response of the mirror to the support along x, or its thermal noise, over frequencies."""
     frequency, observed = np.geomspace(low, high, FREQUENCIES), f"{mirror(design)}.x"
 
-    def solve(model: Model) -> Spectrum:
-        thermal_noise = quantity == "thermal"
-        if thermal_noise and not model.bends_wires:
-            raise InputError.of("", "it does not know where along a wire its loss acts", "")
-        system = model.system(design)
-        if thermal_noise:
-            motion = thermal.parse_motion(system, observed)
-            warmth = design.constants.temperature
-            noise = thermal.solve(system, frequency, [motion], warmth)[0].amplitude
-            if not noise.any():
-                raise InputError.of("", "nothing dissipates", "")
-            return system, noise
+    def values(system: LinearSystem, at: Array) -> Array:
+        if quantity == "thermal":
+            motion, warmth = thermal.parse_motion(system, observed), design.constants.temperature
+            return thermal.solve(system, at, [motion], warmth)[0].amplitude
         known = signals.bodies_with_signals(system)
         into, out = signals.parse_input("support.x", known), signals.parse_output(observed, known)
-        return system, response.solve(system, frequency, [into], [out]).value[:, 0, 0]
+        return response.solve(system, at, [into], [out]).value[:, 0, 0]
 
-    def compare(found: Spectrum, true: Spectrum) -> tuple[float, str]:
-        """Compare at sampled frequencies away from the modes of bodies."""
-        at = np.searchsorted(frequency, away_from_modes(frequency, found[0], true[0]))
-        change = spectrum_change(found[1][at], true[1][at])
-        worst = int(np.argmax(change))
-        return float(change[worst]), f"at {frequency[at[worst]]:.4g} Hz"
+    def solve(model: Model) -> LinearSystem:
+        if quantity == "thermal" and not model.bends_wires:
+            raise InputError.of("", "it does not know where along a wire its loss acts", "")
+        system = model.system(design)
+        if not values(system, frequency).any():
+            raise InputError.of("", "nothing dissipates", "")
+        return system
+
+    def compare(found: LinearSystem, true: LinearSystem) -> tuple[float, str]:
+        """Compute the error that `response` and `thermal` state."""
+        error = largest_error(frequency, found, true, values)
+        return error.value, f"at {error.frequency:.4g} Hz"
 
     text = f"{words} from {low:g} to {high:g} Hz, {FREQUENCIES} frequencies"
     return Question(quantity, text, solve, compare)

@@ -115,12 +115,17 @@ class CouplingAnalysis(Analysis):
         over = axes(setting["sweep"], run.design.analysis.get("xcouple", {}))
         job = solve.Sweep(source.text, over, requested, unstable)
         job.check()
-        models, change = registry.SCENE_MODELS, solve.coupling_change(job)
-        wanted, tolerance = setting["fidelity"], setting["tolerance"]
-        choice = model_choice.for_builds(source, wanted, models, change, tolerance)
+        study = sweeping.Study(
+            lambda level: dataclasses.replace(job, level=level),
+            registry.SCENE_MODELS,
+            partial(solve.coupling_change, job),
+            solve.first_points(job),
+            solve.extreme_points,
+            solve.write,
+        )
+        choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, unstable, run.log, bends=True)
-        job = dataclasses.replace(job, level=choice.level)
-        result = sweeping.fill(run, self, job, choice, partial(solve.write, job=job))
+        result = sweeping.fill(run, self, study, choice)
         if failed := result.data.failures:
             whys = "; ".join(
                 f"{count} of {job.count} builds failed: {why}" for why, count in failed.items()

@@ -28,7 +28,8 @@ from suspension_cli.models.choice import compare_builds
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling, variants
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.job import Axis, Grid, ends_and_middle
+from suspension_cli.studies.extremes import find_extremes
+from suspension_cli.studies.job import Axis, Grid
 from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
@@ -117,7 +118,11 @@ class Sweep(Grid):
 
     def compute(self, start: int, stop: int) -> Columns:
         """Compute the couplings of builds start to stop - 1, see `couplings`."""
-        count, values = stop - start, self.values(start, stop)
+        return self.compute_at(self.values(start, stop))
+
+    def compute_at(self, values: dict[str, Float[np.ndarray, " build"]]) -> Columns:
+        """Compute the couplings of builds with these values of the parameters."""
+        count = len(next(iter(values.values())))
         paths = {name: value for name, value in values.items() if name not in PARAMETERS}
         parts = [(self.scene, self.design, np.arange(count))]
         spectrum, number = ("c16", (len(self.question.frequency),)), ("f8", ())
@@ -232,20 +237,32 @@ def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
         group[name].attrs["units"] = named_results.quotient_unit(over, under)
 
 
-def coupling_change(job: Sweep) -> Comparison:
-    """The change of a sweep's couplings, as `model_choice.for_builds` takes it.
+def first_points(job: Sweep) -> Int[np.ndarray, "point 2"]:
+    """Points at which models are compared before the sweep: numbers of build and frequency.
 
-    Couplings are compared at the corners and middles of the swept space. A resonance that is met
-    only between the compared builds or frequencies is not seen.
+    Builds are those at the corners and middles of the swept space.
     """
-    frequency = job.question.frequency
-    count = min(FREQUENCIES, len(frequency))
-    some = np.unique(np.linspace(0, len(frequency) - 1, count).astype(int))
-    question = replace(job.question, frequency=tuple(frequency[n] for n in some))
-    sample = replace(job, axes=ends_and_middle(job.axes), question=question)
+    last = len(job.question.frequency) - 1
+    frequencies = np.unique(np.linspace(0, last, min(FREQUENCIES, last + 1)).astype(int))
+    return np.stack(np.meshgrid(job.corners, frequencies), axis=-1).reshape(-1, 2)
+
+
+def extreme_points(job: Sweep, columns: Columns) -> Int[np.ndarray, "point 2"]:
+    """Points at which the couplings of a finished sweep are largest, or change fastest."""
+    ratio = job.on_grid(columns)["ratio"]
+    found = find_extremes(ratio[..., None])
+    return np.stack(np.divmod(found, ratio.shape[-1]), axis=-1)
+
+
+def coupling_change(job: Sweep, points: Int[np.ndarray, "point 2"]) -> Comparison:
+    """The change of a sweep's couplings at some points, as `model_choice.for_builds` takes it."""
+    build, row = np.unique(points[:, 0], return_inverse=True)
+    number, column = np.unique(points[:, 1], return_inverse=True)
+    frequency = tuple(job.question.frequency[n] for n in number)
+    sample = replace(job, question=replace(job.question, frequency=frequency))
 
     def solve(model: Model) -> list[tuple[str, np.ndarray]]:
-        found = replace(sample, level=model.name).compute(0, sample.count)
-        return [("couplings", found["ratio"])]
+        found = replace(sample, level=model.name).compute_at(job.values_at(build))
+        return [("couplings", found["ratio"][row, column])]
 
     return compare_builds(solve)
