@@ -99,7 +99,8 @@ class Experiment:
     """A design (TOML) on a model that supports derivatives, with measured modes.
 
     `free` are dotted paths of the free parameters, `start` their starting values (SI), `where` is
-    the prefix of the key paths of the modes, and `file` that of the design, in errors.
+    the prefix of the key paths of the modes, and `file` that of the design, in errors. `rates` is
+    a build whose derivatives of the matrices stand for those of all builds (see `Problem.held`).
     """
 
     text: str
@@ -109,6 +110,7 @@ class Experiment:
     start: Array
     where: str
     file: str
+    rates: Build | None = None
 
     @cached_property
     def nominal(self) -> Plant:
@@ -144,7 +146,7 @@ class Experiment:
         nothing = np.zeros((system.size, system.size))
         turn = np.zeros((len(system.body) + 1, 3, 3))
         still = Matrices(nothing, nothing, nothing, nothing, turn)
-        return [change or still for change in self.at(x).changes]
+        return [change or still for change in (self.rates or self.at(x)).changes]
 
     @cached_property
     def allowed(self) -> Bool[np.ndarray, "measured mode"]:
@@ -274,6 +276,17 @@ class Problem:
         one = replace(self.experiment[0], free=tuple(names), start=base)
         free, shared = [Free(name=name) for name in names], np.ones((len(names), 1), dtype=bool)
         return replace(self, experiment=[one], free=free, shared=shared, base=base)
+
+    def held(self, z: Array) -> Problem:
+        """Hold the derivatives of the matrices at their values at z.
+
+        They hardly change from there, and cost most of the time of a step. With them a search is a
+        chord method (Kelley, Iterative Methods for Linear and Nonlinear Equations (1995), section
+        5.4): residuals are exact, slopes nearly so.
+        """
+        pairs = zip(self.experiment, self.shared.T, strict=True)
+        rates = [replace(one, rates=one.at(z[: self.count][own])) for one, own in pairs]
+        return replace(self, experiment=rates)
 
     def residues(self, plant: Plant) -> Inexact[np.ndarray, "function mode"]:
         """Compute the residues of the measured functions (`readings.residues`)."""
@@ -416,9 +429,17 @@ class Problem:
         return result
 
     def minimise(
-        self, start: Array, *, loss: str = "linear", steps: int = 200, tolerance: float = CONVERGED
+        self,
+        start: Array,
+        *,
+        loss: str = "linear",
+        steps: int = 200,
+        tolerance: float = CONVERGED,
+        held: bool = False,
     ) -> tuple[Array, float]:
         """Minimise chi^2 of the unknowns within their bounds; return it, too.
+
+        If `held`, the derivatives of the matrices are those at the start.
 
         By bounded trust regions (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1 (1999)), over
         the typical changes of the unknowns; parameters with positive bounds in their logarithms.
@@ -427,6 +448,8 @@ class Problem:
 
         if not len(start):
             return start, self.chi_squared(start)
+        if held:
+            return self.held(start).minimise(start, loss=loss, steps=steps, tolerance=tolerance)
         _, first, low, high, _, _, scale = self.unknowns
         positive = (low > 0) & (first > 0)
         size = np.where(positive, scale / np.where(positive, first, 1.0), scale)

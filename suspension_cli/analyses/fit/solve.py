@@ -17,8 +17,8 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -26,17 +26,11 @@ import numpy as np
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import findings, start
+from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.result import (
-    FACTOR,
-    SAME,
-    Correction,
-    Exchange,
-    Fit,
-    ResponseFit,
-    SingleChange,
-    is_unlikely,
-)
+from suspension_cli.analyses.fit.result import Exchange, Fit, ResponseFit, is_unlikely
+from suspension_cli.analyses.fit.search import Search, search
+from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
@@ -45,83 +39,16 @@ from suspension_cli.linear import signals
 from suspension_cli.measurements.resonances import find_peaks
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models import registry
-from suspension_cli.studies import parameters
 
 if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
 
 BEYOND = 1.5
 """Factor by which the band of modes with added damping exceeds the measured one."""
-FACTOR_KNOWN = 0.5
-"""Relative uncertainty of a gain that is off by a factor."""
-ROUNDS = 3
-"""Most comparisons of channels, and most restarts from single changes."""
-ROUGH: dict[str, Any] = {"tolerance": 1e-5, "steps": 40}
-"""End of a search for transfer functions. In a misfit of narrow resonances chi^2 creeps along a
-curved valley; only the best search goes on to its end."""
-QUICK: dict[str, Any] = {"tolerance": 1e-4, "steps": 12}
-"""The same for single changes."""
-REFITTED = 3, 5
-"""Most exchanges of labels, and most single changes, that are fitted."""
+EXCHANGES = 3
+"""Most exchanges of labels that are fitted."""
 WORTH_REPORTING = 0.1
 """Fraction of chi^2 below which an exchange of labels is reported."""
-WORTH = 0.02
-"""Fraction of the fit's decrease of chi^2 that a single change must reach to be reported."""
-
-
-@dataclass(frozen=True)
-class Solution:
-    """End of a search: the problem with corrected channels, and its unknowns z."""
-
-    problem: Problem
-    z: Array
-    chi_squared: float = np.inf
-    corrections: tuple[Correction, ...] = ()
-
-    @property
-    def misfit(self) -> bool:
-        """Whether so large a chi^2 is unlikely."""
-        freedom = len(self.problem.residual(self.z)) - len(self.z)
-        return is_unlikely(self.chi_squared, freedom)
-
-    def descend(self, z: Array, **how: Any) -> Solution:
-        """Fit all values from z on."""
-        z, chi_squared = self.problem.minimise(z, **how)
-        return replace(self, z=z, chi_squared=chi_squared)
-
-    def refine(self, how: dict[str, Any] = ROUGH) -> Solution:
-        """Fit to the resonances, then all values; in a misfit also all values from here on."""
-        if not self.problem.peaks:
-            return self.descend(self.z)
-        found = self.descend(start.fit_resonances(self.problem, self.z), **how)
-        if found.misfit and how is ROUGH:
-            found = _best([found, self.descend(self.z, **how)])
-        return found
-
-    def carry(self, problem: Problem, values: dict[str, float] | None = None) -> Solution:
-        """Turn to another problem: unknowns keep their values but for those given.
-
-        Unknowns that are new begin at their start.
-        """
-        known = dict(zip(self.problem.unknowns.name, self.z, strict=True)) | (values or {})
-        names, first, *_ = problem.unknowns
-        z = [known.get(name, value) for name, value in zip(names, first, strict=True)]
-        return replace(self, problem=problem, z=np.array(z))
-
-    def corrected(self, corrections: Sequence[Correction]) -> Solution:
-        """Change channels; gains that are off by a factor are free."""
-        channels = self.problem.channels
-        for one in corrections:
-            channels = one.apply(channels)
-            if one.kind == FACTOR:
-                wide = {"gain_uncertainty": FACTOR_KNOWN}
-                channels = channels.with_transducer(one.side, one.channel[0], **wide)
-        found = self.carry(replace(self.problem, channels=channels))
-        return replace(found, corrections=tuple(corrections))
-
-
-def _best(ends: Sequence[Solution]) -> Solution:
-    return min(ends, key=lambda end: end.chi_squared)
 
 
 def solve(
@@ -154,18 +81,23 @@ def solve(
     for x in _starts(problem, starts, seed):
         z = np.concatenate([x, problem.unknowns.start[problem.count :]])
         try:
-            ends.append(_search(Solution(problem, z)))
+            ends.append(search(Solution(problem, z)))
         except InputError:
             if not ends:
                 raise
             continue  # an invalid random design
         if tell is not None:
             tell(len(ends), starts, len(ends) / (time.monotonic() - started))
-    found, before, changes = _best(ends), np.nan, ()
+    found, before, changes = best_of(ends), np.nan, ()
     if functions:
         if explain or found.misfit:
-            found, before, changes = _restart(found)
+            begin = Solution(problem, problem.unknowns.start)
+            again = Search.of(begin, found)
+            found = again.go_on()
+        found = found.descend(found.z, held=True)
         found = found.descend(found.z)
+        if explain:
+            before, changes = single_changes(again.changes, found)
     slope = found.problem.jacobian(found.z)
     others = np.sort([end.chi_squared for end in ends])[1:]
     result = _collect(found, slope, measured, np.append(found.chi_squared, others))
@@ -230,74 +162,6 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
         yield np.clip(np.select(kinds, [drawn, geometric, even], problem.base), low, high)
 
 
-def _search(begin: Solution) -> Solution:
-    """Fit all measurements, with wrong channels as they appear at the start, then at each end."""
-    ends, tried, now = list[Solution](), list[set[object]](), begin
-    while len(ends) < ROUNDS:
-        wrong = start.guess_channels(begin.problem, now.z)
-        names: set[object] = {(one.kind, one.side, *one.channel) for one in wrong}
-        if names in tried:
-            break
-        tried.append(names)
-        ends.append(begin.corrected(wrong).refine())
-        if not ends[-1].misfit:
-            return ends[-1]
-        now = ends[-1].carry(begin.problem)
-    return _best(ends if set() in tried else [*ends, begin.refine()])
-
-
-def _restart(found: Solution) -> tuple[Solution, float, tuple[SingleChange, ...]]:
-    """Start again from the best single change while it fits better than all parameters do."""
-    problem = found.problem
-    given = dict(zip(problem.experiment[0].free, problem.base, strict=True))
-    before, changes = _single_changes(found)
-    for _ in range(ROUNDS):
-        best = next((one for one in changes[:1] if one.name in given), None)
-        if not found.misfit or best is None or best.chi_squared >= found.chi_squared:
-            break
-        again = found.carry(problem, given | {best.name: best.start + best.change}).refine()
-        if again.chi_squared > (1 - SAME) * found.chi_squared:
-            break
-        found = again
-        before, changes = _single_changes(found)
-    return found, before, changes
-
-
-def _single_changes(found: Solution) -> tuple[float, tuple[SingleChange, ...]]:
-    """Fit the measurements with one parameter of the design at a time.
-
-    Parameters are ranked by the chi^2 that a change of one alone leaves, to first order around the
-    end of the fit; the best are fitted. Returns chi^2 of the design as given, with only the other
-    unknowns fitted, and the changes, best first.
-    """
-    problem, one = found.problem, found.problem.experiment[0]
-    every = parameters.every(one.text, one.level)
-    given = {item.name: item.value for item in every}
-    given |= dict(zip(one.free, problem.base, strict=True))
-    fitted = given | dict(zip(one.free, found.z[: problem.count], strict=True))
-    wide = problem.restricted([*given], fitted)
-    slope = wide.data_rows(wide.jacobian(found.carry(wide).z))
-    own, moved = slope.T @ slope, wide.base - np.array([*given.values()])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
-    least = max(WORTH * float(moved @ own @ moved), 4.0)
-
-    def fit(*some: str) -> Solution:
-        return found.carry(problem.restricted(some, given), given).refine(QUICK)
-
-    before, result = fit().chi_squared, []
-    ranked = sorted(zip(gain, given, strict=True), reverse=True)[: REFITTED[1]]
-    for name in (name for worth, name in ranked if worth > least):
-        try:
-            end = fit(name)
-        except (InputError, np.linalg.LinAlgError):
-            continue
-        result.append(SingleChange(name, given[name], end.z[0] - given[name], end.chi_squared))
-    most = before - WORTH * max(before - found.chi_squared, 0.0)
-    good = [item for item in result if item.chi_squared < most]
-    return before, tuple(sorted(good, key=lambda item: item.chi_squared))
-
-
 def _find_exchange(found: Solution) -> Exchange | None:
     """Find two labels of one experiment whose exchange removes a misfit; None if none does.
 
@@ -318,8 +182,7 @@ def _find_exchange(found: Solution) -> Exchange | None:
             ranked.append((Exchange(e, (first, second), tried.chi_squared(tried.base)), tried))
     ranked.sort(key=lambda pair: pair[0].chi_squared)
     fitted = [
-        replace(one, chi_squared=tried.minimise(tried.base)[1])
-        for one, tried in ranked[: REFITTED[0]]
+        replace(one, chi_squared=tried.minimise(tried.base)[1]) for one, tried in ranked[:EXCHANGES]
     ]
     best = min(fitted, key=lambda one: one.chi_squared, default=None)
     worthy = best is not None and best.chi_squared < WORTH_REPORTING * found.chi_squared

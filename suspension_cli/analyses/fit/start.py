@@ -326,7 +326,9 @@ def fit_resonances(problem: Problem, z: Array) -> Array:
             modes.append(Mode(frequency=peak.frequency, uncertainty=sigma, label=label))
         alone = Problem([replace(one, mode=modes)], problem.free, problem.shared, problem.base)
         # robust, as a peak may be of another mode
-        z[parts[0]], _ = alone.minimise(z[parts[0]], loss="soft_l1", steps=30, tolerance=1e-2)
+        z[parts[0]], _ = alone.minimise(
+            z[parts[0]], loss="soft_l1", steps=30, tolerance=1e-2, held=True
+        )
         matched = assign_peaks(problem, z)
     for peak in matched:
         z[parts[2]][problem.damped == peak.mode] = np.clip(np.log(peak.damping), np.log(1e-8), -0.1)
