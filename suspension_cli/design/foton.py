@@ -45,14 +45,16 @@ PAIRED = 1e-9
 SIDE = {"s": "negative", "f": "negative", "n": "positive"}
 """Sign of the real part of a root of `zpk` in the left half plane, per plane."""
 FACTOR = re.compile(
-    r"\s*(?P<times>\*|/\.)?\s*(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
-    r"|(?P<name>[A-Za-z_]\w*)\s*"
+    r"\s*+(?P<times>\*|/\.)?\s*+(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"|(?P<name>[A-Za-z_]\w*+)\s*+"
     r"\((?P<arguments>(?:[^()\"']|\"[^\"]*\"|'[^']*')*+)\))"
 )
 EXAMPLE = 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")'
 TYPES = ("LowPass", "HighPass", "BandPass", "BandStop")
 MOST = 100
 """Highest order of a design, and most harmonics of a comb."""
+MOST_ROOTS = 1000
+"""Most zeros and poles of a filter; front ends have up to 200 of each."""
 OUTSIDE = 1e-12
 """Distance beyond the unit circle that may be a rounding error of a coefficient."""
 
@@ -195,6 +197,7 @@ def parse(text: str, rate: float = 0.0) -> Filter:
         where = f"column {found.start('name' if found['name'] else 'number') + 1}: {name}"
         try:
             result = _add(result, name, arguments)
+            _check_count(len(result.zeros) + len(result.poles))
         except FotonError as error:
             raise FotonError(f"{where} {error.problem}", error.remedy) from None
         except (OverflowError, ZeroDivisionError):
@@ -221,7 +224,7 @@ def _add(made: Filter, name: str, arguments: str) -> Filter:
         remedy = "have Foton write the filter as zeros, poles and gain"
         raise FotonError(f"is not known here ({', '.join(FACTORS)})", remedy)
     least, most, make, planes = FACTORS[name]
-    given = [_read(one.strip()) for one in re.split(r",(?![^\[]*\])", arguments) if arguments]
+    given = [_read(one.strip()) for one in _split(arguments) if arguments]
     plane = planes[0] if planes else "s"
     if planes and given and isinstance(given[-1], str):
         plane = given.pop()
@@ -234,12 +237,25 @@ def _add(made: Filter, name: str, arguments: str) -> Filter:
     return make(made, name, plane, *given)
 
 
+def _split(arguments: str) -> list[str]:
+    """Split arguments at the commas outside brackets."""
+    parts = [""]
+    for piece in re.findall(r"\[[^\]]*\]?|,|[^,\[]+", arguments):
+        if piece == ",":
+            parts.append("")
+        else:
+            parts[-1] += piece
+    return parts
+
+
 def _read(text: str) -> Any:
     """Read an argument: a string, a list of roots, or a number (1, -i*2, 1+i*2, 1+2*i, 1-2i)."""
     if quoted := re.fullmatch(r"([\"'])(.*)\1", text):
         return quoted[2]
     if vector := re.fullmatch(r"\[([^\[\]]*)\]", text):
-        return [_read(root) for root in re.split("[;,]", vector[1]) if vector[1].strip()]
+        roots = re.split("[;,]", vector[1])
+        _check_count(len(roots))
+        return [_read(root) for root in roots if vector[1].strip()]
     plain = re.sub(r"\s", "", text).replace("i", "j")
     plain = re.sub(r"j\*([\d.]+(?:e[+-]?\d+)?)", r"\1j", plain).replace("*j", "j")
     try:
@@ -250,6 +266,13 @@ def _read(text: str) -> Any:
     if not cmath.isfinite(number):
         raise FotonError(f"has a number that is too large ({text})", "write a smaller one")
     return number
+
+
+def _check_count(count: int) -> None:
+    """Raise `FotonError` for more roots than a filter has, which would take long to pair."""
+    if count > MOST_ROOTS:
+        remedy = f"give up to {MOST_ROOTS}; a front end takes 200"
+        raise FotonError(f"has {count} zeros and poles", remedy)
 
 
 def _reals(*value: Any) -> list[float]:
