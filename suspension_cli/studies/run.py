@@ -1,7 +1,7 @@
 """Run a job: chunks of points, on processes or a Dask cluster, whose results are kept on disk.
 
 A job computes any range of its points independently, so number of workers and engine do not matter.
-Finished chunks are npz files, which have checksums, in the folder ``NAME.h5.part``. A run that is
+Finished chunks are files with checksums in the folder ``NAME.h5.part``, see `chunks`. A run that is
 killed, also by a power cut, continues from there with ``resume``. When all points are done, the
 results file is written.
 """
@@ -18,7 +18,6 @@ import signal
 import socket
 import threading
 import time
-import zipfile
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
@@ -31,6 +30,8 @@ from suspension_cli.errors import InputError, PendsusError, format_value
 from suspension_cli.files import hdf5
 from suspension_cli.files.hdf5 import Provenance
 from suspension_cli.files.whole_files import is_regular, writing_to
+from suspension_cli.studies import chunks
+from suspension_cli.studies.chunks import Columns
 from suspension_cli.version import __version__
 
 try:
@@ -49,8 +50,6 @@ Client = Any
 """A `distributed.Client`, of an optional dependency."""
 Range = tuple[int, int]
 """First point, and one after the last."""
-Columns = dict[str, Any]
-"""Arrays of results by name, with the points along the first axis."""
 Results = Generator[tuple[int, Columns], None, None]
 Write = Callable[[h5py.Group, Columns], None]
 """Writes the results of all points, with all that describes them, into a group."""
@@ -123,16 +122,17 @@ def part_of(path: Path) -> Path:
 class _Points:
     """Results of the points of a job that are done, in memory and in a folder."""
 
-    def __init__(self, path: Path, count: int) -> None:
+    def __init__(self, path: Path, count: int, key: str) -> None:
         self.path = path
+        self.key = key
         self.done = np.zeros(count, dtype=bool)
         self.columns: Columns = {}
 
     def save(self, start: int, values: Columns) -> None:
         """Keep the results of points from `start` on."""
-        file = part_of(self.path) / f"{start}.npz"
+        file = chunks.path_of(part_of(self.path), start)
         with writing_to(self.path):
-            _write(file.with_suffix(".new"), values)
+            chunks.write(file.with_suffix(".new"), self.key, start, values)
             os.replace(file.with_suffix(".new"), file)
         self.add(start, values)
 
@@ -145,17 +145,17 @@ class _Points:
             self.done[start : start + len(one)] = True
 
     def read(self) -> None:
-        """Read the chunks in the folder; damaged ones are computed again."""
-        for file in part_of(self.path).glob("*.npz"):
-            damage = OSError, ValueError, EOFError, zipfile.BadZipFile
-            with contextlib.suppress(*damage), np.load(file) as found:
-                self.add(int(file.stem), dict(found))
+        """Read the chunks in the folder; those that are not as written are computed again."""
+        for file in part_of(self.path).glob(f"*{chunks.ENDING}"):
+            start, found = chunks.start_of(file), chunks.read(file, self.key, len(self.done))
+            if start is not None and found is not None:
+                self.add(start, found)
 
 
 @contextlib.contextmanager
 def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[_Points]:
     """Begin or resume the folder of a job, which no other run may write meanwhile."""
-    folder, points = part_of(path), _Points(path, job.count)
+    folder = part_of(path)
     if not is_regular(path, follow=True):
         problem, remedy = "is not a regular file", "delete it, or name another folder"
         raise InputError.of("--out", problem, remedy, str(path))
@@ -164,6 +164,7 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
         raise InputError.of("--out", problem, remedy, str(folder))
     known = (__version__, job.count, origin.design, job.identity)
     key = hashlib.sha256(repr(known).encode()).hexdigest()
+    points = _Points(path, job.count, key)
     with contextlib.ExitStack() as stack:
         with writing_to(path):
             folder.mkdir(exist_ok=True)
@@ -172,7 +173,7 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
             stream.seek(0)
             given = stream.read()
             if not (resume and given):
-                for file in folder.glob("*.npz"):
+                for file in folder.glob(f"*{chunks.ENDING}"):
                     file.unlink()
                 stream.truncate(0)
                 stream.write(key)
@@ -201,11 +202,6 @@ def _lock(stream: TextIO, path: Path) -> None:
         raise InputError.of("--out", problem, remedy, str(path)) from None
     except OSError:
         pass  # a file system without locks
-
-
-def _write(file: Path, values: Columns) -> None:
-    with file.open("wb") as stream:
-        np.savez(stream, **values)
 
 
 def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:

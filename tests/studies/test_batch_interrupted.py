@@ -171,15 +171,15 @@ def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny
 
 def fail_after(monkeypatch, writes, error):
     """Let every write of results after some raise an error."""
-    real, count = batch._write, iter(range(10**9))
+    real, count = batch.chunks.write, iter(range(10**9))
 
-    def write(file, values):
+    def write(file, *content):
         if next(count) >= writes:
             file.write_bytes(b"begun")
             raise error
-        real(file, values)
+        real(file, *content)
 
-    monkeypatch.setattr(batch, "_write", write)
+    monkeypatch.setattr(batch.chunks, "write", write)
 
 
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
