@@ -29,15 +29,10 @@ import numpy as np
 from suspension_cli.errors import InputError, PendsusError, format_value
 from suspension_cli.files import hdf5
 from suspension_cli.files.hdf5 import Provenance
-from suspension_cli.files.whole_files import is_regular, writing_to
+from suspension_cli.files.whole_files import is_regular, lock, remove_leftovers, writing_to
 from suspension_cli.studies import chunks
 from suspension_cli.studies.chunks import Columns
 from suspension_cli.version import __version__
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
 
 STARTUP = 5.0
 """Time, s, that a run must still take for further processes to start: they import the program."""
@@ -170,6 +165,7 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
             folder.mkdir(exist_ok=True)
             stream = stack.enter_context((folder / KEY).open("a+"))
             _lock(stream, path)
+            remove_leftovers(path)
             stream.seek(0)
             given = stream.read()
             if not (resume and given):
@@ -193,15 +189,9 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
 
 def _lock(stream: TextIO, path: Path) -> None:
     """Raise `InputError` if another run has the file; where locks are unknown it is not noticed."""
-    if fcntl is None:
-        return
-    try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    if lock(stream.fileno()) is False:
         problem, remedy = "another run is writing this file", "wait for it, or name another folder"
-        raise InputError.of("--out", problem, remedy, str(path)) from None
-    except OSError:
-        pass  # a file system without locks
+        raise InputError.of("--out", problem, remedy, str(path))
 
 
 def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import sys
 import time
@@ -15,7 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from suspension_cli.files import whole_files
 from suspension_cli.studies import run as batch
+from tests.support import counting_sweep
 from tests.support.commandline import become, process, run
 from tests.support.counting_sweep import finished as finished_points
 from tests.support.couplings import FILE
@@ -212,7 +215,7 @@ def test_a_disk_that_fills_up(writes, bare, monkeypatch, tiny, tmp_path):
     """One line, exit code 2; what was done can be read, and the run goes on from there: also
     without what Windows lacks, locks of `fcntl` and masks of signals."""
     if bare:
-        monkeypatch.setattr(batch, "fcntl", None)
+        monkeypatch.setattr(whole_files, "fcntl", None)
         monkeypatch.delattr(signal, "pthread_sigmask")
     with monkeypatch.context() as patch:
         fail_after(patch, writes, FULL)
@@ -232,3 +235,73 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     result = run("xcouple", FILE, "--out", tmp_path / "file" / "below")
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
+
+
+def killed_while_writing(write):
+    """A process, a copy of this one, that kills itself before it renames a file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        os.fsync = lambda _handle: os.kill(os.getpid(), signal.SIGKILL)
+        write()
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == -signal.SIGKILL
+
+
+@pytest.mark.parametrize("resume", [True, False])
+def test_what_a_kill_during_the_last_write_leaves_is_removed(resume, tmp_path):
+    """When the run begins, as it may need the space."""
+    path, seen = tmp_path / "toy.h5", []
+
+    class Witness(counting_sweep.Toy):
+        def compute(self, start, stop):
+            seen.append(sorted(one.name for one in tmp_path.iterdir()))
+            return super().compute(start, stop)
+
+    job = Witness(100, str(tmp_path / "log"))
+    killed_while_writing(lambda: counting_sweep.run(job, path, chunk=64))
+    left = [one.name for one in tmp_path.iterdir()]
+    assert any(re.fullmatch(r"\.toy\.h5\.\w{8}", name) for name in left)
+    (counting_sweep.part(path) / "64.chunk").unlink()
+    seen.clear()
+    counting_sweep.run(job, path, chunk=64, resume=resume)
+    assert seen == [["log", "toy.h5.part"]] * (1 if resume else 2)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["log", "toy.h5"]
+
+
+def test_files_of_other_names_and_kinds_are_no_leftovers(tmp_path):
+    path = tmp_path / "x.png"
+    killed_while_writing(lambda: whole_files.replace_file(path, b"1"))
+    kept = [".x.png.notes", ".x.png.ABCDEFGH", ".y.png.abcdefgh", ".x.png.abcdefgh.txt"]
+    for name in kept:
+        (tmp_path / name).touch()
+    (tmp_path / ".x.png.aaaaaaaa").mkdir()
+    (tmp_path / ".x.png.bbbbbbbb").symlink_to("x.png")
+    os.mkfifo(tmp_path / ".x.png.cccccccc")
+    whole_files.replace_file(path, b"2")
+    special = [".x.png.aaaaaaaa", ".x.png.bbbbbbbb", ".x.png.cccccccc"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted([*kept, *special, "x.png"])
+
+
+def test_what_another_process_is_writing_is_no_leftover(tmp_path):
+    """Both files are whole in their turn."""
+    path, read_end, write_end = tmp_path / "x.png", *os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        os.fsync = lambda _handle: os.read(read_end, 1)
+        whole_files.replace_file(path, b"slow")
+        os._exit(0)
+    while not (temporary := [*tmp_path.glob(".x.png.*")]) or not temporary[0].stat().st_size:
+        time.sleep(0.002)
+    whole_files.replace_file(path, b"quick")
+    assert path.read_bytes() == b"quick" and temporary[0].exists()
+    os.write(write_end, b".")
+    assert os.waitpid(child, 0)[1] == 0
+    assert path.read_bytes() == b"slow"
+    assert [one.name for one in tmp_path.iterdir()] == ["x.png"]
+    os.close(read_end)
+    os.close(write_end)
