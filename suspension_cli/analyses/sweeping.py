@@ -49,8 +49,8 @@ def recorded(command: str) -> str:
 def fill(run: Run, analysis: Analysis, job: Job, choice: Choice, write: Write) -> Result:
     """Compute all points of a job, write the results file, and read the result from there.
 
-    `write` writes the group of the analysis. Raises `Interrupted` after Ctrl-C; the message says
-    how to continue.
+    `write` writes the group of the analysis. Raises `Interrupted` after Ctrl-C or another signal;
+    the message says how to continue.
     """
     setting = run.setting
     path = target(run.folder / f"{run.source.stem()}-{analysis.stem}.h5")
@@ -69,10 +69,10 @@ def fill(run: Run, analysis: Analysis, job: Job, choice: Choice, write: Write) -
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
             how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
             compute(job, path, analysis.name, origin, write, progress=progress, **how)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as cause:
         part = part_of(path)
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
-        raise Interrupted(escape_unprintable(f"interrupted{kept}")) from None
+        raise Interrupted.by(cause, escape_unprintable(kept)) from None
     with open_results(path) as file:
         data = analysis.load(file)
     return Result(analysis, run.source, choice, data, file=path, command=run.command)

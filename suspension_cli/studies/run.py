@@ -34,15 +34,21 @@ from suspension_cli.studies import chunks
 from suspension_cli.studies.chunks import Columns
 from suspension_cli.version import __version__
 
+SIGNALS_APART = 1.0
+"""Longest time, s, between the signals by which a batch system ends workers and this process."""
 STARTUP = 5.0
 """Time, s, that a run must still take for further processes to start: they import the program."""
 PATIENCE = 5.0
-"""Seconds in which a scheduler must answer and have a worker."""
+"""Seconds in which a scheduler must answer and have a worker, and may have lost all of them."""
+EVERY = 1.0
+"""Time, s, after which a cluster without results is asked for its workers."""
 KEY = "job"
 """File in the folder of an unfinished run that identifies its job."""
 
 Client = Any
 """A `distributed.Client`, of an optional dependency."""
+Pipe = Any
+"""Reading end of a pipe of `multiprocessing`, whose type differs between systems."""
 Range = tuple[int, int]
 """First point, and one after the last."""
 Results = Generator[tuple[int, Columns], None, None]
@@ -213,8 +219,17 @@ def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:
             return
 
 
-def _share(pool: Executor, job: Job, ranges: list[Range], most: int) -> Results:
-    """Submit ranges, `most` at a time, and wait for results as they are ready."""
+def _share(
+    pool: Executor,
+    job: Job,
+    ranges: list[Range],
+    most: int,
+    check: Callable[[], None] = lambda: None,
+) -> Results:
+    """Submit ranges, `most` at a time, and wait for results as they are ready.
+
+    `check` is called at least every second; it may raise an error.
+    """
     from concurrent.futures import FIRST_COMPLETED, wait
 
     waiting, running = iter(ranges), set[Any]()
@@ -224,7 +239,8 @@ def _share(pool: Executor, job: Job, ranges: list[Range], most: int) -> Results:
             running |= {pool.submit(_compute, job, part) for part in new}
         if not running:
             return
-        finished, running = wait(running, return_when=FIRST_COMPLETED)
+        finished, running = wait(running, EVERY, return_when=FIRST_COMPLETED)
+        check()
         yield from (future.result() for future in finished)
 
 
@@ -236,17 +252,19 @@ def _compute(job: Job, part: Range) -> tuple[int, Columns]:
     return part[0], values
 
 
-def _exit_with_parent() -> None:
-    """End this worker process when its parent process is killed."""
+def _start_worker(stopped: Pipe) -> None:
+    """Let this worker process end when `stopped` is closed, or its parent process is killed."""
     from multiprocessing import parent_process
     from multiprocessing.connection import wait
 
     def watch() -> None:
         parent = parent_process()
         if parent is not None:
-            wait([parent.sentinel])
+            wait([parent.sentinel, stopped])
             os._exit(1)
 
+    if hasattr(signal, "pthread_sigmask"):  # by which the pool ends what is left of a broken one
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=watch, daemon=True).start()
 
 
@@ -256,33 +274,59 @@ def _on_processes(job: Job, ranges: list[Range], workers: int) -> Results:
     from concurrent.futures.process import BrokenProcessPool
     from multiprocessing import get_context
 
-    with ProcessPoolExecutor(workers, get_context("spawn"), _exit_with_parent) as pool:
+    context = get_context("spawn")
+    stopped, stop = context.Pipe(duplex=False)
+    with _uninterrupted():
+        _start_semaphore_tracker()
+        pool = ProcessPoolExecutor(workers, context, _start_worker, (stopped,))
+    with stopped, stop, pool:
         try:
             yield from _share(pool, job, ranges, 2 * workers)
         except BrokenProcessPool:
+            # batch systems end one process after another: the signal to this one may still come
+            time.sleep(SIGNALS_APART)
             raise PendsusError(
                 "a worker was killed, perhaps out of memory; give fewer --workers or a smaller"
                 " --chunk and continue with --resume"
             ) from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            stop.close()  # what workers compute now is not needed
             raise
 
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Delay Ctrl-C; processes started meanwhile ignore it, as this one ends them.
+    """Delay the signals that end a run; processes started meanwhile ignore them.
 
-    Windows has no such delay.
+    This process ends them. Windows has no such delay.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ending_signals())
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _ending_signals() -> set[signal.Signals]:
+    return {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+
+
+def _start_semaphore_tracker() -> None:
+    """Start the process that removes the semaphores of this one, if it runs not yet.
+
+    While signals are delayed, so that it is not ended by SIGHUP. As it stops the delay of some,
+    this begins again.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ending_signals())
 
 
 def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
@@ -294,7 +338,7 @@ def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
 
     most = 4 * max(1, sum(client.nthreads().values()))
     try:
-        yield from _share(client.get_executor(pure=False), job, ranges, most)
+        yield from _share(client.get_executor(pure=False), job, ranges, most, _watch(client))
     except (CancelledError, CommClosedError) as error:
         reason = str(error).partition("\n")[0] or "its work was cancelled"
         raise PendsusError(
@@ -306,6 +350,34 @@ def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
             "the cluster's workers were killed, perhaps out of memory; give a smaller --chunk and"
             " continue with --resume"
         ) from None
+
+
+def _watch(client: Client) -> Callable[[], None]:
+    """Make a function that raises `PendsusError` once a cluster has long had no workers.
+
+    Its scheduler waits for new ones for ever.
+    """
+    asked = time.monotonic()
+    lost: float | None = None
+
+    def check() -> None:
+        nonlocal asked, lost
+        now = time.monotonic()
+        if now - asked < EVERY:
+            return
+        asked = now
+        with contextlib.suppress(OSError):  # without a scheduler, what was submitted fails
+            if client.nthreads():
+                lost = None
+            elif lost is None:
+                lost = now
+        if lost is not None and now - lost > PATIENCE:
+            raise PendsusError(
+                "all workers of the cluster were lost; start `dask worker` again and continue with"
+                " --resume"
+            )
+
+    return check
 
 
 def is_encrypted(scheduler: str) -> bool:

@@ -3,6 +3,7 @@ finishes the very same file."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import re
@@ -10,6 +11,7 @@ import signal
 import sys
 import time
 import warnings
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
 
@@ -58,8 +60,13 @@ class Started:
         return self.returncode
 
     def ended(self):
-        """What it reported in the end."""
+        """What it, and the process that looks after its semaphores, reported in the end."""
         self.poll(0)
+        until = time.monotonic() + 20
+        with contextlib.suppress(ProcessLookupError):
+            while time.monotonic() < until:
+                os.killpg(self.pid, 0)
+                time.sleep(0.005)
         reported = os.pread(self.stderr, 10**6, 0).decode()
         os.close(self.stderr)
         return reported
@@ -156,6 +163,81 @@ def test_interrupted_from_the_keyboard(when, small, tmp_path):
         else:
             assert (stderr, kept) == ("interrupted\n", [])
     assert finished(tmp_path, *SMALL, "--resume") == small
+
+
+@pytest.mark.parametrize(
+    ("number", "workers", "whole_group"),
+    [
+        (signal.SIGTERM, "1", False),
+        (signal.SIGTERM, "2", False),
+        (signal.SIGTERM, "2", True),
+        (signal.SIGHUP, "2", True),
+    ],
+)
+def test_ended_by_a_batch_system(number, workers, whole_group, small, tmp_path):
+    """As after Ctrl-C, whether all processes get the signal or this one alone; a second one while
+    it ends changes nothing, as terminals and shells both send SIGHUP."""
+    process = Started(tmp_path, *SMALL, "--workers", workers)
+    waited(process, tmp_path, 5)
+    for _ in range(2):
+        with contextlib.suppress(ProcessLookupError):
+            (os.killpg if whole_group else os.kill)(process.pid, number)
+    stderr = process.ended()
+    part = tmp_path / f"{NAME}.part"
+    line = f"ended by {number.name}; finished points are in {part}; --resume continues\n"
+    assert (process.returncode, stderr) == (128 + number, line)
+    assert [path.name for path in tmp_path.iterdir()] == [part.name]
+    assert finished(tmp_path, *SMALL, "--resume") == small
+
+
+def test_workers_that_are_ended_first_are_not_out_of_memory(small, tmp_path):
+    """Batch systems send the signal to one process after another."""
+    process = Started(tmp_path, *SMALL, "--workers", "2")
+    waited(process, tmp_path, 5)
+    for worker in [*children(process.pid)[1:], process.pid]:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(worker, signal.SIGTERM)
+        time.sleep(0.05)
+    assert process.ended().startswith("ended by SIGTERM; ")
+    assert process.returncode == 128 + signal.SIGTERM
+    assert finished(tmp_path, *SMALL, "--resume") == small
+
+
+def test_signals_that_are_ignored_stay_ignored(small, tmp_path):
+    """As `nohup` ignores SIGHUP."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = Started(tmp_path, *SMALL, "--workers", "2")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    waited(process, tmp_path, 5)
+    os.killpg(process.pid, signal.SIGHUP)
+    assert (process.ended(), process.returncode) == ("", 0)
+    assert (tmp_path / NAME).read_bytes() == small
+
+
+@dataclass(frozen=True)
+class Slow(counting_sweep.Toy):
+    """A job whose second chunk takes longer than anybody waits."""
+
+    def compute(self, start, stop):
+        if start == 64:
+            time.sleep(3600)
+        return super().compute(start, stop)
+
+
+def test_chunks_that_take_long_are_not_waited_for(tmp_path):
+    """Workers are ended at once: batch systems kill what does not end in some seconds."""
+    job = Slow(64 * 8, str(tmp_path / "log"))
+
+    def interrupt(done, _all, _rate):
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, workers=2, progress=interrupt)
+    part = counting_sweep.part(tmp_path / "toy.h5")
+    assert counting_sweep.finished(part, job.count).any()
 
 
 @pytest.mark.parametrize("writes", [1, 3])
