@@ -1,12 +1,14 @@
 """Errors of the input, with messages that say how to correct them.
 
 Each fault is one line: file and key path, value, problem, remedy. Commands turn a `PendsusError`
-into its exit code: 2 for `InputError`, 130 after Ctrl-C, else 1.
+into its exit code: 2 for `InputError`, 130 after Ctrl-C, 128 + its number after another signal,
+else 1.
 """
 
 from __future__ import annotations
 
 import contextlib
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
@@ -57,10 +59,27 @@ class PendsusWarning(UserWarning):
     """Warning about a result; `pendsus` prints it on stderr."""
 
 
+class Signalled(KeyboardInterrupt):
+    """A signal by which a batch system or a closed terminal ends the run."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
 class Interrupted(PendsusError):
-    """Ctrl-C, with a message about what was completed."""
+    """Ctrl-C or a signal that ended the run, with a message about what was completed."""
 
     exit_code = 130
+
+    @classmethod
+    def by(cls, cause: KeyboardInterrupt, kept: str = "") -> Interrupted:
+        """Make the error of an interruption; `kept` says what was completed."""
+        if not isinstance(cause, Signalled):
+            return cls(f"interrupted{kept}")
+        result = cls(f"ended by {signal.Signals(cause.number).name}{kept}")
+        result.exit_code = 128 + cause.number
+        return result
 
 
 class InputError(PendsusError):

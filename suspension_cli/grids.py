@@ -79,6 +79,18 @@ def parse_band(
     return low, high
 
 
+def parse_place(text: str, count: int) -> int | None:
+    """Parse a number from 1 to `count`, given instead of a name, as a place from 0.
+
+    None for any other text; Python reads no integers of more than 4300 digits.
+
+    >>> parse_place("2", 3), parse_place("4", 3), parse_place("test", 3), parse_place("9" * 5000, 3)
+    (1, None, None, None)
+    """
+    is_number = text.isascii() and text.isdigit() and len(text) <= len(str(count))
+    return int(text) - 1 if is_number and 1 <= int(text) <= count else None
+
+
 def _range(text: str, default: str) -> list[float]:
     """Numbers of ``start:stop:count[:log|lin]``, both ends exact."""
     parts = text.split(":")
@@ -88,9 +100,10 @@ def _range(text: str, default: str) -> list[float]:
     if len(spacing) > 1 or (spacing and spacing[0] not in ("lin", "log")):
         raise ValueError("the spacing must be lin or log")
     first, last = _number(start), _number(stop)
-    if not number.strip().isdecimal() or not 1 <= int(number) <= MAX_POINTS:
+    last_place = parse_place(number.strip(), MAX_POINTS)
+    if last_place is None:
         raise ValueError(f"the count must be an integer from 1 to {MAX_POINTS}")
-    count = int(number)
+    count = last_place + 1
     if count == 1:
         return [first]
     steps = range(count)

@@ -153,7 +153,8 @@ def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Res
     """Compute all points of a study, write the results file, and read the result from there.
 
     If the results show that the model of a `choice` is not accurate enough, they are computed in a
-    more complete one. Raises `Interrupted` after Ctrl-C; the message says how to continue.
+    more complete one. Raises `Interrupted` after Ctrl-C or another signal; the message
+    says how to continue.
     """
     setting = run.setting
     path = target(run.folder / f"{run.source.stem()}-{analysis.stem}.h5")
@@ -167,10 +168,10 @@ def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Res
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
             begin = review.job, path, analysis.name, review.origin, review.write
             compute(*begin, review=review, progress=progress, **how)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as cause:
         part = part_of(path)
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
-        raise Interrupted(escape_unprintable(f"interrupted{kept}")) from None
+        raise Interrupted.by(cause, escape_unprintable(kept)) from None
     with open_results(path) as file:
         data = analysis.load(file)
     return Result(analysis, run.source, review.choice, data, file=path, command=run.command)

@@ -8,7 +8,7 @@ import os
 
 import click
 
-from suspension_cli.cli.terminal import guard_streams, in_one_line
+from suspension_cli.cli.terminal import guard_streams, in_one_line, raising_signals
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.errors import suggest
 from suspension_cli.version import __version__
@@ -108,7 +108,8 @@ class LazyGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> object:
         """Run a command; errors become lines on stderr and an exit code."""
-        with in_one_line(lambda: self.get_command(ctx, ctx.invoked_subcommand or "")):
+        command = lambda: self.get_command(ctx, ctx.invoked_subcommand or "")  # noqa: E731
+        with in_one_line(command), raising_signals():
             return super().invoke(ctx)
 
 

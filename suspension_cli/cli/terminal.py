@@ -9,7 +9,9 @@ import contextlib
 import errno
 import io
 import os
+import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,10 +20,12 @@ from typing import Any
 import click
 
 from suspension_cli.analyses.analysis import Log
-from suspension_cli.errors import Interrupted, PendsusError, escape_unprintable
+from suspension_cli.errors import Interrupted, PendsusError, Signalled, escape_unprintable
 
 PATIENCE = 1.0
 """Time before the bar appears, s."""
+ENDING = ("SIGTERM", "SIGHUP")
+"""Signals of batch systems and closed terminals that end a run; Windows lacks the second."""
 EVERY = 0.2
 """Time between two updates, s."""
 
@@ -127,8 +131,8 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
     """End a run that the input, the user or the system stops with one line on stderr.
 
     The `command` that runs has the options that could be made smaller. Raises
-    `click.exceptions.Exit` with exit code 2 for a fault of the input, 130 after Ctrl-C, 1 for
-    anything else.
+    `click.exceptions.Exit` with exit code 2 for a fault of the input, 130 after Ctrl-C, 128 + its
+    number after another signal, 1 for anything else.
     """
     try:
         yield
@@ -138,8 +142,9 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
         raise
     except PendsusError as error:
         _stop(str(error), error.exit_code)
-    except KeyboardInterrupt:
-        _stop("interrupted", Interrupted.exit_code)
+    except KeyboardInterrupt as cause:
+        error = Interrupted.by(cause)
+        _stop(str(error), error.exit_code)
     except (MemoryError, ImportError, RuntimeError, OSError) as error:
         words = str(error).lower()
         if isinstance(error, MemoryError) or any(found in words for found in NO_MEMORY):
@@ -147,6 +152,33 @@ def in_one_line(command: Callable[[], click.Command | None] = lambda: None) -> I
         if not isinstance(error, OSError):
             raise
         _stop(_describe_system_error(error), 1)
+
+
+@contextlib.contextmanager
+def raising_signals() -> Iterator[None]:
+    """Raise `Signalled` inside for SIGTERM and SIGHUP, as Python raises an error for Ctrl-C.
+
+    Those that the caller ignores, as `nohup` does, stay ignored. After the first one further ones
+    are: a shell and its terminal both send SIGHUP, and ending takes some time.
+    """
+    known = (getattr(signal, name, None) for name in ENDING)
+    numbers = [one for one in known if one and signal.getsignal(one) is signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []  # which alone may handle signals
+
+    def end(number: int, _frame: object) -> None:
+        for one in numbers:
+            signal.signal(one, signal.SIG_IGN)
+        numbers.clear()
+        raise Signalled(number)
+
+    for one in numbers:
+        signal.signal(one, end)
+    try:
+        yield
+    finally:
+        for one in numbers:
+            signal.signal(one, signal.SIG_DFL)
 
 
 def _stop(text: str, code: int) -> None:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 import operator
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from functools import cache
+from itertools import islice
 from typing import Any, TypeVar
 
 import msgspec
@@ -39,6 +41,10 @@ _BOUNDS = {
 TINY = 1e-150
 """Magnitude below which numbers other than 0 are refused: the square would not be a number of full
 precision (2e-308)."""
+LONGEST_TEXT = 100_000
+"""Longest text of a document, characters; the filter of a loop has up to some ten thousand."""
+MOST_FAULTS = 1000
+"""Most faults that are listed of one document."""
 
 
 def convert(raw: Raw, kind: type[T], *, rules: bool = True) -> T:
@@ -51,7 +57,9 @@ def convert(raw: Raw, kind: type[T], *, rules: bool = True) -> T:
     except msgspec.ValidationError as error:
         document, refusal = None, str(error)
     good = document is not None and _is_ordinary(raw)
-    found = [] if good else [*_walk(_schema(kind), raw, "")]
+    found = [] if good else [*islice(_walk(_schema(kind), raw, ""), MOST_FAULTS + 1)]
+    if len(found) > MOST_FAULTS:
+        found[-1] = Fault("", f"has more than these {MOST_FAULTS} faults", "correct these first")
     if rules and document is not None and not found:
         found = [*find_faults(tables(document))]
     if document is not None and not found:
@@ -79,8 +87,11 @@ def tables(node: Any, path: str = "", known: Collection[int] = ()) -> Iterator[t
     elif isinstance(node, dict):
         members = [(step(path, key), value) for key, value in node.items()]
     elif isinstance(node, list):
-        names = [paths.name_of(value) for value in node]
-        single = [value if names.count(paths.name_of(value)) == 1 else None for value in node]
+        names = [name if isinstance(name := paths.name_of(value), str) else "" for value in node]
+        counts = Counter(names)
+        single = [
+            value if counts[name] == 1 else None for value, name in zip(node, names, strict=True)
+        ]
         members = [(step(path, n, single[n]), value) for n, value in enumerate(node)]
     for place, value in members:
         yield from tables(value, place, known)
@@ -106,13 +117,13 @@ def fault_of(table: Table, path: str, key: str, problem: str, remedy: str) -> Fa
 def _is_ordinary(value: Any) -> bool:
     """Whether a document is free of values that msgspec accepts and a design must not contain.
 
-    Those are values of a free type that cannot be written to a file, a newline after a name, and
-    numbers whose squares underflow.
+    Those are values of a free type that cannot be written to a file, a newline after a name, texts
+    that are too long, and numbers whose squares underflow.
     """
     if isinstance(value, (dict, list)):
         return all(map(_is_ordinary, value.values() if isinstance(value, dict) else value))
     if isinstance(value, str):
-        return not value.endswith("\n")
+        return not value.endswith("\n") and len(value) <= LONGEST_TEXT
     return not isinstance(value, (int, float)) or value == 0 or TINY <= abs(value) < 2**63
 
 
@@ -147,7 +158,7 @@ def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
         known, rest = node.get("properties", {}), node.get("additionalProperties", {})
         for key, item in value.items():
             misnamed = isinstance(item, dict) and known.get(key, {}).get("type") == "array"
-            others = [name for name in value if misnamed and name in known and name != key]
+            others = [name for name in known if misnamed and name in value and name != key]
             if (hint := suggest(key, others)).startswith("did you mean"):
                 yield Fault(step(path, key), "must be an array", hint, format_value(item))
             elif key in known or rest is not False:
@@ -166,6 +177,8 @@ def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
 
 def _free(value: object) -> Schema:
     """Schema of what a value of a free type must be, so that it can be written to a file again."""
+    if isinstance(value, str):
+        return {"type": "string", "description": "a shorter text"}
     forms = {dict: "object", list: "array", float: "number", int: "number"}
     ordinary = {"description": "an ordinary number, or leave it out"}
     return {"type": forms[type(value)]} | ordinary if type(value) in forms else {}
@@ -204,8 +217,9 @@ def _problem(node: Schema, value: Any) -> str:
         return "" if good else f"has {len(value)} elements"
     if not isinstance(value, str):
         return ""
-    if len(value) > node.get("maxLength", math.inf):
-        return f"is longer than {node['maxLength']} characters"
+    longest = node.get("maxLength", LONGEST_TEXT)
+    if len(value) > longest:
+        return f"is longer than {longest} characters"
     # $ also matches before a last newline
     good = len(value) >= node.get("minLength", 0) and re.search(
         node.get("pattern", "") + r"(?!\n)", value

@@ -64,14 +64,16 @@ PAIRED = 1e-9
 SIDE = {"s": "negative", "f": "negative", "n": "positive"}
 """Sign of the real part of a root of `zpk` in the left half plane, per plane."""
 FACTOR = re.compile(
-    r"\s*(?P<times>\*|/\.)?\s*(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
-    r"|(?P<name>[A-Za-z_]\w*)\s*"
+    r"\s*+(?P<times>\*|/\.)?\s*+(?:(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"|(?P<name>[A-Za-z_]\w*+)\s*+"
     r"\((?P<arguments>(?:[^()\"']|\"[^\"]*\"|'[^']*')*+)\))"
 )
 EXAMPLE = 'write for example zpk([0],[20;10+i*17.3;10-i*17.3],126,"n")'
 TYPES = ("LowPass", "HighPass", "BandPass", "BandStop")
 MOST = 100
 """Highest order of a design, and most harmonics of a comb."""
+MOST_ROOTS = 1000
+"""Most zeros and poles of a filter; front ends have up to 200 of each."""
 OUTSIDE = 1e-12
 """Distance beyond the unit circle that may be a rounding error of a coefficient."""
 
@@ -245,6 +247,7 @@ def parse(text: str, rate: float = 0.0) -> Filter:
         where = f"column {found.start('name' if found['name'] else 'number') + 1}: {name}"
         try:
             result = _add(result, name, arguments)
+            _check_count(len(result.zeros) + len(result.poles))
         except FotonError as error:
             raise FotonError(f"{where} {error.problem}", error.remedy) from None
         except (OverflowError, ZeroDivisionError):
@@ -305,7 +308,7 @@ def _read_arguments(text: str, most: int, planes: tuple[str, ...]) -> list[Any]:
 
     Arguments without text are left out if there are more, else they are empty lists.
     """
-    parts = [one.strip() for one in re.split(r",(?![^\[]*\])", text)] if text.strip() else []
+    parts = [one.strip() for one in _split(text)] if text.strip() else []
     last = _read(parts[-1]) if parts and parts[-1] else None
     if planes and isinstance(last, str):
         most += 1
@@ -317,12 +320,25 @@ def _read_arguments(text: str, most: int, planes: tuple[str, ...]) -> list[Any]:
     return given
 
 
+def _split(arguments: str) -> list[str]:
+    """Split arguments at the commas outside brackets."""
+    parts = [""]
+    for piece in re.findall(r"\[[^\]]*\]?|,|[^,\[]+", arguments):
+        if piece == ",":
+            parts.append("")
+        else:
+            parts[-1] += piece
+    return parts
+
+
 def _read(text: str) -> Any:
     """Read an argument: a string, a list of roots, or a number (1, -i*2, 1+i*2, 1+2*i, 1-2i)."""
     if quoted := re.fullmatch(r"([\"'])(.*)\1", text):
         return quoted[2]
     if vector := re.fullmatch(r"\[([^\[\]]*)\]", text):
-        return [_read(root) for root in re.split("[;,]", vector[1]) if root.strip()]
+        roots = re.split("[;,]", vector[1])
+        _check_count(len(roots))
+        return [_read(root) for root in roots if root.strip()]
     plain = re.sub(r"\s", "", text).lower().replace("i", "j")
     plain = re.sub(r"j\*([\d.]+(?:e[+-]?\d+)?)", r"\1j", plain).replace("*j", "j")
     try:
@@ -333,6 +349,13 @@ def _read(text: str) -> Any:
     if not cmath.isfinite(number):
         raise FotonError(f"has a number that is too large ({text})", "write a smaller one")
     return number
+
+
+def _check_count(count: int) -> None:
+    """Raise `FotonError` for more roots than a filter has, which would take long to pair."""
+    if count > MOST_ROOTS:
+        remedy = f"give up to {MOST_ROOTS}; a front end takes 200"
+        raise FotonError(f"has {count} zeros and poles", remedy)
 
 
 def _reals(*value: Any) -> list[float]:

@@ -69,7 +69,8 @@ def read(path: Path, module: str, numbers: Sequence[int]) -> tuple[str, float]:
     lines = whole_files.read_text(path, MOST, "a Foton filter file").splitlines()
     words = [line.lstrip("#").split() for line in lines]
     heads = [words[n] for n, line in enumerate(lines) if line.startswith("#") and words[n]]
-    starts = [n for n, one in enumerate(words) if len(one) == FIRST and one[1].isdecimal()]
+    indices = set(map(str, range(SECTIONS)))
+    starts = [n for n, one in enumerate(words) if len(one) == FIRST and one[1] in indices]
     known = {name for one in heads if one[0] == "MODULES" for name in one[1:]}
     known |= {words[n][0] for n in starts}
     if module not in known:

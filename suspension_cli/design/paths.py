@@ -17,6 +17,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
 from suspension_cli.design.tables import Raw, Table, declared
 from suspension_cli.errors import InputError, format_value, suggest
+from suspension_cli.grids import parse_place
 
 Value = Any
 """A value of a parsed document or of a design: a number, a text, a list or a table."""
@@ -35,9 +36,7 @@ def member(items: Sequence[object], key: str) -> int | None:
     for position, item in enumerate(items):
         if name_of(item) == key:
             return position
-    if key.isascii() and key.isdigit() and 1 <= int(key) <= len(items):
-        return int(key) - 1
-    return None
+    return parse_place(key, len(items))
 
 
 def name_of(item: object) -> object:

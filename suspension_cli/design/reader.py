@@ -37,8 +37,13 @@ KINDS = {
 
 _TOO_DEEP = Fault("", "tables or arrays are nested too deeply", "use fewer levels")
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{50}}")
-"""Dotted keys whose tables take much memory: as the square of their parts."""
+_LONG_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{50}}")
+"""Dotted keys whose tables take much memory: as the square of their parts.
+
+Looked for from the starts of words alone, so that the time grows as the length of the text.
+"""
+_LONG_NUMBER = re.compile(r"(?<![\d_])[\d_]{4300}")
+"""Integers that Python refuses to read."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +235,7 @@ def _insert_profile(table: Raw, file: Path) -> Raw:
     if table.keys() & {"position", "diameter"}:
         return table
     shipped = EXAMPLES / file.name
-    own = shipped if shipped.exists() and not os.path.exists(file) else file
+    own = shipped if os.path.exists(shipped) and not os.path.exists(file) else file
     found = _columns(own, (2,), "write position,diameter in each line")
     for n, key in enumerate(("position", "diameter")):
         scale = columns.split_unit(found.names[n], columns.PER_M)[1] if found.headed else 1.0
@@ -302,8 +307,9 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
     except ValueError:  # numbers of TOML that Python refuses
+        place = _line(text, _LONG_NUMBER.search(text))
         problem = "is not TOML: a number has thousands of digits"
-        raise InputError.of("", problem, "write it shorter") from None
+        raise InputError.of(place, problem, "write it shorter") from None
     if not raw:
         raise InputError.of("", "is empty", remedy)
     return raw
@@ -312,10 +318,17 @@ def _parse(text: str, remedy: str = "start a design with `pendsus new`") -> Raw:
 @functools.lru_cache(maxsize=8)
 def _loads(text: str) -> Raw:
     """Parse TOML text; cached, as searches read one text with many overrides."""
+    if len(text) > whole_files.TOML:
+        problem = f"has more than {whole_files.TOML / 1e6:g} million characters, too many for TOML"
+        raise InputError.of("", problem, "give fewer tables and numbers")
     if long := _LONG_KEY.search(text):
-        line = text.count("\n", 0, long.start()) + 1
-        raise InputError([replace(_TOO_DEEP, key=f"line {line}")])
+        raise InputError([replace(_TOO_DEEP, key=_line(text, long))])
     return tomllib.loads(text)
+
+
+def _line(text: str, found: re.Match[str] | None) -> str:
+    """Name the line of a text in which a pattern was found, for a message; "" if it was not."""
+    return "" if found is None else f"line {text.count(chr(10), 0, found.start()) + 1}"
 
 
 def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import string
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -140,9 +141,9 @@ def split_unit(title: str, units: Mapping[str, float], per: str = "") -> tuple[s
     The unit is in brackets, "x (um)", or a word that is one of `units`, position_mm; without either
     it is SI. Raises `InputError` for another unit in brackets (`per` ends its remedy).
     """
-    bracketed = re.match(r"(.*?)[\s_]*[(\[]([^)\]]*)", title.strip())
+    bracketed = re.match(r"([^(\[]*)[(\[]([^)\]]*)", title.strip())
     if bracketed is not None:
-        name, unit = bracketed[1], bracketed[2].strip()
+        name, unit = bracketed[1].rstrip("_" + string.whitespace), bracketed[2].strip()
         if unit not in units:
             problem = f"has the column {format_value(title)}, whose unit is not known"
             raise InputError.of("", problem, f"give it in {', '.join(units)}{per}")

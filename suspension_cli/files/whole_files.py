@@ -9,12 +9,18 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from suspension_cli.errors import InputError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
 
 TOML, TEXT, DATA = 4_000_000, 64_000_000, 256_000_000
 """Largest design or table that it names, table of measured numbers, other file of data; bytes."""
@@ -23,27 +29,80 @@ TOML, TEXT, DATA = 4_000_000, 64_000_000, 256_000_000
 def replace_file(path: Path, data: bytes) -> None:
     """Write a file under a temporary name in its folder, then rename it; may raise `OSError`.
 
-    Of a symbolic link the target is replaced. A device or pipe is written as it is.
+    Of a symbolic link the target is replaced. A device or pipe is written as it is. Temporary files
+    of the same name that killed processes left are removed.
     """
     if not is_regular(path, follow=True):
         with path.open("wb") as stream:
             stream.write(data)
         return
     path = target(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    remove_leftovers(path)
+    handle, temporary = _create_temporary(path)
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
+            umask = os.umask(0)
+            os.umask(umask)
+            os.chmod(temporary, 0o666 & ~umask)
+            if fcntl is None:
+                stream.close()  # Windows renames no open file
+            os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
+
+
+def _create_temporary(path: Path) -> tuple[int, str]:
+    """Create a file beside another, locked while it is open: so it is not taken for a leftover."""
+    while True:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        # another process may remove it between these two steps
+        if lock(handle) is not False and os.path.exists(name):
+            return handle, name
+        os.close(handle)
+
+
+def lock(handle: int) -> bool | None:
+    """Lock an open file until it is closed; False if it already is, None where there are no locks.
+
+    The system unlocks the files of a process that ends, however it ends.
+    """
+    if fcntl is None:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None  # a file system without locks
+    return True
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove temporary files for a path that no process is writing, as a kill leaves them.
+
+    Where files cannot be locked they stay.
+    """
+    if fcntl is None:
+        return
+    is_temporary = re.compile(re.escape(f".{path.name}.") + "[a-z0-9_]{8}").fullmatch
+    with contextlib.suppress(OSError):
+        for name in filter(is_temporary, os.listdir(path.parent)):
+            _remove_unless_locked(path.with_name(name))
+
+
+def _remove_unless_locked(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            if stat.S_ISREG(os.fstat(handle).st_mode) and lock(handle):
+                os.unlink(path)
+        finally:
+            os.close(handle)
 
 
 def target(path: Path) -> Path:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import InputError, format_value
+from suspension_cli.grids import parse_place
 from suspension_cli.linear import eigenmodes, mode_content, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_content import Motion
@@ -113,8 +114,9 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
     every = [Mode(name, n) for n, name in enumerate(names)]
     if text == ALL:
         return every
-    if text.isascii() and text.isdigit() and 1 <= int(text) <= len(every):
-        return [every[int(text) - 1]]
+    place = parse_place(text, len(every))
+    if place is not None:
+        return [every[place]]
     pairs = zip(every, modes.label, strict=True)
     chosen = [mode for mode, label in pairs if text in (mode.text, label)]
     if len(chosen) == 1 or (chosen and "#" in text):

@@ -1,7 +1,7 @@
 """Run a job: chunks of points, on processes or a Dask cluster, whose results are kept on disk.
 
 A job computes any range of its points independently, so number of workers and engine do not matter.
-Finished chunks are npz files, which have checksums, in the folder ``NAME.h5.part``. A run that is
+Finished chunks are files with checksums in the folder ``NAME.h5.part``, see `chunks`. A run that is
 killed, also by a power cut, continues from there with ``resume``. When all points are done, the
 results may show that another job (in a more complete model) is to be computed instead: it keeps its
 chunks in a folder inside that of the first, and what the first had shown follows from its chunks
@@ -20,7 +20,6 @@ import signal
 import socket
 import threading
 import time
-import zipfile
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
@@ -32,27 +31,28 @@ import numpy as np
 from suspension_cli.errors import InputError, PendsusError, format_value
 from suspension_cli.files import hdf5
 from suspension_cli.files.hdf5 import Provenance
-from suspension_cli.files.whole_files import is_regular, writing_to
+from suspension_cli.files.whole_files import is_regular, lock, remove_leftovers, writing_to
+from suspension_cli.studies import chunks
+from suspension_cli.studies.chunks import Columns
 from suspension_cli.version import __version__
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
-
+SIGNALS_APART = 1.0
+"""Longest time, s, between the signals by which a batch system ends workers and this process."""
 STARTUP = 5.0
 """Time, s, that a run must still take for further processes to start: they import the program."""
 PATIENCE = 5.0
-"""Seconds in which a scheduler must answer and have a worker."""
+"""Seconds in which a scheduler must answer and have a worker, and may have lost all of them."""
+EVERY = 1.0
+"""Time, s, after which a cluster without results is asked for its workers."""
 KEY = "job"
 """File in the folder of an unfinished run that identifies its job."""
 
 Client = Any
 """A `distributed.Client`, of an optional dependency."""
+Pipe = Any
+"""Reading end of a pipe of `multiprocessing`, whose type differs between systems."""
 Range = tuple[int, int]
 """First point, and one after the last."""
-Columns = dict[str, Any]
-"""Arrays of results by name, with the points along the first axis."""
 Results = Generator[tuple[int, Columns], None, None]
 Write = Callable[[h5py.Group, Columns], None]
 """Writes the results of all points, with all that describes them, into a group."""
@@ -162,16 +162,17 @@ def part_of(path: Path) -> Path:
 class _Points:
     """Results of the points of a job that are done, in memory and in a folder."""
 
-    def __init__(self, path: Path, count: int, folder: Path | None = None) -> None:
+    def __init__(self, path: Path, count: int, key: str, folder: Path | None = None) -> None:
         self.path = path
+        self.key = key
         self.folder = folder or part_of(path)
         self.done = np.zeros(count, dtype=bool)
         self.columns: Columns = {}
 
     def of_another(self, job: Job) -> _Points:
         """Points of a job that follows from the results of this one, with those already done."""
-        name = hashlib.sha256(job.identity.encode()).hexdigest()[:16]
-        result = _Points(self.path, job.count, self.folder / name)
+        key = hashlib.sha256(f"{self.key} {job.identity}".encode()).hexdigest()
+        result = _Points(self.path, job.count, key, self.folder / key[:16])
         with writing_to(self.path):
             result.folder.mkdir(exist_ok=True)
         result.read()
@@ -179,9 +180,9 @@ class _Points:
 
     def save(self, start: int, values: Columns) -> None:
         """Keep the results of points from `start` on."""
-        file = self.folder / f"{start}.npz"
+        file = chunks.path_of(self.folder, start)
         with writing_to(self.path):
-            _write(file.with_suffix(".new"), values)
+            chunks.write(file.with_suffix(".new"), self.key, start, values)
             os.replace(file.with_suffix(".new"), file)
         self.add(start, values)
 
@@ -194,17 +195,17 @@ class _Points:
             self.done[start : start + len(one)] = True
 
     def read(self) -> None:
-        """Read the chunks in the folder; damaged ones are computed again."""
-        for file in self.folder.glob("*.npz"):
-            damage = OSError, ValueError, EOFError, zipfile.BadZipFile
-            with contextlib.suppress(*damage), np.load(file) as found:
-                self.add(int(file.stem), dict(found))
+        """Read the chunks in the folder; those that are not as written are computed again."""
+        for file in self.folder.glob(f"*{chunks.ENDING}"):
+            start, found = chunks.start_of(file), chunks.read(file, self.key, len(self.done))
+            if start is not None and found is not None:
+                self.add(start, found)
 
 
 @contextlib.contextmanager
 def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[_Points]:
     """Begin or resume the folder of a job, which no other run may write meanwhile."""
-    folder, points = part_of(path), _Points(path, job.count)
+    folder = part_of(path)
     if not is_regular(path, follow=True):
         problem, remedy = "is not a regular file", "delete it, or name another folder"
         raise InputError.of("--out", problem, remedy, str(path))
@@ -213,15 +214,17 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
         raise InputError.of("--out", problem, remedy, str(folder))
     known = (__version__, job.count, origin.design, job.identity)
     key = hashlib.sha256(repr(known).encode()).hexdigest()
+    points = _Points(path, job.count, key)
     with contextlib.ExitStack() as stack:
         with writing_to(path):
             folder.mkdir(exist_ok=True)
             stream = stack.enter_context((folder / KEY).open("a+"))
             _lock(stream, path)
+            remove_leftovers(path)
             stream.seek(0)
             given = stream.read()
             if not (resume and given):
-                for file in folder.glob("*.npz"):
+                for file in folder.glob(f"*{chunks.ENDING}"):
                     file.unlink()
                 for inner in filter(Path.is_dir, folder.iterdir()):
                     shutil.rmtree(inner)
@@ -243,20 +246,9 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
 
 def _lock(stream: TextIO, path: Path) -> None:
     """Raise `InputError` if another run has the file; where locks are unknown it is not noticed."""
-    if fcntl is None:
-        return
-    try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    if lock(stream.fileno()) is False:
         problem, remedy = "another run is writing this file", "wait for it, or name another folder"
-        raise InputError.of("--out", problem, remedy, str(path)) from None
-    except OSError:
-        pass  # a file system without locks
-
-
-def _write(file: Path, values: Columns) -> None:
-    with file.open("wb") as stream:
-        np.savez(stream, **values)
+        raise InputError.of("--out", problem, remedy, str(path))
 
 
 def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:
@@ -278,8 +270,17 @@ def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:
             return
 
 
-def _share(pool: Executor, job: Job, ranges: list[Range], most: int) -> Results:
-    """Submit ranges, `most` at a time, and wait for results as they are ready."""
+def _share(
+    pool: Executor,
+    job: Job,
+    ranges: list[Range],
+    most: int,
+    check: Callable[[], None] = lambda: None,
+) -> Results:
+    """Submit ranges, `most` at a time, and wait for results as they are ready.
+
+    `check` is called at least every second; it may raise an error.
+    """
     from concurrent.futures import FIRST_COMPLETED, wait
 
     waiting, running = iter(ranges), set[Any]()
@@ -289,7 +290,8 @@ def _share(pool: Executor, job: Job, ranges: list[Range], most: int) -> Results:
             running |= {pool.submit(_compute, job, part) for part in new}
         if not running:
             return
-        finished, running = wait(running, return_when=FIRST_COMPLETED)
+        finished, running = wait(running, EVERY, return_when=FIRST_COMPLETED)
+        check()
         yield from (future.result() for future in finished)
 
 
@@ -301,17 +303,19 @@ def _compute(job: Job, part: Range) -> tuple[int, Columns]:
     return part[0], values
 
 
-def _exit_with_parent() -> None:
-    """End this worker process when its parent process is killed."""
+def _start_worker(stopped: Pipe) -> None:
+    """Let this worker process end when `stopped` is closed, or its parent process is killed."""
     from multiprocessing import parent_process
     from multiprocessing.connection import wait
 
     def watch() -> None:
         parent = parent_process()
         if parent is not None:
-            wait([parent.sentinel])
+            wait([parent.sentinel, stopped])
             os._exit(1)
 
+    if hasattr(signal, "pthread_sigmask"):  # by which the pool ends what is left of a broken one
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=watch, daemon=True).start()
 
 
@@ -321,33 +325,59 @@ def _on_processes(job: Job, ranges: list[Range], workers: int) -> Results:
     from concurrent.futures.process import BrokenProcessPool
     from multiprocessing import get_context
 
-    with ProcessPoolExecutor(workers, get_context("spawn"), _exit_with_parent) as pool:
+    context = get_context("spawn")
+    stopped, stop = context.Pipe(duplex=False)
+    with _uninterrupted():
+        _start_semaphore_tracker()
+        pool = ProcessPoolExecutor(workers, context, _start_worker, (stopped,))
+    with stopped, stop, pool:
         try:
             yield from _share(pool, job, ranges, 2 * workers)
         except BrokenProcessPool:
+            # batch systems end one process after another: the signal to this one may still come
+            time.sleep(SIGNALS_APART)
             raise PendsusError(
                 "a worker was killed, perhaps out of memory; give fewer --workers or a smaller"
                 " --chunk and continue with --resume"
             ) from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            stop.close()  # what workers compute now is not needed
             raise
 
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Delay Ctrl-C; processes started meanwhile ignore it, as this one ends them.
+    """Delay the signals that end a run; processes started meanwhile ignore them.
 
-    Windows has no such delay.
+    This process ends them. Windows has no such delay.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ending_signals())
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _ending_signals() -> set[signal.Signals]:
+    return {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+
+
+def _start_semaphore_tracker() -> None:
+    """Start the process that removes the semaphores of this one, if it runs not yet.
+
+    While signals are delayed, so that it is not ended by SIGHUP. As it stops the delay of some,
+    this begins again.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ending_signals())
 
 
 def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
@@ -359,7 +389,7 @@ def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
 
     most = 4 * max(1, sum(client.nthreads().values()))
     try:
-        yield from _share(client.get_executor(pure=False), job, ranges, most)
+        yield from _share(client.get_executor(pure=False), job, ranges, most, _watch(client))
     except (CancelledError, CommClosedError) as error:
         reason = str(error).partition("\n")[0] or "its work was cancelled"
         raise PendsusError(
@@ -371,6 +401,34 @@ def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
             "the cluster's workers were killed, perhaps out of memory; give a smaller --chunk and"
             " continue with --resume"
         ) from None
+
+
+def _watch(client: Client) -> Callable[[], None]:
+    """Make a function that raises `PendsusError` once a cluster has long had no workers.
+
+    Its scheduler waits for new ones for ever.
+    """
+    asked = time.monotonic()
+    lost: float | None = None
+
+    def check() -> None:
+        nonlocal asked, lost
+        now = time.monotonic()
+        if now - asked < EVERY:
+            return
+        asked = now
+        with contextlib.suppress(OSError):  # without a scheduler, what was submitted fails
+            if client.nthreads():
+                lost = None
+            elif lost is None:
+                lost = now
+        if lost is not None and now - lost > PATIENCE:
+            raise PendsusError(
+                "all workers of the cluster were lost; start `dask worker` again and continue with"
+                " --resume"
+            )
+
+    return check
 
 
 def is_encrypted(scheduler: str) -> bool:

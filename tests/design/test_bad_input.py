@@ -6,10 +6,13 @@ from __future__ import annotations
 import errno
 import os
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from suspension_cli.design import reader
+from suspension_cli.errors import InputError
 from tests.support.commandline import assert_refused, edited, from_template, process, run, written
 from tests.support.designs import RAW, TEXTS
 from tests.support.faulty_designs import CASES, NO_DESIGNS, explicit, plumb
@@ -235,3 +238,56 @@ def test_defaults_of_every_command_are_checked_by_any(tmp_path):
             "analysis.response.bogus = 1",
             'analysis.xcouple.k = "abc"',
         ]
+
+
+LONG = {
+    "a text": lambda n: f'x = "{"a" * n}"',
+    "an integer": lambda n: f"constants.gravity = {'1' * n}",
+    "a hexadecimal integer": lambda n: f"constants.gravity = 0x{'1' * n}",
+    "digits of a float": lambda n: f"constants.gravity = 9.{'1' * n}",
+    "a key": lambda n: f"{'a' * n} = 1",
+    "a comment": lambda n: f"# {'a-' * (n // 2)}",
+    "blanks": lambda n: f"x = 1{' ' * n}",
+    "quotes": lambda n: f"x = '''{chr(34) * n}'''",
+    "words": lambda n: f"x = '''{'a ' * (n // 2)}'''",
+    "keys": lambda n: "\n".join(f"k{i} = 1" for i in range(n // 12)),
+    "tables": lambda n: "\n".join(f"[[stage]]\nname = 's{i}'" for i in range(n // 50)),
+}
+
+
+@pytest.mark.parametrize("kind", LONG)
+def test_the_time_to_read_grows_as_the_length(kind):
+    """Three million letters: if it grew as their square, this would take hours."""
+    text = f"{LONG[kind](3_000_000)}\n{reader.template('single', 'single')}"
+    if kind == "digits of a float":
+        assert reader.parse(text).constants.gravity == pytest.approx(9 + 1 / 9)
+    elif kind == "a comment":
+        assert reader.parse(text).design.name == "single"
+    else:
+        with pytest.raises(InputError) as caught:
+            reader.parse(text)
+        assert len(str(caught.value)) < 1e6
+
+
+@pytest.mark.parametrize(
+    ("edits", "words"),
+    [
+        ({("design", "title"): "a" * 200_000}, "design.title = .*: is longer than"),
+        ({("analysis", "modes"): {"x": "a" * 200_000}}, "analysis.modes.x = .*: is longer than"),
+        ({("stage", 0, "wires", "profile"): "a" * 5000}, r"profile = .*: cannot be read"),
+    ],
+)
+def test_texts_have_a_longest_length(edits, words, tmp_path):
+    file = written(tmp_path, edited(tomllib.loads(reader.template("single", "single")), edits))
+    (line,) = assert_refused(run("check", file), file)
+    assert re.search(words, line)
+
+
+def test_a_long_integer_is_refused_with_its_line():
+    with pytest.raises(InputError, match=r"^line 2: is not TOML: a number has thousands of digits"):
+        reader.parse(f"[constants]\ngravity = {'1' * 100_000}")
+
+
+def test_a_text_is_no_longer_than_a_file():
+    with pytest.raises(InputError, match=r"has more than 4 million characters"):
+        reader.parse("#" * 5_000_000)

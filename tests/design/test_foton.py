@@ -386,3 +386,25 @@ def test_slow_roots_of_sections_keep_their_digits():
 def test_errors_of_digital_filters(text, says):
     with pytest.raises(FotonError, match=says):
         parse(text, 100.0)
+
+
+LONG = {
+    "blanks": ("gain(1)" + " " * 1_000_000 + "x", "column 1000008: 'x' is not understood"),
+    "commas": ("zpk(" + "1," * 500_000 + "1)", "zpk takes 3 numbers, found 500001"),
+    "roots": ("zpk([" + "1;" * 500_000 + "1],[],1)", "zpk has 500001 zeros and poles"),
+    "factors": ("pole(1)" * 100_000, "pole has 1001 zeros and poles"),
+}
+
+
+@pytest.mark.parametrize("kind", LONG)
+def test_the_time_to_read_grows_as_the_length(kind):
+    """If it grew as the square of the length, this would take hours."""
+    text, problem = LONG[kind]
+    with pytest.raises(FotonError, match=problem):
+        parse(text)
+
+
+def test_commas_in_brackets_separate_roots():
+    assert parse('zpk([1,2],[3;4],5,"n")') == parse('zpk([1;2],[3,4],5,"n")')
+    with pytest.raises(FotonError, match="instead of a number"):
+        parse("zpk([1],,5)")

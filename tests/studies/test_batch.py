@@ -4,6 +4,7 @@ when it is interrupted."""
 from __future__ import annotations
 
 import gc
+import io
 import os
 import pickle
 import shutil
@@ -26,6 +27,7 @@ from suspension_cli.errors import InputError, PendsusError
 from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from suspension_cli.studies import chunks
 from suspension_cli.studies import run as batch
 from suspension_cli.studies.job import Axis
 from tests.support import counting_sweep, scenes
@@ -314,12 +316,107 @@ def test_chunks_that_are_cut_off_are_computed_again(size, tmp_path):
     path, log = tmp_path / "toy.h5", str(tmp_path / "log")
     with pytest.raises(RuntimeError):
         counting_sweep.run(counting_sweep.Toy(500, log, 400), path, chunk=64)
-    file = counting_sweep.part(path) / "64.npz"
+    file = counting_sweep.part(path) / "64.chunk"
     os.truncate(file, size if size >= 0 else file.stat().st_size + size)
     job = counting_sweep.Toy(500, log)
     counting_sweep.run(job, path, chunk=64, resume=True)
     assert (job.computed() == 1 + (np.arange(500) // 64 == 1)).all()
     assert path.read_bytes() == reference(tmp_path, 500)
+
+
+@pytest.fixture(scope="module")
+def broken_off(tmp_path_factory):
+    """An unfinished run of 150 points with two chunks, and the file of the whole run."""
+    folder = tmp_path_factory.mktemp("broken-off")
+    path = folder / "toy.h5"
+    with pytest.raises(RuntimeError):
+        counting_sweep.run(counting_sweep.Toy(150, str(folder / "log"), 140), path, chunk=64)
+    return path, reference(folder, 150)
+
+
+def test_no_bit_of_a_chunk_may_change(broken_off):
+    """Every single bit, in the head and in the numbers, is noticed."""
+    part = counting_sweep.part(broken_off[0])
+    key, content = (part / batch.KEY).read_text(), (part / "0.chunk").read_bytes()
+    assert chunks.decode(content, key, 0, 150) is not None
+    spoilt = bytearray(content)
+    for bit in range(8 * len(content)):
+        spoilt[bit // 8] ^= 1 << bit % 8
+        assert chunks.decode(bytes(spoilt), key, 0, 150) is None, bit
+        spoilt[bit // 8] ^= 1 << bit % 8
+
+
+def saved(array):
+    """Bytes of a file of numpy."""
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+CHUNKS = {
+    "empty": lambda _: b"",
+    "cut off": lambda content: content[:-1],
+    "longer": lambda content: content + b"\0",
+    "a file of numpy": lambda _: saved(np.arange(64)),
+    "a pickle": lambda _: pickle.dumps(np.arange(64)),
+}
+
+
+@pytest.mark.parametrize("kind", [*CHUNKS, *range(0, 30_000, 613)])
+def test_resume_with_a_damaged_chunk_gives_the_same_file(kind, broken_off, tmp_path):
+    """Its points are computed again, and no others."""
+    keep(broken_off[0], tmp_path)
+    path, job = tmp_path / "toy.h5", counting_sweep.Toy(150, str(tmp_path / "log"))
+    file = counting_sweep.part(path) / "0.chunk"
+    if isinstance(kind, str):
+        file.write_bytes(CHUNKS[kind](file.read_bytes()))
+    else:
+        counting_sweep.flip(file, kind % (8 * file.stat().st_size))
+    counting_sweep.run(job, path, chunk=64, resume=True)
+    assert path.read_bytes() == broken_off[1]
+    assert (job.computed() == ~(np.arange(150) // 64 == 1)).all()
+
+
+@pytest.mark.parametrize("name", ["64.chunk", "128.chunk", "00.chunk", "x.chunk", "-1.chunk"])
+def test_a_chunk_under_another_name_is_not_taken(name, broken_off, tmp_path):
+    keep(broken_off[0], tmp_path)
+    path = tmp_path / "toy.h5"
+    part = counting_sweep.part(path)
+    (part / "0.chunk").rename(part / name)
+    counting_sweep.run(counting_sweep.Toy(150, str(tmp_path / "log")), path, resume=True)
+    assert path.read_bytes() == broken_off[1]
+
+
+@pytest.mark.parametrize(
+    ("head", "numbers"),
+    [
+        (b"[]", b""),
+        (b"prose", b""),
+        (b'[{"name":"x","dtype":"O","shape":[1]}]', bytes(8)),
+        (b'[{"name":"x","dtype":"<f8","shape":[]}]', bytes(8)),
+        (b'[{"name":"x","dtype":"<f8","shape":[-1]}]', bytes(8)),
+        (b'[{"name":"x","dtype":"<f8","shape":[4611686018427387904]}]', bytes(8)),
+        (b'[{"name":"x","dtype":"<f8","shape":[2]}]', bytes(8)),
+        (b'[{"name":"x","dtype":"<f8","shape":[1]}]', bytes(16)),
+        (b'[{"name":"x","dtype":"prose","shape":[1]}]', bytes(8)),
+        (b'[{"name":"x","dtype":"<f8","shape":[151]}]', bytes(8 * 151)),
+    ],
+)
+def test_a_layout_that_does_not_fit_is_not_taken(head, numbers, broken_off, tmp_path):
+    """Also where the digest is right: its points are computed again."""
+    keep(broken_off[0], tmp_path)
+    path = tmp_path / "toy.h5"
+    part = counting_sweep.part(path)
+    content = head + b"\n" + numbers
+    digest = chunks._digest((part / batch.KEY).read_text(), 0, content)
+    (part / "0.chunk").write_bytes(digest + content)
+    counting_sweep.run(counting_sweep.Toy(150, str(tmp_path / "log")), path, resume=True)
+    assert path.read_bytes() == broken_off[1]
+
+
+def test_chunks_hold_numbers_alone(tmp_path):
+    with pytest.raises(TypeError, match="text holds no numbers"):
+        chunks.write(tmp_path / "0.chunk", "", 0, {"text": np.array(["a"])})
 
 
 def test_two_runs_do_not_write_one_file(tmp_path):

@@ -3,19 +3,24 @@ finishes the very same file."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import re
 import signal
 import sys
 import time
 import warnings
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from suspension_cli.files import whole_files
 from suspension_cli.studies import run as batch
+from tests.support import counting_sweep
 from tests.support.commandline import become, process, run
 from tests.support.counting_sweep import finished as finished_points
 from tests.support.couplings import FILE
@@ -55,8 +60,13 @@ class Started:
         return self.returncode
 
     def ended(self):
-        """What it reported in the end."""
+        """What it, and the process that looks after its semaphores, reported in the end."""
         self.poll(0)
+        until = time.monotonic() + 20
+        with contextlib.suppress(ProcessLookupError):
+            while time.monotonic() < until:
+                os.killpg(self.pid, 0)
+                time.sleep(0.005)
         reported = os.pread(self.stderr, 10**6, 0).decode()
         os.close(self.stderr)
         return reported
@@ -155,6 +165,81 @@ def test_interrupted_from_the_keyboard(when, small, tmp_path):
     assert finished(tmp_path, *SMALL, "--resume") == small
 
 
+@pytest.mark.parametrize(
+    ("number", "workers", "whole_group"),
+    [
+        (signal.SIGTERM, "1", False),
+        (signal.SIGTERM, "2", False),
+        (signal.SIGTERM, "2", True),
+        (signal.SIGHUP, "2", True),
+    ],
+)
+def test_ended_by_a_batch_system(number, workers, whole_group, small, tmp_path):
+    """As after Ctrl-C, whether all processes get the signal or this one alone; a second one while
+    it ends changes nothing, as terminals and shells both send SIGHUP."""
+    process = Started(tmp_path, *SMALL, "--workers", workers)
+    waited(process, tmp_path, 5)
+    for _ in range(2):
+        with contextlib.suppress(ProcessLookupError):
+            (os.killpg if whole_group else os.kill)(process.pid, number)
+    stderr = process.ended()
+    part = tmp_path / f"{NAME}.part"
+    line = f"ended by {number.name}; finished points are in {part}; --resume continues\n"
+    assert (process.returncode, stderr) == (128 + number, line)
+    assert [path.name for path in tmp_path.iterdir()] == [part.name]
+    assert finished(tmp_path, *SMALL, "--resume") == small
+
+
+def test_workers_that_are_ended_first_are_not_out_of_memory(small, tmp_path):
+    """Batch systems send the signal to one process after another."""
+    process = Started(tmp_path, *SMALL, "--workers", "2")
+    waited(process, tmp_path, 5)
+    for worker in [*children(process.pid)[1:], process.pid]:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(worker, signal.SIGTERM)
+        time.sleep(0.05)
+    assert process.ended().startswith("ended by SIGTERM; ")
+    assert process.returncode == 128 + signal.SIGTERM
+    assert finished(tmp_path, *SMALL, "--resume") == small
+
+
+def test_signals_that_are_ignored_stay_ignored(small, tmp_path):
+    """As `nohup` ignores SIGHUP."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = Started(tmp_path, *SMALL, "--workers", "2")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    waited(process, tmp_path, 5)
+    os.killpg(process.pid, signal.SIGHUP)
+    assert (process.ended(), process.returncode) == ("", 0)
+    assert (tmp_path / NAME).read_bytes() == small
+
+
+@dataclass(frozen=True)
+class Slow(counting_sweep.Toy):
+    """A job whose second chunk takes longer than anybody waits."""
+
+    def compute(self, start, stop):
+        if start == 64:
+            time.sleep(3600)
+        return super().compute(start, stop)
+
+
+def test_chunks_that_take_long_are_not_waited_for(tmp_path):
+    """Workers are ended at once: batch systems kill what does not end in some seconds."""
+    job = Slow(64 * 8, str(tmp_path / "log"))
+
+    def interrupt(done, _all, _rate):
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        counting_sweep.run(job, tmp_path / "toy.h5", chunk=64, workers=2, progress=interrupt)
+    part = counting_sweep.part(tmp_path / "toy.h5")
+    assert counting_sweep.finished(part, job.count).any()
+
+
 @pytest.mark.parametrize("writes", [1, 3])
 def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny, tmp_path):
     """In the first chunk and in later ones."""
@@ -171,15 +256,15 @@ def test_interrupted_from_the_keyboard_without_workers(writes, monkeypatch, tiny
 
 def fail_after(monkeypatch, writes, error):
     """Let every write of results after some raise an error."""
-    real, count = batch._write, iter(range(10**9))
+    real, count = batch.chunks.write, iter(range(10**9))
 
-    def write(file, values):
+    def write(file, *content):
         if next(count) >= writes:
             file.write_bytes(b"begun")
             raise error
-        real(file, values)
+        real(file, *content)
 
-    monkeypatch.setattr(batch, "_write", write)
+    monkeypatch.setattr(batch.chunks, "write", write)
 
 
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -212,7 +297,7 @@ def test_a_disk_that_fills_up(writes, bare, monkeypatch, tiny, tmp_path):
     """One line, exit code 2; what was done can be read, and the run goes on from there: also
     without what Windows lacks, locks of `fcntl` and masks of signals."""
     if bare:
-        monkeypatch.setattr(batch, "fcntl", None)
+        monkeypatch.setattr(whole_files, "fcntl", None)
         monkeypatch.delattr(signal, "pthread_sigmask")
     with monkeypatch.context() as patch:
         fail_after(patch, writes, FULL)
@@ -232,3 +317,73 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     result = run("xcouple", FILE, "--out", tmp_path / "file" / "below")
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
+
+
+def killed_while_writing(write):
+    """A process, a copy of this one, that kills itself before it renames a file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        os.fsync = lambda _handle: os.kill(os.getpid(), signal.SIGKILL)
+        write()
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == -signal.SIGKILL
+
+
+@pytest.mark.parametrize("resume", [True, False])
+def test_what_a_kill_during_the_last_write_leaves_is_removed(resume, tmp_path):
+    """When the run begins, as it may need the space."""
+    path, seen = tmp_path / "toy.h5", []
+
+    class Witness(counting_sweep.Toy):
+        def compute(self, start, stop):
+            seen.append(sorted(one.name for one in tmp_path.iterdir()))
+            return super().compute(start, stop)
+
+    job = Witness(100, str(tmp_path / "log"))
+    killed_while_writing(lambda: counting_sweep.run(job, path, chunk=64))
+    left = [one.name for one in tmp_path.iterdir()]
+    assert any(re.fullmatch(r"\.toy\.h5\.\w{8}", name) for name in left)
+    (counting_sweep.part(path) / "64.chunk").unlink()
+    seen.clear()
+    counting_sweep.run(job, path, chunk=64, resume=resume)
+    assert seen == [["log", "toy.h5.part"]] * (1 if resume else 2)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["log", "toy.h5"]
+
+
+def test_files_of_other_names_and_kinds_are_no_leftovers(tmp_path):
+    path = tmp_path / "x.png"
+    killed_while_writing(lambda: whole_files.replace_file(path, b"1"))
+    kept = [".x.png.notes", ".x.png.ABCDEFGH", ".y.png.abcdefgh", ".x.png.abcdefgh.txt"]
+    for name in kept:
+        (tmp_path / name).touch()
+    (tmp_path / ".x.png.aaaaaaaa").mkdir()
+    (tmp_path / ".x.png.bbbbbbbb").symlink_to("x.png")
+    os.mkfifo(tmp_path / ".x.png.cccccccc")
+    whole_files.replace_file(path, b"2")
+    special = [".x.png.aaaaaaaa", ".x.png.bbbbbbbb", ".x.png.cccccccc"]
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted([*kept, *special, "x.png"])
+
+
+def test_what_another_process_is_writing_is_no_leftover(tmp_path):
+    """Both files are whole in their turn."""
+    path, read_end, write_end = tmp_path / "x.png", *os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        os.fsync = lambda _handle: os.read(read_end, 1)
+        whole_files.replace_file(path, b"slow")
+        os._exit(0)
+    while not (temporary := [*tmp_path.glob(".x.png.*")]) or not temporary[0].stat().st_size:
+        time.sleep(0.002)
+    whole_files.replace_file(path, b"quick")
+    assert path.read_bytes() == b"quick" and temporary[0].exists()
+    os.write(write_end, b".")
+    assert os.waitpid(child, 0)[1] == 0
+    assert path.read_bytes() == b"slow"
+    assert [one.name for one in tmp_path.iterdir()] == ["x.png"]
+    os.close(read_end)
+    os.close(write_end)

@@ -120,6 +120,50 @@ def test_a_scheduler_that_goes_away(tmp_path):
     assert job.computed().min() == 1
 
 
+def test_all_workers_are_lost(monkeypatch, tmp_path):
+    """The scheduler stays, and would wait for others for ever."""
+    monkeypatch.setattr(batch, "PATIENCE", 1.0)
+    monkeypatch.setattr(batch, "EVERY", 0.1)
+    job = counting_sweep.Toy(64 * 2000, str(tmp_path / "log"))
+    path = tmp_path / "toy.h5"
+    with local(1) as made:
+
+        def close(done, _all, _rate):
+            if done == 64 * 50:
+                made.loop.add_callback(made.workers[0].close)
+
+        words = r"^all workers of the cluster were lost; .* continue with --resume$"
+        with pytest.raises(PendsusError, match=words):
+            counting_sweep.run(
+                job, path, chunk=64, scheduler=made.scheduler_address, progress=close
+            )
+    assert counting_sweep.finished(counting_sweep.part(path), job.count).sum() >= 64 * 50
+    counting_sweep.run(job, path, resume=True)
+    assert job.computed().min() == 1
+
+
+def test_a_slow_cluster_is_not_lost(monkeypatch, tmp_path):
+    """Chunks may take longer than it is waited for workers."""
+    path, job = tmp_path / "toy.h5", Slow(3, str(tmp_path / "log"))
+
+    def hurry(_done, _all, _rate):
+        monkeypatch.setattr(batch, "PATIENCE", 0.05)
+        monkeypatch.setattr(batch, "EVERY", 0.02)
+
+    with local(1) as made:
+        address = made.scheduler_address
+        counting_sweep.run(job, path, chunk=1, scheduler=address, progress=hurry)
+    assert (job.computed() == 1).all()
+
+
+class Slow(counting_sweep.Toy):
+    """Points that take longer than it is waited for workers."""
+
+    def compute(self, start, stop):
+        time.sleep(0.2)
+        return super().compute(start, stop)
+
+
 def quoted():
     """Commands of docs/examples/cluster.md: certificate, scheduler, worker; keys; and pendsus."""
     page = (ROOT / "docs" / "examples" / "cluster.md").read_text()

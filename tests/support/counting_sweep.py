@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.files.hdf5 import Provenance
+from suspension_cli.studies import chunks
 from suspension_cli.studies import run as batch
 
 
@@ -69,17 +70,23 @@ def part(path: Path) -> Path:
 def finished(folder: Path, count: int) -> Any:
     """Points that the folder of an unfinished run has."""
     done = np.zeros(count, dtype=bool)
-    for file in folder.glob("*.npz"):
-        with np.load(file) as found:
-            start = int(file.stem)
-            done[start : start + len(found[found.files[0]])] = True
+    job = folder / batch.KEY
+    for file in folder.glob("*.chunk"):
+        found = chunks.read(file, job.read_text(), count)
+        start = chunks.start_of(file)
+        if found is not None and start is not None:
+            done[start : start + len(next(iter(found.values())))] = True
     return done
 
 
 def damage(folder: Path) -> None:
     """Spoil a byte of the first chunk."""
-    with (folder / "0.npz").open("r+b") as stream:
-        stream.seek(-400, os.SEEK_END)
-        [byte] = stream.read(1)
-        stream.seek(-1, os.SEEK_CUR)
-        stream.write(bytes([byte ^ 255]))
+    file = folder / "0.chunk"
+    flip(file, 8 * (file.stat().st_size // 2))
+
+
+def flip(file: Path, bit: int) -> None:
+    """Change one bit of a file."""
+    content = bytearray(file.read_bytes())
+    content[bit // 8] ^= 1 << bit % 8
+    file.write_bytes(content)

@@ -115,7 +115,7 @@ NO_DESIGNS: dict[str, tuple[bytes, str]] = {
     "bare-word": (b"[design]\nname = single\n", "is not TOML: "),
     "twice": (b"[design]\nname = 'x'\nname = 'y'\n", "is not TOML: "),
     "table-twice": (b"[design]\nname = 'x'\n[design]\n", "is not TOML: "),
-    "long-integer": (b"[design]\nname = 1" + b"0" * 5000 + b"\n", "is not TOML: "),
+    "long-integer": (b"[design]\nname = 1" + b"0" * 5000 + b"\n", "line 2: is not TOML: "),
     "prose": (b"Dear Sir or Madam,\n", "is not TOML: "),
     "json": (b'{"design": {"name": "x"}}\n', "is not TOML: "),
     "nested": (b"x = " + b"[" * 5000 + b"]" * 5000, "tables or arrays are nested too deeply; "),

@@ -26,7 +26,7 @@ from suspension_cli.errors import (
     escape_unprintable,
     format_value,
 )
-from suspension_cli.grids import parse_frequencies, table_points
+from suspension_cli.grids import decade_points, parse_frequencies, table_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,6 +20,7 @@ from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Sketch, View
 from suspension_cli.drawing.parts import Canvas, Look, full_canvas
 from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
 from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.grids import parse_place
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
@@ -313,7 +314,8 @@ def parse_names(modes: Modes, text: str, option: str = "--animate") -> list[int]
         if name == ALL:
             chosen = drawn
         elif name.isdecimal():
-            chosen = [int(name) - 1] if 0 < int(name) <= len(modes.frequency) else []
+            position = parse_place(name, len(modes.frequency))
+            chosen = [] if position is None else [position]
         else:
             chosen = [n for n, label in enumerate(modes.label) if label == name]
         if not chosen:

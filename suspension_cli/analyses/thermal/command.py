@@ -17,7 +17,7 @@ from suspension_cli.analyses.analysis import (
 )
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.grids import parse_frequencies, table_points
+from suspension_cli.grids import decade_points, parse_frequencies, table_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

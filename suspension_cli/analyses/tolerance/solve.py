@@ -162,13 +162,14 @@ def parse(text: str) -> Requirement:
     def refused(problem: str, remedy: str = SYNTAX) -> InputError:
         return InputError.of("--require", problem, remedy, format_value(text))
 
-    found = re.fullmatch(r"\s*(.+?)\s+(in)\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
-    found = found or re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
+    words = " ".join(text.split())  # single blanks: patterns of runs of them take long
+    found = re.fullmatch(r"(.+?) (in) ([^: ]+) ?: ?([^: ]+)", words)
+    found = found or re.fullmatch(r"([^<>]+?) ?([<>]) ?([^ <>]+)", words)
     if found is None:
         raise refused("is no requirement")
-    name, sign, *words = found.groups()
+    name, sign, *limits = found.groups()
     try:
-        numbers = [float(word) for word in words]
+        numbers = [float(limit) for limit in limits]
     except ValueError:
         raise refused("has a limit that is no number") from None
     if not np.isfinite(numbers).all():
