@@ -406,5 +406,3 @@ def test_the_time_to_read_grows_as_the_length(kind):
 
 def test_commas_in_brackets_separate_roots():
     assert parse('zpk([1,2],[3;4],5,"n")') == parse('zpk([1;2],[3,4],5,"n")')
-    with pytest.raises(FotonError, match="instead of a number"):
-        parse("zpk([1],,5)")
