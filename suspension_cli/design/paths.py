@@ -181,6 +181,8 @@ def displayed_unit(path: str, value: float) -> tuple[str, float]:
 
     >>> displayed_unit("stage.test.wires.d", 0.0015), displayed_unit("gas.pressure", 1e-5)
     (('mm', 1000.0), ('Pa', 1.0))
+    >>> displayed_unit("materials.steel302.loss_angle", 1e-9)
+    ('rad', 1.0)
     """
     unit = unit_of(path)
     if is_loss_angle(path):

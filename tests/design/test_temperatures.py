@@ -13,6 +13,7 @@ from suspension_cli.design import derive, materials, reader
 from suspension_cli.design.materials import AgainstTemperature, value_at
 from suspension_cli.errors import InputError
 from suspension_cli.scene.fibres import compose
+from suspension_cli.studies import parameters
 
 ROOM = {
     "steel302": (1.7e11, 1.72e-5, None, 500.0, 16.2),
@@ -192,3 +193,16 @@ def test_titanium_is_not_aluminium():
     text = TEXT.format(ambient=290.0, more="").replace('"mine"', '"titanium"')
     with pytest.raises(InputError, match="did you mean 'titanium-6al-4v'"):
         sus.parse(text)
+
+
+def test_a_table_is_varied_as_a_whole():
+    """A modulus that is larger by 1 % at every temperature: modes of a cold suspension follow."""
+    design = sus.parse(TEXT.format(ambient=60.0, more="")).design
+    path = "materials.mine.youngs_modulus"
+    assert parameters.value_of(design, path) == 2.75e11
+    more = parameters.shifted(design, path, 1e9)
+    assert materials.resolve(more, "mine").youngs_modulus == 2.76e11
+    assert materials.resolve(more, "mine", 20.0).youngs_modulus == 3.01e11
+    listed = [one.name for one in parameters.every(TEXT.format(ambient=60.0, more=""))]
+    assert path in listed
+    assert not [name for name in listed if "values" in name]

@@ -199,3 +199,18 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
     (curves,) = [one.curves for one in sus.load(tmp_path / f"{stem}.h5").data.overlay]
     assert [one.fine for one in curves] == [None] * 3
     assert run("plot", tmp_path / f"{stem}.h5", "--out", tmp_path / "again").exit_code == 0
+
+
+def test_changes_that_no_digit_shows_are_0():
+    """A mass that is heavier by 1e-6 of itself: "0", not "-0.000162"."""
+    design = sus.template("single")
+    mass = design.design.stage[0].body.mass
+    near = design.replace({"stage.test.body.mass": mass * (1 + 1e-6)})
+    far = design.replace({"stage.test.body.mass": mass * 1.02})
+    changes = []
+    for other in (near, far):
+        rows = [line.split() for line in str(sus.compare(design, other)).splitlines()]
+        (row,) = [row for row in rows if row[-2:] == ["test", "vertical"]]
+        changes.append(row[2])
+    assert changes[0] == "0"
+    assert 0.1 < abs(float(changes[1])) < 2
