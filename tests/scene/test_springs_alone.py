@@ -147,6 +147,17 @@ def test_sweeps(path, values):
         np.testing.assert_allclose(np.sort(row), expected, rtol=1e-9)
 
 
+def test_a_sweep_says_what_a_given_preload_leaves_over():
+    """The force that a preload does not carry, and the remedy, of the first point."""
+    given = f"{ISOLATOR}preload = [0.0, 0.0, 139.302, 0.0, 0.0, 0.0]\n"
+    vary = {"stage.plate.body.mass": [10.0, 14.2]}
+    with pytest.warns(sus.PendsusWarning, match="not possible") as caught:
+        sus.sweep(sus.parse(given), vary=vary, results=["1"], fidelity="string")
+    [said] = [str(one.message) for one in caught if "not possible" in str(one.message)]
+    assert "at stage.plate.body.mass = 10: " in said
+    assert "41.2 N of force along z left over; leave out preload" in said
+
+
 def test_designs_in_one_batch_are_those_alone():
     masses = np.array([5.0, 6.0, 8.0])
     text = sus.parse(ISOLATOR).replace({"stage.plate.spring.1.at": [0.01, -0.02, 0.05]}).text

@@ -79,6 +79,7 @@ class SweepAnalysis(Analysis):
         from suspension_cli.analyses.sweep.solve import ParameterSweep
         from suspension_cli.linear import named_results
         from suspension_cli.models import registry
+        from suspension_cli.studies import builds
 
         setting, source = run.setting, run.source
         over = axes(list(setting["vary"]))
@@ -116,8 +117,11 @@ class SweepAnalysis(Analysis):
         result = sweeping.fill(run, self, study, choice)
         found: SweepResult = result.data
         for reason, count in found.failures.items():
+            impossible = reason == builds.STATUS[builds.IMPOSSIBLE]
+            fault = on(result.choice.level).first_fault(found.status) if impossible else ""
+            why = f"{reason} ({fault})" if fault else reason
             run.log.warn(
-                f"{count} of {found.status.size} points have no result: {reason}; narrow the range"
+                f"{count} of {found.status.size} points have no result: {why}; narrow the range"
                 " of --vary"
             )
         if found.overlap < ALIKE:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
@@ -91,6 +92,17 @@ class ParameterSweep(Grid):
     def check(self) -> None:
         """Raise `InputError` if a path does not exist or its values give no valid design."""
         self.check_designs("--vary", self.axes, lambda one: registry.choose(one, self.level))
+
+    def first_fault(self, status: Int[np.ndarray, "*axes"]) -> str:
+        """Say what is wrong with the first point whose design is not possible."""
+        [first, *_] = np.flatnonzero(status.ravel() == builds.IMPOSSIBLE).tolist()
+        values = {name: float(one[0]) for name, one in self.values(first, first + 1).items()}
+        at = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+        try:
+            registry.by_name(self.level).system(reader.VariedDesign.of(self.text).at(values))
+        except InputError as error:
+            return f"at {at}: {error.faults[0].line('')}"
+        return ""
 
     def compute(self, start: int, stop: int) -> Columns:
         """Compute status, modes and responses of points start to stop - 1."""

@@ -139,8 +139,8 @@ def test_a_near_miss_is_crossed_on_any_grid(tmp_path):
 
 
 def test_a_label_is_the_mode_that_is_mostly_that_motion(tmp_path):
-    """Pitch and the pendulum mode exchange their character at d = I / m l = 0.86 mm: against a closed
-    form. No frequency where pitch grows; both modes of the exchange are said and drawn."""
+    """Pitch and the pendulum mode exchange their character at d = I / m l = 0.86 mm, against a
+    closed form. No frequency where pitch grows; both modes of the exchange are said and drawn."""
     grid = np.linspace(-1e-3, 3e-3, 41)
     file = written(tmp_path, SMALL)
     options = f"--vary {D}=-1e-3:3e-3:41 --result 'test pitch' --fidelity string --allow-unstable"
