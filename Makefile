@@ -15,7 +15,7 @@ RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal s
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help all $(RESULTS) test test-kernels test-oldest test-pythons lint docs reference tutorial bench golden mutations dist clean
+.PHONY: help all $(RESULTS) test test-kernels test-oldest test-pythons lint docs reference tutorial bench golden loops mutations dist clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 14
@@ -128,6 +128,9 @@ bench: $(BENCH_READY)  ## what things cost, as ratios to a floor measured in the
 
 golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers changed")
 	$(BIN)/python -m tests.support.golden
+
+loops: $(READY) ## 512 loops with simple filters: no traceback, and the poles of characteristic equations (ten minutes)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.loops
 
 mutations: $(READY) ## damage 1,000 designs, data files, results, options and arguments (ten minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.mutations

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 End = Literal["sensor", "actuator"]
 
 BESIDE = 1e-13
-"""Relative step from a frequency where the open-loop response is infinite."""
+"""Relative step from a frequency where the open- or closed-loop response is infinite."""
 TINY = 1e-11
 """Relative size of singular values, errors of g S^+ S and weights that are rounding errors of 0."""
 
@@ -328,7 +328,7 @@ def compute_sensitivity(
 def compute_open_loop(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop loop"]:
-    """Compute H G at frequencies in Hz, beside resonances without loss."""
+    """Compute H G at frequencies in Hz, beside resonances without loss, of open or closed loops."""
     acts = [True] * len(plant.loops)
 
     def solve(at: Float[np.ndarray, " point"]) -> Complex[np.ndarray, "point loop loop"]:
@@ -338,7 +338,8 @@ def compute_open_loop(
 
     with np.errstate(all="ignore"):
         result = solve(frequency)
-        infinite = ~np.isfinite(result).all((1, 2))
-        if infinite.any():
-            result[infinite] = solve(frequency[infinite] * (1 + BESIDE))
+        singular = np.linalg.det(np.eye(result.shape[-1]) + result) == 0
+        beside = singular | ~np.isfinite(result).all((1, 2))
+        if beside.any():
+            result[beside] = solve(frequency[beside] * (1 + BESIDE))
     return result

@@ -9,6 +9,7 @@ space are found.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -32,7 +33,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Bool, Complex, Float
 
     from suspension_cli.analyses.analysis import Log
     from suspension_cli.models.base import Model
@@ -49,6 +50,10 @@ FAR = 50.0
 """Decay within a delay, nepers, beyond which poles are given up."""
 GROWING = 1e-18
 """Growth rate over frequency up to which it is a rounding error of the power of loops."""
+RISING = (0.1, 0.2, 0.4, 0.7, 1.0)
+"""Fractions of the gain of loops at which poles of filters are followed."""
+SAME = 1e-6
+"""Relative distance of two poles up to which they are one."""
 BESIDE = 1 + 1e-6
 """Factor from a start value to where the force of a loop is evaluated: it may be a pole of it."""
 LOOP = Signal("", "", 0, (0.0, 0.0, 0.0), acts=True)
@@ -374,12 +379,34 @@ def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list
     motions = [Signal("", model.body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False) for n in bodily]
     start, shape = statespace.find_poles(build_closed_loop(own, [], motions))
     value = np.where(np.abs(start.value) <= STILL * np.abs(start.value).max(), 0.0, start.value)
+    value = _move_filter_poles(value, start.state, own.loops)
     motion = np.zeros((len(value), model.size), dtype=complex)
     motion[:, bodily] = shape.T
     delay = max((one.delay + one.filter.period for one in block.loops), default=0.0)
-    spurious = -np.real(value) * delay > FAR  # of the approximated delay
+    # of the approximated delay, or a delay of samples, z = 0
+    spurious = ~(-np.real(value) * delay <= FAR)
     value[spurious] = 0.0
-    for chosen in (np.imag(value) > 0, (np.imag(value) == 0) & (value != 0)):
+    moving = np.flatnonzero(value != 0)
+    value[moving], kept = _refine_poles(plant, block, value[moving], motion[moving])
+    if delay:
+        spurious[moving] = ~kept
+        _search_again(plant, block, value, spurious)
+    left = np.flatnonzero(~spurious)
+    return Poles(value[left], tuple(start.state[n] for n in left))
+
+
+def _refine_poles(
+    plant: Plant,
+    block: ClosedBlock,
+    start: Complex[np.ndarray, " pole"],
+    motion: Complex[np.ndarray, "pole coordinate"],
+) -> tuple[Complex[np.ndarray, " pole"], Bool[np.ndarray, " pole"]]:
+    """Find the poles near start values with motions, and whether each is found, once.
+
+    In a start without motion the loops alone act.
+    """
+    value, kept = start.astype(complex), np.zeros(len(start), dtype=bool)
+    for chosen in (np.imag(start) > 0, np.imag(start) == 0):
         some = np.flatnonzero(chosen)
         if not len(some):
             continue
@@ -387,13 +414,74 @@ def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list
         for force, loop in zip(_forces(block, starts), block.loops, strict=True):
             _, over, under = loop.at(value[some] * BESIDE)[0]
             force[:] = over / under * (motion[some] @ loop.sensed)
+            force[~motion[some].any(1)] = 1.0
         loss = "all" if np.imag(value[some[0]]) else "dampers"
-        found = roots.find_roots(Pencil.of(model), [block], starts, loss=loss)
-        kept = ~(found.lost | roots.repeated(found))
-        spurious[some] = ~kept & (delay > 0)
-        value[some[kept]] = _refine_decays(plant, block, found.select(kept))
-    left = np.flatnonzero(~spurious)
-    return Poles(value[left], tuple(start.state[n] for n in left))
+        found = roots.find_roots(Pencil.of(plant.model), [block], starts, loss=loss)
+        own = ~(found.lost | roots.repeated(found))
+        kept[some] = own
+        if own.any():
+            value[some[own]] = _refine_decays(plant, block, found.select(own))
+    return value, kept
+
+
+def _search_again(
+    plant: Plant,
+    block: ClosedBlock,
+    value: Complex[np.ndarray, " pole"],
+    missing: Bool[np.ndarray, " pole"],
+) -> None:
+    """Find poles that are missing, in place: from those of digital filters with the loops open.
+
+    They are followed while the gain of the loops rises.
+    """
+    parts = [one for loop in block.loops for one in loop.filter.parts if one.rate]
+    start = [_move(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
+    start = np.array([one for one in start if np.isfinite(one) and one != 0], dtype=complex)
+    if not missing.any() or not len(start):
+        return
+    found = np.unique(start)
+    for share in RISING:
+        scaled = [replace(one.filter, gain=one.filter.gain * share) for one in block.loops]
+        loops = [replace(one, filter=own) for one, own in zip(block.loops, scaled, strict=True)]
+        motion = np.zeros((len(found), plant.model.size), dtype=complex)
+        found, kept = _refine_poles(plant, replace(block, loops=tuple(loops)), found, motion)
+        found = found[kept]
+    highest = np.pi * max(one.rate for one in parts) * (1 + SAME)
+    for pole in found:
+        known = np.isclose(value[~missing], pole, rtol=SAME, atol=0.0).any()
+        if missing.any() and not known and np.imag(pole) <= highest:
+            free = np.flatnonzero(missing)[0]
+            value[free], missing[free] = pole, False
+
+
+def _move_filter_poles(
+    value: Complex[np.ndarray, " pole"], state: tuple[str, ...], loops: Sequence[Loop]
+) -> Complex[np.ndarray, " pole"]:
+    """Move start values that are poles of digital filters to where these are.
+
+    The state space takes s for w.
+    """
+    filters = {f"loop {loop.name}": loop.controller_and_sensor for loop in loops}
+    result = value.astype(complex)
+    for n, name in enumerate(state):
+        made = filters.get(name.rpartition(" ")[0])
+        if made is None or not made.period:
+            continue
+        near = [(abs(value[n] + 2 * np.pi * p), one.rate) for one in made.parts for p in one.poles]
+        if near and (rate := min(near)[1]):
+            result[n] = _move(result[n], rate)
+    return result
+
+
+def _move(w: complex, rate: float) -> complex:
+    """Move a pole of a digital filter from w to s = 2 rate artanh(w / 2 rate), with Im s >= 0.
+
+    Where w is real and beyond 2 rate, z is negative, and the pole is at half the rate; where it is
+    2 rate, z is 0 and s infinite.
+    """
+    with np.errstate(all="ignore"):
+        moved = 2 * rate * np.arctanh(complex(w) / (2 * rate))
+    return complex(np.real(moved), np.abs(np.imag(moved)))
 
 
 def _forces(block: ClosedBlock, found: Roots) -> Complex[np.ndarray, "loop root"]:
