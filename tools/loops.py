@@ -126,9 +126,8 @@ class Case:
             "filter": given,
             "delay": self.delay,
         }
-        raw: dict[str, Any] = tomllib.loads(sus.template("single").text) | {
-            "control": {"loop": [loop]}
-        }
+        raw: dict[str, Any] = tomllib.loads(sus.template("single").text)
+        raw["control"] = {"loop": [loop]}
         raw["materials"]["steel302"]["loss_angle"] = 0.0
         return tomli_w.dumps(raw)
 
