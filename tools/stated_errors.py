@@ -1,6 +1,6 @@
 """Stated errors of models beside the true ones, on random designs and sweeps.
 
-    .venv/bin/python -m tools.stated_errors [responses|modes|sweeps] [COUNT]
+    .venv/bin/python -m tools.stated_errors [responses|modes|couplings|sweeps] [COUNT]
 
 True errors are differences to the most complete model at every frequency, mode or point of a grid.
 The smallest ratio of stated to true error should be above 1/3.
@@ -11,27 +11,31 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+import tomli_w
 from numpy.random import Generator
 
+import suspension_cli as sus
 from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.sweep.solve import ParameterSweep, result_change
 from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import Design
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import eigenmodes, named_results
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.signals import bodies_with_signals, parse_input, parse_output
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.choice import Transfer
+from suspension_cli.models.choice import Transfer, choose, relative_change
 from suspension_cli.models.spectrum_error import NEAR, away_from_modes
 from suspension_cli.scene.arrays import Array
+from suspension_cli.studies.job import Axis
 from tests.support import scenes
 
 NOTHING = 1e-9
 """True errors below this are rounding errors and differences of solvers."""
 
 
-def random_design(seed: int) -> Design:
+def random_raw(seed: int) -> scenes.Raw:
     """One to four stages, symmetric or (every fourth) on blades, on wires from hairs to rods."""
     rng = np.random.default_rng([31, seed])
     count = 1 + seed % 4 if seed % 8 < 6 else 2
@@ -40,8 +44,12 @@ def random_design(seed: int) -> Design:
         if seed % 4 == 3
         else scenes.chain(rng, count)
     )
-    stress = float(10 ** rng.uniform(6.5, 9))
-    return scenes.design_of(scenes.fibred(raw, stress, ribbons=bool(rng.random() < 0.2)))
+    return scenes.fibred(raw, float(10 ** rng.uniform(6.5, 9)), ribbons=bool(rng.random() < 0.2))
+
+
+def random_design(seed: int) -> Design:
+    """`random_raw` as a design."""
+    return scenes.design_of(random_raw(seed))
 
 
 def source_of(design: Design) -> Source:
@@ -106,6 +114,44 @@ def of_modes(seed: int) -> tuple[float, float]:
     return found.error, float(error.max())
 
 
+def of_couplings(seed: int) -> tuple[float, float]:
+    """Stated and true error of a random map of couplings."""
+    rng = np.random.default_rng([33, seed])
+    design = sus.parse(tomli_w.dumps(scenes.plain(random_raw(seed))))
+    how = {
+        "sweep": {"k": np.linspace(0.7, 1.3, 25), "offset": [-2e-3, -1e-3, 0.0, 1e-3, 2e-3]},
+        "frequency": float(rng.choice([3.0, 10.0, 30.0])),
+    }
+    simple = sus.xcouple(design, fidelity=str(rng.choice(["string", "beam"])), **how)
+    exact = sus.xcouple(design, fidelity="violin", **how)
+    return simple.estimated_error, relative_change(simple.ratio, exact.ratio)
+
+
+def of_sweep(seed: int) -> tuple[float, float]:
+    """Stated and true error of a random sweep: modes on strings, or one response on either model.
+
+    The true one follows from the same comparison at every point.
+    """
+    rng = np.random.default_rng([34, seed])
+    text = tomli_w.dumps(scenes.plain(random_raw(seed)))
+    design, level = sus.parse(text), str(rng.choice(["string", "beam"]))
+    body = design.stage[-1]
+    path, values = [
+        (f"stage.{body.name}.wires.l", body.wires.l * np.linspace(0.7, 1.3, 25)),
+        (f"stage.{body.name}.wires.d", np.linspace(5e-4, 0.03, 25)),
+        (f"stage.{body.name}.body.mass", body.body.mass * np.linspace(0.9, 1.1, 25)),
+    ][rng.integers(3)]
+    results = [f"{body.name}.x/support.x:{rng.choice([2.0, 8.0, 20.0])}"] if seed % 2 else []
+    how = {"vary": {path: values}, "fidelity": level, "allow_unstable": True}
+    found = sus.sweep(design, results=results, **how)
+    scalars = named_results.of_system(results, registry.by_name(level).system(design.design))
+    axis = Axis(path, tuple(values.tolist()))
+    job = ParameterSweep(text, (axis,), level, scalars, allow_unstable=True)
+    compare = result_change(job)(np.arange(job.count))
+    true = choose(design.design, level, (), compare)
+    return found.estimated_error, true.error
+
+
 def survey(name: str, cases: list[tuple[float, float]]) -> None:
     """Print how stated errors compare with true ones."""
     stated, true = np.array(cases).T
@@ -130,6 +176,10 @@ def main() -> None:
             survey(f"response {level}", [of_response(seed, level) for seed in range(count)])
     if chosen in ("", "modes"):
         survey("modes beam", [of_modes(seed) for seed in range(count)])
+    if chosen in ("", "couplings"):
+        survey("couplings", [case for n in range(count) if (case := of_couplings(n))])
+    if chosen in ("", "sweeps"):
+        survey("sweeps", [of_sweep(seed) for seed in range(count)])
 
 
 if __name__ == "__main__":

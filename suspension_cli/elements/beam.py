@@ -152,9 +152,13 @@ def resonances_below(wave: Waves) -> Int[np.ndarray, "*shape"]:
 def sinc_cos(
     z: Inexact[np.ndarray, "*shape"],
 ) -> tuple[Inexact[np.ndarray, "*shape"], Inexact[np.ndarray, "*shape"]]:
-    """sin(z)/z and cos(z); `numpy.sinc` takes z/pi, whose rounding counts at large z."""
+    """sin(z)/z and cos(z); `numpy.sinc` takes z/pi, whose rounding counts at large z.
+
+    Not finite far from the real axis, where a search for poles may stray and is then lost.
+    """
     zero = z == 0
-    return np.where(zero, 1.0, np.sin(z) / np.where(zero, 1.0, z)), np.cos(z)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.where(zero, 1.0, np.sin(z) / np.where(zero, 1.0, z)), np.cos(z)
 
 
 def tanhc(

@@ -278,21 +278,41 @@ def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray,
     """Relative change of each frequency by the mass of wires, by Rayleigh's quotient.
 
     With the dynamic stiffness Z(omega) of the wires with mass, and Z_0 without, the mode x changes
-    by x^T (Z - Z_0) x / (2 omega^2 x^T M x), where x^T M x = 1. Infinite from half the first violin
-    mode on.
+    by the fraction q(omega) = x^T (Z - Z_0) x / (2 omega^2 x^T M x), where x^T M x = 1. Close to a
+    mode of wires q has a pole, so the changed frequency counts: with q and its slope in ln omega,
+    which is negative (Foster), the change y is that nearest to 0 of y = q(y) = c / (y - e), with
+    e = q / slope and c = -q^2 / slope. That is y = q far from the pole, and sqrt(c) at it: there
+    the mode and that of the wires repel each other.
     """
     good = found.omega_squared > 0
     omega = np.sqrt(found.omega_squared[good])
     shapes = np.linalg.solve(model.basis, np.pad(found.shape[good], ((0, 0), (6, 0))).T)
     change = np.zeros(len(omega))
     for term, ends in quality.end_motions(model, shapes.T):
-        there = replace(term.strand, lossy=False).at(omega)
+        there = replace(term.strand, lossy=False).at(omega * (1 + 1j * quality.STEP))
         for part, moved in ends.items():
-            added = there[part].stiffness - term.strand.static[part][..., None]
-            change += np.einsum("iwm,ijm,jwm->m", moved, added, moved)
+            stiffness = there[part].stiffness
+            added = np.real(stiffness) - term.strand.static[part][..., None]
+            quotient, slope = (
+                np.einsum("iwm,ijm,jwm->m", moved, matrix, moved) / (2 * omega**2)
+                for matrix in (added, np.imag(stiffness) / quality.STEP)
+            )
+            change += _beside_pole(quotient, slope)
     result = np.zeros(len(good))
-    result[good] = np.abs(change) / (2 * omega**2)
+    result[good] = np.abs(change)
     return result
+
+
+def _beside_pole(
+    quotient: Float[np.ndarray, " mode"], slope: Float[np.ndarray, " mode"]
+) -> Float[np.ndarray, " mode"]:
+    """Solve y = c / (y - e) for y nearest to 0, from the value and slope of its right side at 0."""
+    falls = slope < 0
+    slope = np.where(falls, slope, -1.0)
+    pole, strength = quotient / slope, -(quotient**2) / slope
+    further = np.abs(pole) + np.sqrt(pole**2 + 4 * strength)
+    nearest = np.sign(quotient) * 2 * strength / np.where(further > 0, further, 1.0)
+    return np.where(falls, nearest, quotient)
 
 
 def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:

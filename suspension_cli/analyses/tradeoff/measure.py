@@ -19,6 +19,7 @@ from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses import settings
 from suspension_cli.analyses.growth import find_growth
 from suspension_cli.analyses.modes import wire_modes
+from suspension_cli.analyses.modes.command import MOST
 from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.xcouple.command import axes
@@ -176,7 +177,7 @@ def ask(source: Source) -> tuple[Question, ...]:
     """List all questions about a design."""
 
     def modes(model: Model) -> Modes:
-        return wire_modes.solve_bodies(model.system(source.design))
+        return wire_modes.solve_bodies(model.system(source.design), _admit)
 
     def compare(found: Modes, true: Modes) -> tuple[float, str]:
         partner = pair_bodies(true, found, registry.STRING.system(source.design))
@@ -199,6 +200,13 @@ def ask(source: Source) -> tuple[Question, ...]:
         _spectrum(source.design, "thermal", "thermal noise", 10.0, 100.0),
         _coupling(source),
     )
+
+
+def _admit(number: int, top: float) -> None:
+    """Refuse wires with mass of so many modes that all would take minutes."""
+    if number > MOST:
+        problem = f"its wires have {number:,} modes up to {top:.4g} Hz, which would take minutes"
+        raise InputError.of("", problem, "")
 
 
 def _sweep(source: Source, model: Model) -> ParameterSweep:
