@@ -337,7 +337,9 @@ def _describe(
         text = labels.pop() if len(labels) == 1 else f"{body} {kind} {modes.order[n]}"
         last = modes.frequency[group[-1]]
         return text + (f", {len(group)} modes to {last:#.6g} Hz" if len(group) > 1 else "")
-    order = np.argsort(-fractions.round(9), kind="stable")[:3]
+    lead = modes.place.index(".".join(modes.home[n]))
+    order = np.argsort(-fractions.round(9), kind="stable")
+    order = [lead, *order[order != lead]][:3]
     text = ", ".join(
         f"{describe(modes.place[i]) if k else names[n]} {100 * fractions[i]:.0f} %"
         for k, i in enumerate(order)

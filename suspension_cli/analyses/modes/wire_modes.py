@@ -21,7 +21,7 @@ from suspension_cli.elements.joined_sections import ENDS
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, damped, eigenmodes, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import WireTerm
+from suspension_cli.linear.frequency_terms import WireTerm, is_massive
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.system import LinearSystem
@@ -108,16 +108,20 @@ def solve_bodies(
 ) -> Modes:
     """Solve for the modes of bodies with all losses.
 
-    With wire mass each is followed from the one without. If one of them is a mode of wires, or one
-    is found twice, all modes up to the highest without wire mass are solved for; before, `admit` is
-    called with their number and that frequency, Hz.
+    With wire mass each is followed from the one without. If one of them is lost or a mode of wires,
+    or one is found twice, all modes up to the highest without wire mass are solved for; before,
+    `admit` is called with their number and that frequency, Hz.
     """
-    found = damped.solve(model)
-    share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
-    if not any(isinstance(t, WireTerm) and t.strand.massive for t in model.terms) or (
-        (share > BODILY).all() and not _repeated(model, found)
-    ):
-        return found
+    massive = any(map(is_massive, model.terms))
+    try:
+        found = damped.solve(model)
+    except damped.LostModeError:
+        if not massive:
+            raise
+    else:
+        share = found.energy.sum((1, 2)) + found.tip_energy.sum(1) + damped.light_fraction(found)
+        if not massive or ((share > BODILY).all() and not _repeated(model, found)):
+            return found
     top = float(np.nanmax(eigenmodes.solve(model).frequency))  # wire mass lowers all frequencies
     admit(count_modes(model, top), top)
     found = solve(model, top, damping=True, progress=progress)
