@@ -60,6 +60,8 @@ STEEP = 0.1
 """Relative change of stiffness within the factor e of the frequency that is small."""
 TABLES = np.geomspace(1e-5, 1e6, 1101)
 """Frequencies (rad/s) at which changes of stiffness are measured."""
+LIGHT_ENDING = ".light"
+"""Ending of the name of the light of a cavity in `Modes.wire`."""
 LIGHT = 0.5
 """Fraction of a mode in light above which it is the light's."""
 
@@ -164,17 +166,24 @@ def _with_light(
     bodies = 1 - fraction.sum(1)
     return replace(
         modes,
-        wire=tuple(f"{cavity}.light" for cavity in cavities),
+        wire=tuple(f"{cavity}{LIGHT_ENDING}" for cavity in cavities),
         wire_energy=fraction,
         energy=modes.energy * bodies[:, None, None],
         tip_energy=modes.tip_energy * bodies[:, None],
     )
 
 
-def light_fraction(modes: Modes) -> Float[np.ndarray, " mode"]:
-    """Fraction of each mode in the light of cavities."""
-    of_light = [name.endswith(".light") for name in modes.wire]
-    return modes.wire_energy[:, np.array(of_light, dtype=bool)].sum(1)
+def mark_light(modes: Modes) -> Bool[np.ndarray, " mode"]:
+    """Mark the modes of the light of cavities: two poles each, with the largest fractions in it."""
+    of_light = np.array([name.endswith(LIGHT_ENDING) for name in modes.wire], dtype=bool)
+    fraction, poles = modes.wire_energy[:, of_light].sum(1), 2 * int(of_light.sum())
+    result = np.zeros(len(fraction), dtype=bool)
+    for n in np.argsort(-fraction, kind="stable"):
+        own = 2 if modes.omega_squared[n] > 0 else 1
+        if own <= poles:
+            result[n] = True
+            poles -= own
+    return result
 
 
 def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:
@@ -301,9 +310,7 @@ class _Block:
     @cached_property
     def massless(
         self,
-    ) -> tuple[
-        Float[np.ndarray, "direction coordinate"], Float[np.ndarray, " direction"], int
-    ]:
+    ) -> tuple[Float[np.ndarray, "direction coordinate"], Float[np.ndarray, " direction"], int]:
         """Massless directions of stiffness +-1, those that dampers resist first; their number.
 
         With the signs of the stiffness of each massless coordinate.

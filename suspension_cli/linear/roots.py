@@ -232,9 +232,7 @@ def find_roots(
     return Roots(value, start.block, motion, lost)
 
 
-def find_all(
-    pencil: Pencil, blocks: Sequence[Block], start: Roots, noise: float = ROUGH
-) -> Roots:
+def find_all(pencil: Pencil, blocks: Sequence[Block], start: Roots, noise: float = ROUGH) -> Roots:
     """Find the roots near start values: those that oscillate with all losses, others with dampers.
 
     Those that are found twice, and those with relative rounding errors above `noise`, are lost.

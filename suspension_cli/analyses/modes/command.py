@@ -188,11 +188,12 @@ class ModesAnalysis(Analysis):
         """Draw every mode, and where wires have mass the Q of all."""
         from suspension_cli.analyses.modes import picture
         from suspension_cli.equilibrium.nominal import expand
+        from suspension_cli.linear.damped import LIGHT_ENDING
 
         modes, design = result.data, result.design
         pages = picture.draw_pages(modes, design, expand(design), result.subtitle)
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
-        if modes.wire:
+        if not all(name.endswith(LIGHT_ENDING) for name in modes.wire):
             figures["-wires"] = picture.draw_quality(modes, design, result.subtitle)
         return figures
 
