@@ -70,6 +70,16 @@ class LostModeError(InputError):
     """A pole that the search has lost, so that its mode and the stability are unknown."""
 
     @staticmethod
+    def of_loops(state: str, frequency: float) -> LostModeError:
+        """Error for a closed-loop pole that starts in a state at a frequency, Hz."""
+        problem = (
+            f"the pole near {frequency:.4g} Hz in {state} was not found with all losses and delays,"
+            " so whether the motion grows is not known"
+        )
+        remedy = "lower the losses that act on it, or the delay or gain of its loops"
+        return LostModeError([Fault("control", problem, remedy)])
+
+    @staticmethod
     def of_mode(label: str, frequency: float) -> LostModeError:
         """Error for the mode that starts from an undamped one at a frequency, Hz."""
         problem = (
@@ -282,25 +292,13 @@ class _Block:
 
     @property
     def has_steep_tables(self) -> bool:
-        """Whether tables of stiffness may give an oscillation several frequencies, or none.
+        """See `has_steep_tables`."""
+        return has_steep_tables(self.model, self.terms, self.squared, self.shapes)
 
-        That of a mode follows from the stiffness at its frequency. There is one as long as no
-        stiffness changes by much within the factor e of the frequency: not by more than `STEEP` of
-        the static stiffness K in any motion, x^T (dK / d ln omega) x <= STEEP x^T K x.
-        """
-        moves, steep = self.squared > 0, 0.0
-        for n, term in self.block.terms:
-            if not isinstance(term, LossTerm) or term.storage is None:
-                continue
-            slope = np.abs(np.diff(term.storage(TABLES)) / np.diff(np.log(TABLES))).max()
-            motion = self.shapes[:, term.columns]
-            changed = slope * motion @ self.model.weights[n].sum(0) @ motion.T
-            if changed[~moves].any():
-                return True
-            omega = np.sqrt(self.squared[moves])
-            relative = changed[np.ix_(moves, moves)] / (omega[:, None] * omega)
-            steep += float(np.linalg.norm(relative, 2))
-        return steep > STEEP
+    @property
+    def terms(self) -> list[int]:
+        """Numbers of the terms in the system."""
+        return [n for n, _ in self.block.terms]
 
     @property
     def none(self) -> Poles:
@@ -395,7 +393,7 @@ class _Block:
         """
         rows, stiffness, resisted = self.massless
         basis, m = np.concatenate([self.shapes, rows]), len(self.squared)
-        soft, k = self._changes(omega, share)
+        soft, k = change_of_stiffness(self.model, self.terms, omega, share)
         stretch = basis @ self.model.elongation.T
         matrix = basis @ soft @ basis.T + (stretch * k) @ stretch.T
         matrix[np.arange(m), np.arange(m)] += self.squared
@@ -410,28 +408,57 @@ class _Block:
         shapes = np.concatenate([vectors, follow @ vectors])[:, some]
         return value[some], shapes.T @ basis
 
-    def _changes(
-        self, omega: float, share: float
-    ) -> tuple[Complex[np.ndarray, "coordinate coordinate"], Complex[np.ndarray, " wire"]]:
-        """Change soft stiffness and k from static ones to those at a frequency (rad/s).
 
-        With a share of the losses.
-        """
-        model, at = self.model, np.array([omega])
-        soft = 1j * np.imag(model.soft) + np.zeros(model.mass.shape)
-        k = 1j * np.imag(model.k) + np.zeros(len(model.k))
-        for n, term in self.block.terms:
-            if is_damper(term):
-                continue
-            here, own = term.at(at), np.ix_(term.columns, term.columns)
-            functions = here.functions(np.arange(len(term.compact)))
-            for function, matrix in zip(functions, model.weights[n], strict=True):
-                soft[own] += complex(function[0]) * matrix
-            if isinstance(here, EvaluatedWires):
-                k[here.term.number] = 1 / here.compliance[..., 0] - np.real(
-                    model.k[here.term.number]
-                )
-        return np.real(soft) + 1j * share * np.imag(soft), np.real(k) + 1j * share * np.imag(k)
+def has_steep_tables(
+    model: LinearSystem,
+    terms: Sequence[int],
+    squared: Float[np.ndarray, " mode"],
+    shapes: Float[np.ndarray, "mode coordinate"],
+) -> bool:
+    """Whether tables of stiffness may give an oscillation several frequencies, or none.
+
+    That of a mode follows from the stiffness at its frequency. There is one as long as no stiffness
+    changes by much within the factor e of the frequency: not by more than `STEEP` of the static
+    stiffness K in any motion, x^T (dK / d ln omega) x <= STEEP x^T K x. The terms are given by
+    number, the undamped modes by omega^2 and shape.
+    """
+    moves, steep = squared > 0, 0.0
+    omega = np.sqrt(squared[moves])
+    for n in terms:
+        term = model.terms[n]
+        if not isinstance(term, LossTerm) or term.storage is None:
+            continue
+        slope = np.abs(np.diff(term.storage(TABLES)) / np.diff(np.log(TABLES))).max()
+        motion = shapes[:, term.columns]
+        changed = slope * motion @ model.weights[n].sum(0) @ motion.T
+        if changed[~moves].any():
+            return True
+        relative = changed[np.ix_(moves, moves)] / (omega[:, None] * omega)
+        steep += float(np.linalg.norm(relative, 2))
+    return steep > STEEP
+
+
+def change_of_stiffness(
+    model: LinearSystem, terms: Sequence[int], omega: float, share: float
+) -> tuple[Complex[np.ndarray, "coordinate coordinate"], Complex[np.ndarray, " wire"]]:
+    """Change from static soft stiffness and k to those at a frequency (rad/s).
+
+    That is by the terms of these numbers that are no dampers, with a share of the losses.
+    """
+    soft = 1j * np.imag(model.soft) + np.zeros(model.mass.shape)
+    k = 1j * np.imag(model.k) + np.zeros(len(model.k))
+    for n in terms:
+        term = model.terms[n]
+        if is_damper(term):
+            continue
+        here, own = term.at(np.array([omega])), np.ix_(term.columns, term.columns)
+        functions = here.functions(np.arange(len(term.compact)))
+        for function, matrix in zip(functions, model.weights[n], strict=True):
+            soft[own] += complex(function[0]) * matrix
+        if isinstance(here, EvaluatedWires):
+            static = np.real(model.k[here.term.number])
+            k[here.term.number] = 1 / here.compliance[..., 0] - static
+    return np.real(soft) + 1j * share * np.imag(soft), np.real(k) + 1j * share * np.imag(k)
 
 
 def _eigenvalues(
