@@ -372,8 +372,8 @@ class _Block:
         return None if repeated(every).any() else (value, motion)
 
     def counted_poles(self) -> Poles:
-        """Poles and shapes: those that oscillate by counting, and the real ones."""
-        value, motion = self.real_poles
+        """Poles and shapes: those that oscillate by counting, and real ones if dampers act."""
+        value, motion = self.real_poles if self.is_damped else self.none
         found, shapes = find_oscillations(self.poles_at)
         value, motion = np.append(value, found), np.concatenate([motion, shapes])
         blocks = [self.block]
