@@ -27,9 +27,10 @@ WIRE_MODE_NAMES = {
     "violin-y": "violin transverse",
     "stretch": "wire stretching",
     "twist": "wire twisting",
+    "light": "light",
 }
-"""Name of each kind of internal mode of a wire. The first of its two principal planes is the one
-nearest to x."""
+"""Name of each kind of internal mode of a wire, and of the light of a cavity. The first of the two
+principal planes of a wire is the one nearest to x."""
 
 SUPPORT = "support"
 """The suspension point structure: its six motions are inputs."""

@@ -26,7 +26,8 @@ RAISE = "attach the wires higher above the COM (raise d)"
 class Growth:
     """Why motion grows: the cause as a fault without the mode, and the modes with growth rates.
 
-    `static` if the static stiffness alone makes it grow.
+    The rates are those with all dampers, losses and the delay of light. `static` if the static
+    stiffness alone makes it grow.
     """
 
     cause: Fault
@@ -47,7 +48,8 @@ class Growth:
 def describe(modes: Modes, number: int) -> str:
     """Describe how a mode grows: ``test x grows at 0.25 1/s``."""
     square, rate = modes.omega_squared[number], modes.growth_rate[number]
-    at = f", oscillating at {np.sqrt(square) / (2 * np.pi):.4g} Hz" if square > 0 else ""
+    omega = np.sqrt(max(square - rate**2, 0.0))
+    at = f", oscillating at {omega / (2 * np.pi):.4g} Hz" if square > 0 else ""
     return f"{modes.label[number]} grows at {rate:.4g} 1/s{at}"
 
 
@@ -55,9 +57,16 @@ def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | N
     """Find why the motion of a design grows with its control loops open; None if it does not.
 
     `system` is its linear system in the model `kind`. Where the equilibrium is stable, only active
-    springs, links and dampers can make it grow: their poles are those on wires without mass.
+    springs, links, dampers and light can make it grow. Poles are those on wires without mass.
+    Raises `damped.LostModeError` if they are not known.
     """
     static = eigenmodes.solve(system.constant)
+    if static.stable and not system.active:
+        return None
+    light = registry.BEAM.system(design) if kind.has_wire_mass else system
+    found = damped.solve(light)
+    if found.stable:
+        return None
     if not static.stable:
         fault = Fault("stage", "the equilibrium is unstable", RAISE)
         dark = replace(design, cavity=[])
@@ -65,13 +74,7 @@ def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | N
             keys = [f"cavity.{one.name}.power" for one in design.cavity]
             problem = "the pressure of the light makes the equilibrium unstable"
             fault = Fault(keys[0], problem, f"lower {', '.join(keys)}, or stiffen this motion")
-        return Growth(fault, static, static=True)
-    if not system.active:
-        return None
-    light = registry.BEAM.system(design) if kind.has_wire_mass else system
-    found = damped.solve(light)
-    if found.stable:
-        return None
+        return Growth(fault, found, static=True)
     parts = [fault for part, fault in find_active(design, faults.tables(design)) if part.active]
     keys = ", ".join(fault.key for fault in parts)
     less = "less negative" if all("detuning" not in fault.key for fault in parts) else "smaller"

@@ -56,6 +56,9 @@ CONVERGED = 1e-13
 """Relative step at which an iteration ends."""
 NOISE = 1e-9
 """Relative step below which an iteration that no longer improves has ended."""
+ROUGH = 1e-6
+"""Largest relative step that may be a rounding error: that of soft modes beside modes of 1e5 times
+their frequency."""
 STRAYED = 0.5
 """Relative distance from its start beyond which a root counts as another one."""
 SAME = 1e-6
@@ -205,11 +208,13 @@ def find_roots(
     loss: Loss = "all",
     close: float = CLOSE,
     known: int = 0,
+    noise: float = ROUGH,
 ) -> Roots:
     """Find the roots near start values, which all oscillate, or are all real.
 
     Those closer than `close`, or than their `width`, by how much losses may move each (rad/s),
-    start together. In the first `known` steps values stay, if shapes are unknown.
+    start together. In the first `known` steps values stay, if shapes are unknown. Those with
+    relative rounding errors above `noise` are lost.
     """
     if not len(start.value):
         return start
@@ -218,12 +223,27 @@ def find_roots(
         groups = [g for g in group_roots(start, close, width) if known or len(g) > 1]
         found = _iterate(pencil, blocks, start, groups, known + TOGETHER, loss, known)
     each = list(np.arange(len(start.value))[:, None])
-    found = _iterate(pencil, blocks, found, each, STEPS, loss)
+    found = _iterate(pencil, blocks, found, each, STEPS, loss, noise=noise)
     far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)
     lost = found.lost | far | ~np.isfinite(found.motion).all(0)
     value, motion = (
         np.where(lost, getattr(start, name), getattr(found, name)) for name in ("value", "motion")
     )
+    return Roots(value, start.block, motion, lost)
+
+
+def find_all(pencil: Pencil, blocks: Sequence[Block], start: Roots, noise: float = ROUGH) -> Roots:
+    """Find the roots near start values: those that oscillate with all losses, others with dampers.
+
+    Those that are found twice, and those with relative rounding errors above `noise`, are lost.
+    """
+    value, motion, lost = start.value.copy(), start.motion.copy(), start.lost.copy()
+    for oscillates in (True, False):
+        some = (np.imag(start.value) > 0) == oscillates
+        acting: Loss = "all" if oscillates else "dampers"
+        found = find_roots(pencil, blocks, start.select(some), loss=acting, noise=noise)
+        value[some], motion[:, some] = found.value, found.motion
+        lost[some] = found.lost | repeated(found)
     return Roots(value, start.block, motion, lost)
 
 
@@ -265,6 +285,7 @@ def _iterate(
     steps: int,
     loss: Loss,
     known: int = 0,
+    noise: float = ROUGH,
 ) -> Roots:
     """Iterate groups of roots of one block, each at one shift, until they converge."""
     value, motion, lost = roots.value.copy(), roots.motion.copy(), roots.lost.copy()
@@ -309,13 +330,24 @@ def _iterate(
         ratio = moved / np.maximum(last, 1e-300) if step else 1.0
         done = moved * np.minimum(ratio, 1.0) <= CONVERGED
         done |= (moved <= NOISE) & (2 * moved >= last)
-        done |= np.array([lost[group].any() for group in moving])
+        rough = ~done & (moved <= ROUGH) & (moved >= last)  # nothing but rounding errors
+        lost = _mark(lost, [moving[n] for n in np.flatnonzero(rough & (moved > noise))])
+        done |= rough | np.array([lost[group].any() for group in moving])
         left = np.flatnonzero(~done) if step >= known else np.arange(len(moving))
         moving, last = [moving[n] for n in left], moved[left]
     if steps == STEPS:
-        for group in moving:
-            lost[group] = True
+        lost = _mark(lost, moving)
     return replace(roots, value=value, motion=motion, lost=lost)
+
+
+def _mark(
+    lost: Bool[np.ndarray, " root"], groups: list[Int[np.ndarray, " _"]]
+) -> Bool[np.ndarray, " root"]:
+    """Mark groups of roots as lost too."""
+    result = lost.copy()
+    for group in groups:
+        result[group] = True
+    return result
 
 
 def _step(

@@ -143,7 +143,7 @@ def assemble(
     forces = np.where(acts[:, None], drives, 0.0).T
     feed = rows[:, :6] @ moves
     damped = model.damping + _equivalent_damping(model.constant)
-    model = _with_states_of_light(replace(model, damping=damped))
+    model = with_states_of_light(replace(model, damping=damped)).constant
     more = model.size - rows.shape[1]
     rows, forces = np.pad(rows, ((0, 0), (0, more))), np.pad(forces, ((0, more), (0, 0)))
     parts, states, units = [], list[str](), list[str]()
@@ -169,7 +169,7 @@ def assemble(
     )
 
 
-def _with_states_of_light(model: LinearSystem) -> LinearSystem:
+def with_states_of_light(model: LinearSystem) -> LinearSystem:
     """Replace the light of cavities by two massless coordinates each, its sidebands.
 
     With the optical spring K_0 r r^T, r the row of its elongation, and its pole gamma and detuning
@@ -178,7 +178,8 @@ def _with_states_of_light(model: LinearSystem) -> LinearSystem:
         (s + gamma) u + Delta v = h r . x,    Delta u - (s + gamma) v = h r . x,
 
     which are symmetric, give the force h (u + v) r = 2 h^2 Delta / ((s + gamma)^2 + Delta^2) r r.x;
-    h^2 = (gamma^2 + Delta^2) |K_0 / 2 Delta| makes it K(s) of `models.cavity`.
+    h^2 = (gamma^2 + Delta^2) |K_0 / 2 Delta| makes it K(s) of `models.cavity`. They are the last
+    coordinates, cavity by cavity.
     """
     while term := next(filter(is_light, model.terms), None):
         assert term.light is not None
@@ -195,7 +196,7 @@ def _with_states_of_light(model: LinearSystem) -> LinearSystem:
         others = replace(model, terms=tuple(one for one in model.terms if one is not term))
         names, units = names_of_light(term), 2 * [LIGHT]
         model = others.widened(names, units, 0 * damping, stiffness, damping)
-    return model.constant
+    return model
 
 
 def names_of_light(term: LossTerm) -> list[str]:

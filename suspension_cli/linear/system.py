@@ -200,7 +200,7 @@ class LinearSystem:
             self.prepared["constant"] = replace(self, terms=())
         return self.prepared["constant"] if self.terms else self
 
-    def select(self, which: Int[np.ndarray, " system"] | slice) -> LinearSystem:
+    def select(self, which: Int[np.ndarray, " system"] | slice | int) -> LinearSystem:
         """Select some of many builds, any of them more than once."""
 
         def take(array: Any, axes: int = 2) -> Any:

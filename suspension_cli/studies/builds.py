@@ -17,10 +17,11 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear import batch_modes
+from suspension_cli.linear.frequency_terms import is_light
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
-from suspension_cli.linear.statespace import ROUNDING
+from suspension_cli.linear.statespace import ROUNDING, with_states_of_light
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -44,6 +45,8 @@ STATUS = (
 DRIVEN = 1e-6
 """Growth without oscillation, over the fastest pole of a build, above which it is no rounding error
 of a rigid mode."""
+FAST = 0.1
+"""Decay rate over the modulus of a pole above which no loss angle can make it grow."""
 NOTHING = complex(np.nan, np.nan)
 """Response of a build that failed."""
 
@@ -155,20 +158,22 @@ def _unstable(
 def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
     """Mark, in their status, good builds in which active parts make a mode grow.
 
-    The poles s and shapes x of M, C and the static stiffness give the growth, as in
-    `linear.damped`: -2 sigma omega x^H M x = x^H K''(omega) x + omega x^H C x. Coordinates without
-    inertia and damping follow statically.
+    The poles s and shapes x of M, C and the static stiffness, with the states of light, give the
+    growth, as in `linear.damped`: -2 sigma omega x^H M x = x^H K''(omega) x + omega x^H C x, exact
+    for dampers and light. Coordinates without inertia and damping follow statically.
     """
     if not model.active:
         return
     from scipy.linalg import eig
 
-    whole = np.broadcast_arrays(model.mass, model.damping, model.stiffness, model.loss)
-    light = model.massless[6:] & ~whole[1][..., 6:, 6:].any((0, -1))
-    for n in np.flatnonzero(status == GOOD):
-        *own, loss = (matrix[n, 6:, 6:] for matrix in whole)
-        to_all = np.eye(len(light))[:, ~light]
-        to_all[light] = -solve_each(own[2][np.ix_(light, light)], own[2][np.ix_(light, ~light)])
+    light = tuple(filter(is_light, model.terms))
+    constant = replace(model, terms=light)
+    for n in np.flatnonzero(status == GOOD).tolist():
+        system = with_states_of_light(constant.select(n)).constant
+        own = [matrix[6:, 6:] for matrix in (system.mass, system.damping, system.stiffness)]
+        inert = system.massless[6:] & ~own[1].any(0)
+        to_all = np.eye(len(inert))[:, ~inert]
+        to_all[inert] = -solve_each(own[2][np.ix_(inert, inert)], own[2][np.ix_(inert, ~inert)])
         mass, damping, stiffness = (to_all.T @ matrix @ to_all for matrix in own)
         zero, one = np.zeros_like(mass), np.eye(len(mass))
         found: Any = eig(
@@ -177,15 +182,30 @@ def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
         )
         finite = np.isfinite(found[0])
         s, x = found[0][finite], found[1][: len(mass), finite]
-        x, omega = x[:, np.imag(s) > 0], np.imag(s)[np.imag(s) > 0]
-        if len(omega) and model.terms:
-            loss = np.imag(model.select(np.full(len(omega), n)).at(omega).complete[:, 6:, 6:])
-        lossy = to_all.T @ loss @ to_all + omega[:, None, None] * damping
-        lost = np.einsum("ip,pij,jp->p", x.conj(), lossy, x).real
-        energy = np.einsum("ip,ij,jp->p", x.conj(), mass, x).real
         creeps = (np.real(s)[np.imag(s) == 0] > DRIVEN * np.abs(s).max()).any()
+        # of light, which decays fast, the bodies have too little for their motion to tell
+        some = (np.imag(s) > 0) & (np.real(s) > -FAST * np.abs(s))
+        x, omega = x[:, some], np.imag(s)[some]
+        lost = omega * np.einsum("ip,ij,jp->p", x.conj(), damping, x).real
+        lost += _loss_of(model, n, omega, (to_all @ x)[: model.size - 6])
+        energy = np.einsum("ip,ij,jp->p", x.conj(), mass, x).real
         if creeps or (lost < -2 * ROUNDING * omega**2 * energy).any():
             status[n] = UNSTABLE
+
+
+def _loss_of(
+    model: LinearSystem,
+    build: int,
+    omega: Float[np.ndarray, " mode"],
+    x: Complex[np.ndarray, "coordinate mode"],
+) -> Float[np.ndarray, " mode"]:
+    """Loss x^H K''(omega) x of modes of one build, without light; `x` lacks the support."""
+    if not len(omega):
+        return np.zeros(0)
+    dark = replace(model, terms=tuple(term for term in model.terms if not is_light(term)))
+    loss = np.imag(dark.select(np.full(len(omega), build)).at(omega).complete)
+    loss = np.broadcast_to(loss, (len(omega), model.size, model.size))[:, 6:, 6:]
+    return np.einsum("ip,pij,jp->p", x.conj(), loss, x).real
 
 
 def transfer(

@@ -3,15 +3,16 @@
 Poles are roots of the pencil of the design with the forces of loops as unknowns. Start values are
 the poles of the state space, with constant matrices for losses and fractions for delays.
 `linear.roots` finds the roots near them, with losses at the frequency of each pole and exact
-delays. Of the infinitely many poles of a closed loop with delay, those near poles of the state
-space are found.
+delays. Where it loses one, and where tables give a stiffness against frequency, the starts are
+poles with the stiffness at their own frequency (`linear.oscillations`). Of the infinitely many
+poles of a closed loop with delay, those near poles of the state space are found.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +25,10 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, derived, in_unit
-from suspension_cli.linear import quality, roots, signals, statespace
+from suspension_cli.linear import eigenmodes, quality, roots, signals, statespace
+from suspension_cli.linear.damped import LostModeError, change_of_stiffness, has_steep_tables
+from suspension_cli.linear.frequency_terms import is_damper
+from suspension_cli.linear.oscillations import find_oscillations, settle
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
 from suspension_cli.linear.signals import Signal
@@ -33,7 +37,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float
+    from jaxtyping import Bool, Complex, Float, Int
 
     from suspension_cli.analyses.analysis import Log
     from suspension_cli.models.base import Model
@@ -46,6 +50,10 @@ DIRECT = 6
 """Most poles of a filter whose polynomials keep their digits; others become sections in series."""
 STILL = 1e-12
 """Fraction of the largest pole below which a pole is that of a free coordinate."""
+SURE = 1.0
+"""Decay within a delay, nepers, up to which no pole is one of its approximation."""
+NYQUIST = 0.9
+"""Fraction of half the rate of a digital filter from which its poles may be aliases."""
 FAR = 50.0
 """Decay within a delay, nepers, beyond which poles are given up."""
 GROWING = 1e-18
@@ -341,13 +349,25 @@ def _realise_delay(delay: float) -> Any:
 
 
 def find_poles(plant: Plant) -> Poles:
-    """Find the closed-loop poles of a plant without wire mass, one of each conjugate pair."""
+    """Find the closed-loop poles of a plant without wire mass, one of each conjugate pair.
+
+    Raises `InputError` if one is lost.
+    """
+    plant = _with_states_of_light(plant)
     fixed = replace(plant, model=with_constant_loss(plant.model))
     found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
     value = np.concatenate([one.value for one in found])
     states = [state for one in found for state in one.state]
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], tuple(states[n] for n in order))
+
+
+def _with_states_of_light(plant: Plant) -> Plant:
+    """Give the light of cavities coordinates, in which its poles are as harmless as others."""
+    model = statespace.with_states_of_light(plant.model)
+    more = ((0, 0), (0, model.size - plant.model.size))
+    sensed, pushed = np.pad(plant.sensed, more), np.pad(plant.pushed, more)
+    return replace(plant, model=model, sensed=sensed, pushed=pushed)
 
 
 def _build_blocks(plant: Plant) -> list[tuple[ClosedBlock, list[int]]]:
@@ -370,88 +390,31 @@ def _build_blocks(plant: Plant) -> list[tuple[ClosedBlock, list[int]]]:
 
 
 def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list[int]) -> Poles:
-    """Find the poles of one block; `fixed` has the plant's losses as constant matrices."""
-    model = plant.model
-    bodily = block.keep[block.keep < 6 + 6 * len(model.body)]
-    if not len(bodily):
+    """Find the poles of one block; `fixed` has the plant's losses as constant matrices.
+
+    Without losses and delays the starts are eigenvalues, which need no other search. Raises
+    `LostModeError` if one of others is lost, unless it may be a pole of the approximated delay.
+    """
+    within = _Within(plant, block, tuple(numbers))
+    if not len(within.bodily):
         return Poles(np.zeros(0, dtype=complex), ())
-    own = fixed.with_loops(numbers)
-    motions = [Signal("", model.body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False) for n in bodily]
-    start, shape = statespace.find_poles(build_closed_loop(own, [], motions))
-    value = np.where(np.abs(start.value) <= STILL * np.abs(start.value).max(), 0.0, start.value)
-    value = _move_filter_poles(value, start.state, own.loops)
-    motion = np.zeros((len(value), model.size), dtype=complex)
-    motion[:, bodily] = shape.T
-    delay = max((one.delay + one.filter.period for one in block.loops), default=0.0)
-    # of the approximated delay, or a delay of samples, z = 0
-    spurious = ~(-np.real(value) * delay <= FAR)
-    value[spurious] = 0.0
-    moving = np.flatnonzero(value != 0)
-    value[moving], kept = _refine_poles(plant, block, value[moving], motion[moving])
-    if delay:
-        spurious[moving] = ~kept
-        _search_again(plant, block, value, spurious)
-    left = np.flatnonzero(~spurious)
+    start = within.counted() if within.has_steep_tables else within.solve(fixed.model)
+    value, lost = within.refine(start)
+    if within.is_lossy and lost.any():
+        start = within.settled(start, lost)
+        value, lost = within.refine(start)
+    fast = -np.real(start.value) * within.delay
+    lost |= ~(fast <= FAR)
+    if within.delay:
+        within.search_again(value, lost)
+    vital = lost & (fast <= SURE) & ~within.at_half_the_rate(start)
+    if vital.any():
+        if within.is_lossy or within.delay:
+            n = int(np.flatnonzero(vital)[0])
+            raise LostModeError.of_loops(start.state[n], abs(start.value[n]) / (2 * np.pi))
+        value = start.value
+    left = np.flatnonzero(~lost | vital)
     return Poles(value[left], tuple(start.state[n] for n in left))
-
-
-def _refine_poles(
-    plant: Plant,
-    block: ClosedBlock,
-    start: Complex[np.ndarray, " pole"],
-    motion: Complex[np.ndarray, "pole coordinate"],
-) -> tuple[Complex[np.ndarray, " pole"], Bool[np.ndarray, " pole"]]:
-    """Find the poles near start values with motions, and whether each is found, once.
-
-    In a start without motion the loops alone act.
-    """
-    value, kept = start.astype(complex), np.zeros(len(start), dtype=bool)
-    for chosen in (np.imag(start) > 0, np.imag(start) == 0):
-        some = np.flatnonzero(chosen)
-        if not len(some):
-            continue
-        starts = Roots.starts([block], value[some], np.zeros(len(some), dtype=int), motion[some])
-        for force, loop in zip(_forces(block, starts), block.loops, strict=True):
-            _, over, under = loop.at(value[some] * BESIDE)[0]
-            force[:] = over / under * (motion[some] @ loop.sensed)
-            force[~motion[some].any(1)] = 1.0
-        loss = "all" if np.imag(value[some[0]]) else "dampers"
-        found = roots.find_roots(Pencil.of(plant.model), [block], starts, loss=loss)
-        own = ~(found.lost | roots.repeated(found))
-        kept[some] = own
-        if own.any():
-            value[some[own]] = _refine_decays(plant, block, found.select(own))
-    return value, kept
-
-
-def _search_again(
-    plant: Plant,
-    block: ClosedBlock,
-    value: Complex[np.ndarray, " pole"],
-    missing: Bool[np.ndarray, " pole"],
-) -> None:
-    """Find poles that are missing, in place: from those of digital filters with the loops open.
-
-    They are followed while the gain of the loops rises.
-    """
-    parts = [one for loop in block.loops for one in loop.filter.parts if one.rate]
-    start = [_move(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
-    start = np.array([one for one in start if np.isfinite(one) and one != 0], dtype=complex)
-    if not missing.any() or not len(start):
-        return
-    found = np.unique(start)
-    for share in RISING:
-        scaled = [replace(one.filter, gain=one.filter.gain * share) for one in block.loops]
-        loops = [replace(one, filter=own) for one, own in zip(block.loops, scaled, strict=True)]
-        motion = np.zeros((len(found), plant.model.size), dtype=complex)
-        found, kept = _refine_poles(plant, replace(block, loops=tuple(loops)), found, motion)
-        found = found[kept]
-    highest = np.pi * max(one.rate for one in parts) * (1 + SAME)
-    for pole in found:
-        known = np.isclose(value[~missing], pole, rtol=SAME, atol=0.0).any()
-        if missing.any() and not known and np.imag(pole) <= highest:
-            free = np.flatnonzero(missing)[0]
-            value[free], missing[free] = pole, False
 
 
 def _move_filter_poles(
@@ -482,6 +445,200 @@ def _move(w: complex, rate: float) -> complex:
     with np.errstate(all="ignore"):
         moved = 2 * rate * np.arctanh(complex(w) / (2 * rate))
     return complex(np.real(moved), np.abs(np.imag(moved)))
+
+
+@dataclass(frozen=True)
+class _Starts:
+    """Poles of a closed loop with constant matrices: s, the leading state, and motions."""
+
+    value: Complex[np.ndarray, " pole"]
+    state: tuple[str, ...]
+    motion: Complex[np.ndarray, "pole coordinate"]
+
+    def followed_by(self, other: _Starts) -> _Starts:
+        """Append others."""
+        return _Starts(
+            np.append(self.value, other.value),
+            (*self.state, *other.state),
+            np.concatenate([self.motion, other.motion]),
+        )
+
+    def select(self, some: Bool[np.ndarray, " pole"] | list[int]) -> _Starts:
+        """Select some."""
+        chosen = np.arange(len(self.value))[some]
+        return _Starts(
+            self.value[chosen], tuple(self.state[n] for n in chosen), self.motion[chosen]
+        )
+
+
+@dataclass(frozen=True)
+class _Within:
+    """One block of a plant, with the numbers of its loops."""
+
+    plant: Plant
+    block: ClosedBlock
+    numbers: tuple[int, ...]
+
+    @cached_property
+    def bodily(self) -> Int[np.ndarray, " coordinate"]:
+        """Coordinates of bodies."""
+        return self.block.keep[self.block.keep < 6 + 6 * len(self.plant.model.body)]
+
+    @property
+    def delay(self) -> float:
+        """Longest delay of a loop, s."""
+        return max((one.delay + one.filter.period for one in self.block.loops), default=0.0)
+
+    def at_half_the_rate(self, start: _Starts) -> Bool[np.ndarray, " pole"]:
+        """Mark starts in digital filters near half their rate, which may be one pole or none.
+
+        There z is negative, and a start and its mirror image belong to the same pole.
+        """
+        rates = [one.rate for loop in self.block.loops for one in loop.filter.parts if one.rate]
+        if not rates:
+            return np.zeros(len(start.value), dtype=bool)
+        of_filter = np.array([name.startswith("loop ") for name in start.state], dtype=bool)
+        return of_filter & (np.abs(start.value) > NYQUIST * np.pi * min(rates))
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether the stiffness has losses, or depends on frequency."""
+        terms = any(not is_damper(term) for _, term in self.block.terms)
+        return terms or bool(self.block.loss.any())
+
+    @cached_property
+    def terms(self) -> list[int]:
+        """Numbers of the terms that act on the block."""
+        return [n for n, _ in self.block.terms]
+
+    @property
+    def has_steep_tables(self) -> bool:
+        """See `linear.damped.has_steep_tables`."""
+        still = eigenmodes.spectrum(self.plant.model)
+        own = still.motion[:, self.block.keep].any(1)
+        return has_steep_tables(
+            self.plant.model, self.terms, still.omega_squared[own], still.motion[own]
+        )
+
+    def solve(self, model: LinearSystem) -> _Starts:
+        """Solve for the poles with constant matrices; those of free coordinates are 0."""
+        own = replace(self.plant, model=model).with_loops(list(self.numbers))
+        body = model.body
+        motions = [
+            Signal("", body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False)
+            for n in self.bodily.tolist()
+        ]
+        found, shape = statespace.find_poles(build_closed_loop(own, [], motions))
+        value, motion = found.value.copy(), np.zeros((len(found.value), model.size), dtype=complex)
+        motion[:, self.bodily] = shape.T
+        value[np.abs(value) <= STILL * np.abs(value).max(initial=0.0)] = 0.0
+        value = _move_filter_poles(value, found.state, own.loops)
+        return _Starts(value, found.state, motion)
+
+    def at(self, omega: float, share: float = 1.0) -> _Starts:
+        """Solve for the oscillating poles with the stiffness at a frequency (rad/s).
+
+        Losses are dampers that dissipate as much.
+        """
+        model = self.plant.model
+        soft, k = change_of_stiffness(model, self.terms, omega, share)
+        loss = np.imag(soft) + (model.elongation.T * np.imag(k)) @ model.elongation
+        fixed = replace(
+            model,
+            soft=np.real(model.soft) + np.real(soft),
+            k=np.real(model.k) + np.real(k),
+            damping=model.damping + (loss + loss.T) / (2 * omega),
+            terms=tuple(filter(is_damper, model.terms)),
+        )
+        found = self.solve(with_constant_loss(fixed))
+        return found.select(np.imag(found.value) > 0)
+
+    def poles_at(
+        self, omega: float, share: float
+    ) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
+        """See `at`."""
+        found = self.at(omega, share)
+        return found.value, found.motion
+
+    def counted(self) -> _Starts:
+        """Find starts by counting those that oscillate."""
+        found = self.solve(with_constant_loss(self.plant.model))
+        result = found.select(np.imag(found.value) == 0)
+        for value in find_oscillations(self.poles_at)[0].tolist():
+            result = result.followed_by(self._nearest(value))
+        return result
+
+    def settled(self, start: _Starts, lost: Bool[np.ndarray, " pole"]) -> _Starts:
+        """Replace lost starts that oscillate by poles with the stiffness at their frequencies."""
+        value, motion = start.value.copy(), start.motion.copy()
+        for n in np.flatnonzero(lost & (np.imag(value) > 0)):
+            for found in settle(self.poles_at, complex(value[n]), motion[n]):
+                value[n], motion[n] = found
+        return replace(start, value=value, motion=motion)
+
+    def _nearest(self, value: complex) -> _Starts:
+        """The pole nearest to a value with the stiffness at its frequency."""
+        found = self.at(value.imag)
+        return found.select([int(np.abs(found.value - value).argmin())])
+
+    def refine(
+        self, start: _Starts
+    ) -> tuple[Complex[np.ndarray, " pole"], Bool[np.ndarray, " pole"]]:
+        """Find the poles with all losses and delays; also mark the lost, which keep their start."""
+        value, motion, block = start.value.copy(), start.motion, self.block
+        # of the approximated delay, or a delay of samples, z = 0
+        lost = ~(-np.real(value) * self.delay <= FAR)
+        value[lost] = 0.0
+        pencil = Pencil.of(self.plant.model)
+        for chosen in (np.imag(value) > 0, (np.imag(value) == 0) & (value != 0)):
+            some = np.flatnonzero(chosen)
+            if not len(some):
+                continue
+            starts = Roots.starts(
+                [block], value[some], np.zeros(len(some), dtype=int), motion[some]
+            )
+            for force, loop in zip(_forces(block, starts), block.loops, strict=True):
+                _, over, under = loop.at(value[some] * BESIDE)[0]
+                force[:] = over / under * (motion[some] @ loop.sensed)
+                force[~motion[some].any(1)] = 1.0  # without motion the loops alone act
+            loss = "all" if np.imag(value[some[0]]) else "dampers"
+            found = roots.find_roots(pencil, [block], starts, loss=loss)
+            kept = ~(found.lost | roots.repeated(found))
+            lost[some] = ~kept
+            if kept.any():
+                value[some[kept]] = _refine_decays(self.plant, block, found.select(kept))
+        return value, lost
+
+    def search_again(
+        self, value: Complex[np.ndarray, " pole"], missing: Bool[np.ndarray, " pole"]
+    ) -> None:
+        """Find poles that are missing, in place: from those of digital filters with the loops open.
+
+        They are followed while the gain of the loops rises.
+        """
+        loops = self.block.loops
+        parts = [one for loop in loops for one in loop.filter.parts if one.rate]
+        every = [_move(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
+        start = np.array([one for one in every if np.isfinite(one) and one != 0], dtype=complex)
+        if not missing.any() or not len(start):
+            return
+        found = np.unique(start)
+        for share in RISING:
+            filters = [replace(one.filter, gain=one.filter.gain * share) for one in loops]
+            scaled = tuple(
+                replace(one, filter=own) for one, own in zip(loops, filters, strict=True)
+            )
+            within = replace(self, block=replace(self.block, loops=scaled))
+            still = np.zeros((len(found), self.plant.model.size), dtype=complex)
+            found, lost = within.refine(_Starts(found, ("",) * len(found), still))
+            found = found[~lost]
+        highest = np.pi * max(one.rate for one in parts) * (1 + SAME)
+        for pole in found:
+            known = np.isclose(value[~missing], pole, rtol=SAME, atol=0.0).any()
+            if missing.any() and not known and np.imag(pole) <= highest:
+                free = np.flatnonzero(missing)[0]
+                value[free] = pole
+                missing[free] = False
 
 
 def _forces(block: ClosedBlock, found: Roots) -> Complex[np.ndarray, "loop root"]:

@@ -194,11 +194,12 @@ class ModesAnalysis(Analysis):
         """Draw every mode, and where wires have mass the Q of all."""
         from suspension_cli.analyses.modes import picture
         from suspension_cli.equilibrium.nominal import expand
+        from suspension_cli.linear.damped import LIGHT_ENDING
 
         modes, design = result.data, result.given.design
         pages = picture.draw_pages(modes, design, expand(design), result.subtitle)
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
-        if modes.wire:
+        if not all(name.endswith(LIGHT_ENDING) for name in modes.wire):
             figures["-wires"] = picture.draw_quality(modes, design, result.subtitle)
         return figures
 
@@ -365,7 +366,9 @@ def _describe(
         text = labels.pop() if len(labels) == 1 else f"{body} {kind} {modes.order[n]}"
         last = modes.frequency[group[-1]]
         return text + (f", {len(group)} modes to {last:#.6g} Hz" if len(group) > 1 else "")
-    order = np.argsort(-fractions.round(9), kind="stable")[:3]
+    lead = modes.place.index(".".join(modes.home[n]))
+    order = np.argsort(-fractions.round(9), kind="stable")
+    order = [lead, *order[order != lead]][:3]
     text = ", ".join(
         f"{describe(modes.place[i]) if k else names[n]} {100 * fractions[i]:.0f} %"
         for k, i in enumerate(order)

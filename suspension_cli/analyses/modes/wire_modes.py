@@ -21,7 +21,7 @@ from suspension_cli.elements.joined_sections import ENDS
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, damped, eigenmodes, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import WireTerm
+from suspension_cli.linear.frequency_terms import WireTerm, is_massive
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.system import LinearSystem
@@ -61,7 +61,7 @@ def solve(
 
     If `damping`, with all losses (see `linear.damped`); else for undamped modes, with Q to first
     order in the losses. Modes that do not oscillate are first; for undamped modes these neglect
-    wire mass. Raises `InputError` if no mode lies below `highest`.
+    wire mass. Raises `InputError` if no mode lies below `highest`, or if one is lost.
     """
     static = eigenmodes.solve(model.constant)
     omega = roots.mode_frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
@@ -70,10 +70,15 @@ def solve(
     strong = static.select(slice(0))
     if damping and damped.damping_matrix(model).any():
         static = damped.solve(model)
-        strong = static.select((static.omega_squared > 0) & (static.q < STRONG))
-        strong = strong.select(strong.frequency <= highest)
-    still = static.select(static.omega_squared <= 0)
-    count = len(omega) - int(static.overdamped.sum()) // 2  # these oscillate without dampers
+        of_light = damped.mark_light(static)
+        fast = 2 * STRONG * np.abs(static.decay_rate) > np.sqrt(np.abs(static.omega_squared))
+        below = static.omega_squared <= (2 * np.pi * highest) ** 2
+        strong = static.select((static.omega_squared > 0) & below & fast & ~of_light)
+        static = static.select((static.omega_squared <= 0) | (of_light & below))
+    of_light = damped.mark_light(static)
+    still = static.select((static.omega_squared <= 0) | of_light)
+    # overdamped modes oscillate without dampers
+    count = len(omega) - int((static.overdamped & ~of_light).sum()) // 2
     began, left, short = time.monotonic(), omega, count
     found: list[Modes] = []
     others: list[Modes] = []
@@ -94,13 +99,19 @@ def solve(
             break
     else:
         rest = others[0].followed_by(*others[1:]).ascending()
-        found.append(rest.select(slice(short)))
+        raise damped.LostModeError.of_mode(rest.label[0], float(left[0]) / (2 * np.pi))
     modes = found[0].followed_by(*found[1:]).ascending()
     moving = np.asarray((modes.wire_energy > 1e-12).any(0))
     names = tuple(name for name, some in zip(modes.wire, moving, strict=True) if some)
     modes = replace(modes, wire=names, wire_energy=modes.wire_energy[:, moving])
+    light = [n for n, name in enumerate(still.wire) if name.endswith(damped.LIGHT_ENDING)]
+    names = (*names, *(still.wire[n] for n in light))
     energy = np.zeros((len(still.q), len(names)))
-    return replace(still, wire=names, wire_energy=energy).followed_by(modes)
+    energy[:, len(names) - len(light) :] = still.wire_energy[:, light]
+    modes = replace(
+        modes, wire=names, wire_energy=np.pad(modes.wire_energy, ((0, 0), (0, len(light))))
+    )
+    return replace(still, wire=names, wire_energy=energy).followed_by(modes).ascending()
 
 
 def solve_bodies(
@@ -110,16 +121,21 @@ def solve_bodies(
 ) -> Modes:
     """Solve for the modes of bodies with all losses.
 
-    With wire mass each is followed from the one without. If one of them is a mode of wires, or one
-    is found twice, all modes up to the highest without wire mass are solved for; before, `admit` is
-    called with their number and that frequency, Hz.
+    With wire mass each is followed from the one without. If one of them is lost or a mode of wires,
+    or one is found twice, all modes up to the highest without wire mass are solved for; before,
+    `admit` is called with their number and that frequency, Hz.
     """
-    found = damped.solve(model)
-    share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
-    if not any(isinstance(t, WireTerm) and t.strand.massive for t in model.terms) or (
-        (share > BODILY).all() and not _repeated(model, found)
-    ):
-        return found
+    massive = any(map(is_massive, model.terms))
+    try:
+        found = damped.solve(model)
+    except damped.LostModeError:
+        if not massive:
+            raise
+    else:
+        share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
+        bodily = (share > BODILY) | damped.mark_light(found)
+        if not massive or (bodily.all() and not _repeated(model, found)):
+            return found
     top = float(np.nanmax(eigenmodes.solve(model).frequency))  # wire mass lowers all frequencies
     admit(count_modes(model, top), top)
     found = solve(model, top, damping=True, progress=progress)
