@@ -165,8 +165,8 @@ def evaluate_results(
     results: tuple[Scalar, ...],
     omega_squared: Float[np.ndarray, "*point mode"] | None,
     rank: Int[np.ndarray, "*point nominal"] | None,
-    label_mode: Int[np.ndarray, "*point labelled"] | None,
     response: Complex[np.ndarray, "*point response"] | None,
+    label_mode: Int[np.ndarray, "*point labelled"] | None = None,
 ) -> Float[np.ndarray, "*point result"]:
     """Evaluate results: frequencies in Hz and magnitudes of responses in SI units.
 
@@ -302,7 +302,7 @@ def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
     rank = np.arange(len(modes.omega_squared))
     labelled = np.array([one.number for one in job.labelled], dtype=int)
     return evaluate_results(
-        job.results, modes.omega_squared[None], rank[None], labelled[None], found.get("response")
+        job.results, modes.omega_squared[None], rank[None], found.get("response"), labelled[None]
     )[0]
 
 
@@ -349,7 +349,7 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
         unit=tuple(item.unit for item in job.results),
         degree=tuple(".".join(home) for home in homes),
         nominal=nominal_results(job),
-        value=evaluate_results(job.results, squared, rank, known.get("label_mode"), response),
+        value=evaluate_results(job.results, squared, rank, response, known.get("label_mode")),
         overlap=1.0 if np.isnan(least) else least,
         rank=rank,
         **described,
