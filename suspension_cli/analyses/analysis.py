@@ -12,6 +12,7 @@ import sys
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -156,7 +157,7 @@ class Result:
     command : str
         The command line, or the function, that computed it.
     linear_system : LinearSystem or None
-        The system that pictures solve again; None to build it from the design.
+        The system that curves of pictures are solved with; None to build it from the design.
     holder : object
         Deletes the temporary file of a sweep when no result refers to it any more.
     """
@@ -187,7 +188,14 @@ class Result:
 
     def __getstate__(self) -> dict[str, Any]:
         """Contents to copy or pickle: without the linear system, which holds functions."""
-        return vars(self) | {"linear_system": None}
+        own = vars(self) | {"linear_system": None}
+        own.pop("completed", None)
+        return own
+
+    @cached_property
+    def completed(self) -> Result:
+        """The result with all that its pictures need, as it is saved: drawing it solves nothing."""
+        return self.analysis.completed(self)
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *(n for n in dir(self._only) if n[0] != "_")})
@@ -256,7 +264,7 @@ class Result:
             raise InputError.of(key, problem, suggest(key, list(known)))
         with python_names():
             given = options.from_arguments(name, parameters, setting)
-        drawn = self.analysis.figures(self, known | given)
+        drawn = self.analysis.figures(self.completed, known | given)
         if self.analysis.draws_neglected:
             from suspension_cli.drawing.style import name_neglected
 
@@ -298,7 +306,7 @@ class Result:
 
         target = Path(options.path(path, "path"))
         with python_names(out="path"):
-            self.analysis.save(target, self)
+            self.analysis.save(target, self.completed)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the contents of the results file as an `xarray.Dataset` (needs xarray).
@@ -427,6 +435,10 @@ class Analysis(ABC):
         kind = self.record_type()
         is_list = any(item.each for item in declared.items(kind))
         return (stored.read_list if is_list else stored.read)(file[self.name], kind)
+
+    def completed(self, result: Result) -> Result:
+        """Add what pictures have to solve for, so that it is stored; see `Result.completed`."""
+        return result
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.files.declared import SI, TEXT, fill_in, items
+from suspension_cli.files.declared import FINE, SI, TEXT, fill_in, items
 from suspension_cli.files.hdf5 import in_memory, open_results
 from suspension_cli.files.stored import Variable, variables
 from suspension_cli.files.whole_files import write_bytes
@@ -31,18 +31,27 @@ Variables = dict[str, Variable]
 
 @contextlib.contextmanager
 def variables_of(result: Any) -> Iterator[Variables]:
-    """Open the arrays of an `analysis.Result`: of its file, or as its file would have them."""
+    """Open the arrays of an `analysis.Result`: of its file, or as its file would have them.
+
+    Without curves that only its picture needs.
+    """
     stored = result.stored_file()
     if stored is not None:
         with open_results(stored) as file:
-            yield variables(file[result.analysis.name])
+            yield _without_curves(variables(file[result.analysis.name]))
     else:
         with in_memory() as file:
             result.analysis.fill(file, result)
-            found = variables(file[result.analysis.name])
+            found = _without_curves(variables(file[result.analysis.name]))
             declared = [item.key for item in items(result.analysis.record_type())]
             order = [path for key in declared for path in found if path.split("/")[0] == key]
             yield {path: found[path] for path in order} | found
+
+
+def _without_curves(found: Variables) -> Variables:
+    """Leave out arrays along `declared.FINE`."""
+    fine = {path for path, one in found.items() if any(_name(dim) == FINE for dim in one.dims)}
+    return {path: one for path, one in found.items() if path not in fine}
 
 
 def to_xarray(result: Any) -> xarray.Dataset:

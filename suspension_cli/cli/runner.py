@@ -121,7 +121,7 @@ def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
     path = analysis.path(result, settings.folder(str(run.folder)))
     if result.file is None:
         with replacing(path, result.given.text, voice.say):
-            analysis.save(path, result)
+            analysis.save(path, result.completed)
     others = analysis.others(result, path)
     others += labelled.write_csv(result, path) if setting.get("as_csv") else []
     for other in others:

@@ -43,6 +43,8 @@ AXES: Metadata = {"axes": True}
 """Of a tuple of records with name, values and unit: scales of the dimensions ``*axes``."""
 EACH: Metadata = {"each": True}
 """Of a field that differs between the records of a list."""
+FINE = "fine_frequency"
+"""Dimension of curves that only pictures need: more frequencies, which resolve resonances."""
 OUTPUT = "output"
 """Dimension of a list of records."""
 TEXT = "name"

@@ -33,7 +33,7 @@ def write(group: h5py.Group, record: Any) -> None:
     given = {}
     for item in items(type(records[0])):
         values = [getattr(one, item.name) for one in records]
-        if item.each:
+        if item.each and values[0] is not None:
             stack = isinstance(item.type, Array)
             given[item.name] = np.stack(values, axis=1) if stack else tuple(values)
         else:

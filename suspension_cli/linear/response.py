@@ -53,6 +53,9 @@ class Response:
         Whether the loops of the design's local control are closed.
     largest
         Peaks within the band, also between the frequencies; None if not searched.
+    fine_frequency, fine
+        The curve of pictures: values at more frequencies, which resolve resonances; None until the
+        response is drawn or saved.
     """
 
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
@@ -63,6 +66,12 @@ class Response:
     blocks: int = field(default=0, metadata=NOT_STORED)
     closed_loop: bool = False
     largest: Peaks | None = None
+    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
+        default=None, metadata=in_unit("Hz")
+    )
+    fine: Complex[np.ndarray, "fine_frequency output input"] | None = field(
+        default=None, metadata=in_unit("{unit}")
+    )
 
 
 def solve(

@@ -12,6 +12,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.conventions import ANALYSES
+from suspension_cli.models.registry import MODELS
 from tests.support.commandline import assert_refused, document, run, strict_json, written
 from tests.support.paths import CONFIGS, ROOT
 from tests.support.quick_tradeoff import hurry
@@ -132,7 +133,19 @@ def test_command_file_and_function_give_one_result(case, tmp_path, monkeypatch):
     assert f"{loaded}\n" == done.stdout
     stored = strict_json(json.dumps(loaded.document()))
     assert stored | PLACES == printed | PLACES
-    check_other_forms(sus.load(next((tmp_path / "a").glob("*.h5"))), tmp_path)
+    with monkeypatch.context() as without:
+        forbid_solving(without)
+        check_other_forms(sus.load(next((tmp_path / "a").glob("*.h5"))), tmp_path)
+
+
+def forbid_solving(monkeypatch) -> None:
+    """Let no model be built: what is stored is enough."""
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a stored result is solved for again")
+
+    for model in MODELS:
+        monkeypatch.setattr(type(model), "system", refuse)
 
 
 def check_other_forms(loaded: sus.Result, folder: Path) -> None:

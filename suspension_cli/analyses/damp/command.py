@@ -129,7 +129,20 @@ class DampAnalysis(Analysis):
         if not found.stable:
             run.log.warn(f"the closed loop is unstable: {found.growth}")
         extra = {"foton": True} if setting["foton"] else {}
-        return Result(self, run.source, choice, found, extra, command=run.command)
+        return Result(
+            self, run.source, choice, found, extra, command=run.command, linear_system=model
+        )
+
+    def completed(self, result: Result) -> Result:
+        """Add the curves of loop gains that resolve resonances."""
+        from dataclasses import replace
+
+        if result.data.fine is not None:
+            return result
+        from suspension_cli.analyses.damp import picture
+
+        frequency, gain = picture.refine_gains(result)
+        return replace(result, data=replace(result.data, fine_frequency=frequency, fine=gain))
 
     def others(self, result: Result, path: Path) -> list[Path]:
         """Write the filters as Foton strings."""

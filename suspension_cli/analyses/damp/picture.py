@@ -51,7 +51,7 @@ def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
     `chosen` are the loops whose gains are drawn; by default the most critical.
     """
     damped: LocalControl = result.data
-    frequency, gain = _refine_gains(result)
+    frequency, gain = refine_gains(result)
     nearest = np.nanmin(np.abs(1 + gain), axis=0)  # to -1
     drawn = chosen or sorted(np.argsort(nearest, kind="stable")[:SHOWN].tolist())
     which = f" of {'' if chosen else 'the '}{len(drawn)}{'' if chosen else ' most critical'}"
@@ -100,18 +100,20 @@ def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
     return panels.draw(_heading_text(damped), result.subtitle, shown)
 
 
-def _refine_gains(
+def refine_gains(
     result: Result,
 ) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]:
-    """Add the frequencies that resolve resonances to loop gains, the other loops closed."""
+    """Take the frequencies that resolve resonances of loop gains too, solving if need be."""
+    data: LocalControl = result.data
+    if data.fine_frequency is not None and data.fine is not None:
+        return data.fine_frequency, data.fine
 
     def build() -> tuple[Solve, Array]:
-        plant = control.build_plant(
-            result.given.design, result.choice.model.system(result.given.design)
-        )
+        model = result.linear_system or result.choice.model.system(result.given.design)
+        plant = control.build_plant(result.given.design, model)
         return (lambda at: control.compute_loop_gains(plant, at)[:, None]), np.empty(0)
 
-    frequency, gain = add_from_model(build, result.data.frequency, result.data.gain[:, None])
+    frequency, gain = add_from_model(build, data.frequency, data.gain[:, None])
     return frequency, gain[:, 0]
 
 

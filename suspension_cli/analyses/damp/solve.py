@@ -93,6 +93,9 @@ class LocalControl:
         rad/sqrt(Hz).
     gain
         Loop gains, the other loops closed.
+    fine_frequency, fine
+        The curves of pictures: loop gains at more frequencies, which resolve resonances; None until
+        they are drawn or saved.
     sensitivity
         Margin of all loops at once; None if the closed loop is unstable.
     osems
@@ -114,6 +117,10 @@ class LocalControl:
     gain: Complex[np.ndarray, "frequency loop"]
     sensitivity: SensitivityPeak | None = None
     osems: tuple[OsemMatrices, ...] | None = None
+    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
+        default=None, metadata=in_unit("Hz")
+    )
+    fine: Complex[np.ndarray, "fine_frequency loop"] | None = None
 
     @property
     @derived()

@@ -189,6 +189,17 @@ class ResponseAnalysis(Analysis):
                 lines.append(line)
         return "\n".join(lines)
 
+    def completed(self, result: Result) -> Result:
+        """Add the curve that resolves resonances."""
+        data: ComparedResponse = result.data
+        if data.measured or data.fine is not None:
+            return result
+        from suspension_cli.analyses.response import picture
+
+        curve = picture.refine(result)
+        data = replace(data, fine_frequency=curve.frequency, fine=curve.value)
+        return replace(result, data=data)
+
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw magnitude and phase, with the points that resolve resonances added."""
         from suspension_cli.analyses.response import picture

@@ -81,8 +81,10 @@ def _label_magnitude(unit: str, kind: Scale) -> str:
 
 
 def refine(result: Result) -> Response:
-    """Add the frequencies that resolve resonances and zeros to a response."""
+    """Take the frequencies that resolve resonances and zeros in addition, solving if need be."""
     data: Response = result.data
+    if data.fine_frequency is not None and data.fine is not None:
+        return replace(data, frequency=data.fine_frequency, value=data.fine)
 
     def build() -> tuple[Solve, Array]:
         model = result.linear_system or result.choice.model.system(result.given.design)

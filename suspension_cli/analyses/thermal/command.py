@@ -127,7 +127,9 @@ class ThermalAnalysis(Analysis):
         extra: Document = {"without_loss": [part.part for part in lossless]}
         extra["missing_losses"] = lacking.losses
         extra |= describe_mirrors(run.setting)
-        return Result(self, run.source, choice, noises, extra, command=run.command)
+        return Result(
+            self, run.source, choice, noises, extra, command=run.command, linear_system=model
+        )
 
     def document(self, result: Result) -> Document:
         """Return the noise of one output flat, that of several in a list."""
@@ -167,6 +169,21 @@ class ThermalAnalysis(Analysis):
             }
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
+
+    def completed(self, result: Result) -> Result:
+        """Add the curves that resolve resonances."""
+        from dataclasses import replace
+
+        if result.data[0].fine is not None:
+            return result
+        from suspension_cli.analyses.thermal import picture
+
+        pairs = zip(result.data, picture.refine(result), strict=True)
+        data = [
+            replace(noise, fine_frequency=curve.frequency, fine=curve.contribution)
+            for noise, curve in pairs
+        ]
+        return replace(result, data=data)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw amplitude spectral densities, with the points that resolve resonances added."""

@@ -96,11 +96,16 @@ def _panel(
 
 
 def refine(result: Result) -> list[Thermal]:
-    """Add the frequencies that resolve resonances of bodies and wires to thermal noises."""
+    """Take the frequencies that resolve resonances in addition, solving if need be."""
     noises: list[Thermal] = result.data
+    if all(noise.fine is not None for noise in noises):
+        return [
+            replace(noise, frequency=noise.fine_frequency, contribution=noise.fine)
+            for noise in noises
+        ]
 
     def build() -> tuple[Solve, Array]:
-        model = result.choice.model.system(result.given.design)
+        model = result.linear_system or result.choice.model.system(result.given.design)
         motions = [thermal.parse_motion(model, noise.output, noise.tilt) for noise in noises]
         warmth = result.given.design.constants.temperature
         modes = eigenmodes.solve(model.constant).frequency

@@ -60,6 +60,9 @@ class Thermal:
         frequencies) first; of several motions, those of the first one come first.
     contribution
         One-sided amplitude spectral density by source, 0 where a source does not contribute.
+    fine_frequency, fine
+        The curves of pictures: contributions at more frequencies, which resolve resonances; None
+        until the noise is drawn or saved.
     """
 
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
@@ -69,6 +72,12 @@ class Thermal:
     source: tuple[str, ...]
     contribution: Float[np.ndarray, "frequency source"] = field(
         metadata=in_unit("{unit}/Hz^0.5") | EACH
+    )
+    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
+        default=None, metadata=in_unit("Hz")
+    )
+    fine: Float[np.ndarray, "fine_frequency source"] | None = field(
+        default=None, metadata=in_unit("{unit}/Hz^0.5") | EACH
     )
 
     @property
