@@ -120,6 +120,12 @@ def test_stiffness_of_the_most_slender_wires(frequency, lossy):
     assert error[condition < AWAY].max() < 1e-10
 
 
+def test_far_from_the_real_axis_there_is_no_number_and_no_warning():
+    """Where a search for poles strays."""
+    found = beam.sinc_cos(np.array([1000j, 1.0]))
+    assert [np.isfinite(one).tolist() for one in found] == [[False, True]] * 2
+
+
 def test_nothing_overflows():
     """Every lambda L, frequency and loss at once: finite, and no floating point error on the way
     (but for underflow to 0, which is right)."""

@@ -10,7 +10,7 @@ import math
 
 import pytest
 
-from tools.stated_errors import NOTHING, of_modes, of_response
+from tools.stated_errors import NOTHING, of_couplings, of_modes, of_response, of_sweep
 
 
 @pytest.mark.parametrize("seed", [1, 11, 25, 29, 57])
@@ -27,4 +27,20 @@ def test_modes_without_wire_mass(seed):
     stated, true = of_modes(seed)
     assert math.isfinite(stated)
     assert true > NOTHING
+    assert true / 3 < stated < 3 * true
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
+def test_sweeps(seed):
+    """Of modes, and of a response, against the errors at all points."""
+    stated, true = of_sweep(seed)
+    assert true / 3 < stated < 3 * true
+
+
+@pytest.mark.parametrize("seed", [2, 7])
+@pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
+def test_maps_of_couplings(seed):
+    """Relative to the largest coupling."""
+    stated, true = of_couplings(seed)
     assert true / 3 < stated < 3 * true

@@ -112,11 +112,17 @@ class Comparison:
 
 
 class _Analyses:
-    """Results by item: read from files, or computed for designs. `choices` are their models."""
+    """Results by item: read from files, or computed for designs.
+
+    `choices` are the analyses of each item and their models.
+    """
 
     def __init__(self, items: Sequence[Item], run: Run) -> None:
         self.items, self.setting, self.log = items, run.setting, RelayedLog(run.log)
-        self.choices = [[item.result.choice] if item.result else [] for item in items]
+        self.choices: list[list[tuple[str, Choice]]] = [
+            [(item.result.analysis.name, item.result.choice)] if item.result else []
+            for item in items
+        ]
 
     def compute(self, name: str, **given: object) -> dict[int, Result]:
         """Run an analysis for all designs with the most complete model that one needs."""
@@ -134,19 +140,23 @@ class _Analyses:
         for n, run in runs.items():
             if top and found[n].choice.model is not top and not top.unsuitable(run.design):
                 found[n] = one(run, top.name)
-            self.choices[n].append(found[n].choice)
+            self.choices[n].append((name, found[n].choice))
         return found
 
     def models(self) -> tuple[str, ...]:
         """Most complete of the models of each item; "" of measurements."""
-        levels = [[choice.model for choice in own] for own in self.choices]
+        levels = [[choice.model for _, choice in own] for own in self.choices]
         return tuple(max(own, key=MODELS.index).name if own else "" for own in levels)
 
     def choice(self) -> Choice:
-        """All models, with the largest error and the physics neglected there."""
-        choices = [choice for own in self.choices for choice in own]
-        worst = max(choices, key=lambda one: np.inf if np.isnan(one.error) else one.error)
-        reason = "; ".join(filter(None, ("as the designs need it", worst.neglected)))
+        """All models, with the largest error and the physics neglected there, and in what."""
+        choices = [one for own in self.choices for one in own]
+        name, worst = max(choices, key=lambda one: np.nan_to_num(one[1].error, nan=np.inf))
+        left = worst.neglected
+        if any(choice.level != worst.level for _, choice in choices):
+            own = f"neglected in {name} ({worst.level} model): "
+            left = left.replace("neglected: ", own, 1)
+        reason = "; ".join(filter(None, ("as the designs need it", left)))
         return Choice(", ".join(sorted({*self.models()} - {""})), reason, worst.error)
 
 

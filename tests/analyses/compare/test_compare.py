@@ -10,6 +10,7 @@ import pytest
 
 import suspension_cli as sus
 from tests.support.commandline import document, run, written
+from tests.support.paths import CONFIGS
 
 DOUBLE = sus.example("double")
 
@@ -100,6 +101,16 @@ def test_modes_are_paired_by_shape_and_not_by_order():
     for n, label in enumerate(found.label):
         assert found.frequency[n, 0] == first.frequency[first.label.index(label)]
         assert found.frequency[n, 1] == second.frequency[second.label.index(label)]
+
+
+def test_what_is_neglected_says_in_which_analysis(tmp_path):
+    """Modes may need a simpler model than responses, which neglect nothing then."""
+    double = CONFIGS / "double.toml"
+    words = ("--variant", "long: stage.test.wires.l=0.3", "--output", "test.x")
+    done = run("compare", double, *words, "--no-plot", "--out", tmp_path)
+    first = done.stdout.splitlines()[0]
+    assert "violin model" in first
+    assert "neglected in modes (beam model): wire mass" in first
 
 
 def test_stored_results_and_designs_on_one_grid(folder, tmp_path):

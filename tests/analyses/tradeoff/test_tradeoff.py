@@ -7,8 +7,10 @@ import pytest
 import tomli_w
 
 import suspension_cli as sus
-from suspension_cli.analyses.tradeoff.measure import Answer, Entry, draw, format_time
+from suspension_cli.analyses.tradeoff.measure import Answer, Entry, ask, draw, format_time
 from suspension_cli.drawing.panels import COLUMN
+from suspension_cli.errors import InputError
+from suspension_cli.models import registry
 from tests.support import scenes
 from tests.support.commandline import python
 from tests.support.legible import assert_legible, said
@@ -156,3 +158,10 @@ def test_numpy_reads_the_number_of_threads():
         " main(['tradeoff', 'x.toml'])"
     )
     assert python(code).stderr == "False 1\n"
+
+
+def test_modes_of_wires_that_would_take_minutes_are_left_out():
+    """KAGRA's beam splitter: its stiff parts vibrate among 44,000 modes of wires."""
+    modes, *_ = ask(sus.example("built/kagra-bs-2019"))
+    with pytest.raises(InputError, match=r"modes up to .* Hz, which would take minutes"):
+        modes.solve(registry.VIOLIN)
