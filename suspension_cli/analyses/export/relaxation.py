@@ -130,15 +130,20 @@ def _estimate_states(model: LinearSystem, band: tuple[float, float], density: fl
 
     All coordinates have two, and one more for each rate.
     """
-    highest = np.array([2 * np.pi * ABOVE * band[1]])
-    modes = 0
+    coordinates = model.size + count_wire_modes(model, ABOVE * band[1])
+    decades = np.log10(band[1]) - np.log10(band[0]) + BESIDE_BAND
+    return int(coordinates * (2 + 2 + density * decades))
+
+
+def count_wire_modes(model: LinearSystem, highest: float) -> int:
+    """Count the modes of all wires with clamped ends below a frequency, Hz."""
+    omega = np.array([2 * np.pi * highest])
+    count = 0
     for term in model.terms:
         if not isinstance(term, LossTerm) and term.strand.massive:
             for part, forms in term.forms.items():
-                modes += len(forms) * int(term.strand.resonances_below(highest, (part,))[0])
-    coordinates = model.size + modes
-    decades = np.log10(band[1]) - np.log10(band[0]) + BESIDE_BAND
-    return int(coordinates * (2 + 2 + density * decades))
+                count += len(forms) * int(term.strand.resonances_below(omega, (part,))[0])
+    return count
 
 
 @dataclass(frozen=True)

@@ -103,6 +103,14 @@ def test_bands_that_need_too_many_states_are_refused(band, tmp_path):
         relaxation.check_size(model, (low, 1.2 * float(end[1])), 2.0)
 
 
+def test_a_table_of_all_modes_of_wires_is_refused(tmp_path):
+    """For gwinc each of them would take frequencies of its own."""
+    file = CONFIGS / "double.toml"
+    options = ("--format", "gwinc", "--band", "1:1e9", "--out", tmp_path)
+    (line,) = assert_refused(run("export", file, *options), file, tmp_path)
+    assert re.match(r'--band = "1:1e9": contains [\d,]+ modes of wires', line)
+
+
 def test_the_number_of_states_is_estimated():
     """It is at most some times too large."""
     design = sus.example("double")
