@@ -32,7 +32,7 @@ from suspension_cli.design import paths, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import body_mass
-from suspension_cli.errors import InputError, PendsusWarning
+from suspension_cli.errors import InputError, PendsusWarning, text_of
 
 Grid = str | float | Sequence[float] | np.ndarray
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
@@ -95,6 +95,7 @@ class Design(Source):
         >>> sus.template("double")["stage.test.wires.d"]
         0.001
         """
+        path = _text(path, "path", "write for example stage.test.wires.d")
         found = paths.value_at(tomllib.loads(self.text), path)
         if found is None:
             known = self._ipython_key_completions_()
@@ -327,7 +328,7 @@ def import_sumcon(
     path = Path(options.path(file, "file"))
     folder = None if tables is None else Path(options.path(tables, "tables"))
     with python_names():
-        own = name or reader.make_name(path.stem)
+        own = _text(name, "name", "give one text") or reader.make_name(path.stem)
         found = sumcon.read(path, own, tables=folder, bending_points=bending_points)
     for note in found.notes:
         warnings.warn(f"{path}: {note}", PendsusWarning, stacklevel=2)
@@ -396,7 +397,10 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     result = _of_analysis(result, "modes", "has no modes that move")
     path = options.path(path, "path")
     with python_names():
-        numbers = picture.parse_names(result.data, str(mode), "mode")
+        if not isinstance(mode, (int, str)):
+            remedy = "give its number, from 1, or its label"
+            raise InputError.of("mode", "names no mode", remedy, options.shown(mode))
+        numbers = picture.parse_names(result.data, text_of(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
             raise InputError.of("mode", problem, remedy, options.shown(mode))

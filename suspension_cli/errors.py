@@ -181,8 +181,16 @@ def format_value(value: object, depth: int = 0) -> str:
     elif isinstance(value, int) and value.bit_length() > 4096:
         text = hex(value)  # Python writes no decimal numbers of more than 4300 digits
     else:
-        text = str(value)
+        text = text_of(value)
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def text_of(value: object, write: Callable[[object], str] = str) -> str:
+    """Text of any object, by `str` or `repr`; its type if that fails."""
+    try:
+        return write(value)
+    except Exception:  # objects of others fail in any way
+        return f"<{type(value).__name__}>"
 
 
 def format_key(key: str) -> str:

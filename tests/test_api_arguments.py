@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import copy
 import gc
+import itertools
 import pickle
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.labelled import write_csv
 
+FILE = Path(__file__).parents[1] / "configs" / "double.toml"
 SINGLE = sus.template("single")
 MODES = sus.modes(SINGLE, fidelity="string")
 DEPTH = "stage.test.wires.d"
@@ -92,6 +95,102 @@ def test_wrong_arguments_are_input_errors(call, message, tmp_path, monkeypatch):
     with pytest.raises(sus.InputError, match=f"^{message}") as caught:
         call()
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+
+
+class Huge:
+    """An object that claims 2^62 members."""
+
+    def __init__(self, member):
+        self.member = member
+
+    def __len__(self):
+        return 2**62
+
+    def __getitem__(self, _place):
+        return self.member
+
+
+class Failing:
+    """An object that can do nothing."""
+
+    def __repr__(self):
+        raise RuntimeError("a bug")
+
+    __iter__ = __array__ = __float__ = __repr__
+
+
+def closed():
+    with tempfile.TemporaryFile("w+") as stream:
+        return stream
+
+
+def containing_itself():
+    result = []
+    result.append(result)
+    return result
+
+
+STRANGE = {
+    "a closed file": closed,
+    "an iterator of texts": lambda: (text for text in ("a", "b")),
+    "a list that contains itself": containing_itself,
+    "2^62 texts": lambda: Huge("a"),
+    "2^62 numbers": lambda: Huge(1.0),
+    "a range of 2^62": lambda: range(2**62),
+    "texts without end": lambda: itertools.repeat("a"),
+    "numbers without end": itertools.count,
+    "an object that fails": Failing,
+    "an integer of 5000 digits": lambda: 10**5000,
+    "half a character": lambda: "\ud800",
+    "a text with a null": lambda: "a\0b",
+}
+ARGUMENTS = {
+    "design": sus.modes,
+    "a number": lambda value: sus.modes(SINGLE, max_frequency=value),
+    "a flag": lambda value: sus.modes(SINGLE, every=value),
+    "a choice": lambda value: sus.modes(SINGLE, fidelity=value),
+    "texts": lambda value: sus.response(SINGLE, inputs=value),
+    "overrides": lambda value: sus.read(FILE, value),
+    "a grid": lambda value: sus.response(SINGLE, frequency=value),
+    "a grid of a parameter": lambda value: sus.sweep(SINGLE, vary={DEPTH: value}),
+    "grids": lambda value: sus.sweep(SINGLE, vary=value),
+    "folder": lambda value: sus.xcouple(SINGLE, sweep={"k": [1.0]}, folder=value),
+    "items": lambda value: sus.compare(SINGLE, value),
+    "a path": lambda value: MODES.save(value),
+    "a text": sus.parse,
+    "a mode": lambda value: sus.animate(MODES, value, "x.gif"),
+    "a value": lambda value: SINGLE.replace({DEPTH: value}),
+    "a free value": lambda value: SINGLE.replace({"analysis.modes.x": [value]}),
+    "changes": SINGLE.replace,
+    "a key": lambda value: SINGLE[value],
+}
+
+
+@pytest.mark.parametrize("kind", STRANGE)
+@pytest.mark.parametrize("argument", ARGUMENTS)
+def test_strange_objects_are_input_errors(argument, kind, tmp_path, monkeypatch):
+    """What objects of others cannot do is no fault of the program."""
+    monkeypatch.chdir(tmp_path)
+    if (argument, kind) == ("a flag", "an integer of 5000 digits"):
+        return  # true
+    if (argument, kind) == ("a grid", "an iterator of texts"):
+        kind = "a closed file"
+    if (argument, kind) == ("a free value", "a text with a null"):
+        return  # which TOML can write
+    with pytest.raises(sus.InputError) as caught:
+        ARGUMENTS[argument](STRANGE[kind]())
+    assert len(str(caught.value)) < 1000 and not list(tmp_path.iterdir())
+
+
+def test_iterators_of_texts_are_taken_once():
+    found = sus.response(
+        SINGLE,
+        inputs=(text for text in ["support.x", "support.y"]),
+        outputs=iter(["test.x"]),
+        frequency=map(str, (1, 2)),
+        fidelity="string",
+    )
+    assert found.value.shape == (2, 1, 2)
 
 
 @pytest.mark.parametrize(

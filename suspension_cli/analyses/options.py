@@ -6,17 +6,19 @@ Arguments of Python functions and values in tables of designs are converted by `
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
 
-from suspension_cli.errors import InputError, format_value
+from suspension_cli.errors import InputError, format_value, text_of
+from suspension_cli.grids import MAX_POINTS
 from suspension_cli.models.registry import AUTO, LEVELS
 
 Settings = dict[str, Any]
@@ -26,6 +28,10 @@ TOLERANCE = 1e-3
 """Copy of `models.choice.TOLERANCE`."""
 FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
 """Groups of options, as help lists them."""
+LONGEST_NAME = 255
+"""Bytes of the name of a file or folder that systems take."""
+MOST_TEXTS = 100_000
+"""Most texts that an argument takes."""
 PATHS = ("FILE", "[COORDINATES=]FILE", "[SIGNAL=]FILE")
 """What help calls the value of an option that takes names of files."""
 
@@ -354,8 +360,10 @@ def _single(param: Option, value: Any, remedy: str) -> Any:
         return value
     if kind == "bool" and (is_flag or isinstance(value, int)):
         return bool(value)
-    if kind in ("int", "float") and not is_flag and not np.ndim(value):
-        with contextlib.suppress(TypeError, ValueError, OverflowError):
+    if kind in ("int", "float") and not is_flag:
+        with contextlib.suppress(Exception):  # whatever the value cannot do, it is no number
+            if np.ndim(value):
+                raise TypeError
             number = float(value)
             if kind == "float":
                 return number
@@ -372,14 +380,18 @@ def grid(values: Any, name: str) -> str:
 
     if isinstance(values, (str, bool)):
         return str(values)
-    if isinstance(values, (Iterator, range)):
-        values = list(values)
     wanted, remedy = "must be real numbers", 'give numbers, or a text such as "1:10:50"'
     try:
-        if values is None or isinstance(values, (bytes, Mapping, set)) or np.iscomplexobj(values):
+        if isinstance(values, (bytes, Mapping, set)):
+            raise TypeError
+        if not hasattr(values, "__array__") and hasattr(values, "__iter__"):
+            values = members(values, name, MAX_POINTS)
+        if np.iscomplexobj(values):
             raise TypeError
         numbers = [float(value) for value in np.ravel(values)]
-    except (TypeError, ValueError):
+    except InputError:
+        raise
+    except Exception:  # whatever the values cannot do, they are no numbers
         raise InputError.of(name, wanted, remedy, shown(values)) from None
     if not numbers:
         raise InputError.of(name, "is empty", remedy)
@@ -396,26 +408,48 @@ def _grids(values: Any, name: str) -> tuple[str, ...]:
 
 def items(values: Any, name: str) -> tuple[str, ...]:
     """Convert one text or path, or several, to a tuple of texts; numbers of modes to texts."""
-    if isinstance(values, (str, os.PathLike, int)):
-        return (str(values),)
     try:
+        if isinstance(values, (str, os.PathLike, int)):
+            return (str(values),)
         if isinstance(values, bytes):
             raise TypeError
-        return tuple(map(str, values))
-    except TypeError:
+        return tuple(map(str, members(values, name, MOST_TEXTS)))
+    except InputError:
+        raise
+    except Exception:  # whatever the values cannot do, they are no texts
         remedy = "leave it out for its default" if values is None else "give a text or a list"
         raise InputError.of(name, "must be texts", remedy, shown(values)) from None
+
+
+def members(values: Any, name: str, most: int) -> list[Any]:
+    """List the members of a value that can be iterated, once; raises `InputError` for too many."""
+    count = len(values) if hasattr(values, "__len__") else 0
+    found = [] if count > most else list(itertools.islice(values, most + 1))
+    if max(count, len(found)) > most:
+        remedy = f"give at most {most:,}"
+        raise InputError.of(name, "has too many members", remedy, shown(values))
+    return found
 
 
 def path(value: Any, name: str) -> str:
     """Return a path as text; raises `InputError` for anything else."""
     if not isinstance(value, (str, os.PathLike)):
         raise InputError.of(name, "must be a path", "give a text or a Path", shown(value))
-    return os.fsdecode(value)
+    try:
+        text = os.fsdecode(value)
+        encoded = os.fsencode(text)
+        if b"\0" in encoded or max(map(len, re.split(rb"[/\\]", encoded))) > LONGEST_NAME:
+            raise ValueError
+    except ValueError:
+        problem, remedy = "is no path on this system", "leave out characters that it does not take"
+        raise InputError.of(name, problem, remedy, shown(value)) from None
+    return text
 
 
 def shown(value: Any) -> str:
     """Write a value of any type in one short line."""
     if isinstance(value, (str, Path)):
         return format_value(str(value))
-    return format_value(" ".join(repr(value).split())).strip('"')
+    if isinstance(value, int):
+        return format_value(value)
+    return format_value(" ".join(text_of(value, repr).split())).strip('"')

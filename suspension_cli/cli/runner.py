@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import json
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -122,23 +123,39 @@ def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
     if result.file is None:
         with replacing(path, result.given.text, voice.say):
             analysis.save(path, result.completed)
-    others = analysis.others(result, path)
-    others += labelled.write_csv(result, path) if setting.get("as_csv") else []
-    for other in others:
-        voice.say(f"wrote {other}")
 
     def write(end: str, data: bytes) -> None:
         target = path.with_name(f"{path.stem}{end}")
         write_bytes(target, data)
         voice.say(f"wrote {target}")
 
-    pictures = setting.get("plot", False)
-    if pictures or (pictures is None and not setting["as_json"]):
-        from suspension_cli.drawing.style import encode
+    with _results_complete(path):
+        others = analysis.others(result, path)
+        others += labelled.write_csv(result, path) if setting.get("as_csv") else []
+        for other in others:
+            voice.say(f"wrote {other}")
+        pictures = setting.get("plot", False)
+        if pictures or (pictures is None and not setting["as_json"]):
+            from suspension_cli.drawing.style import encode
 
-        drawn = {str(param.name): setting[param.name] for param in analysis.drawn_with}
-        form = setting.get("picture_format", "png")
-        for end, figure in result.figures(**drawn).items():
-            write(f"{end}.{form}", encode(figure, form))
-    for end, data in analysis.animations(result, setting):
-        write(end, data)
+            drawn = {str(param.name): setting[param.name] for param in analysis.drawn_with}
+            form = setting.get("picture_format", "png")
+            for end, figure in result.figures(**drawn).items():
+                write(f"{end}.{form}", encode(figure, form))
+        for end, data in analysis.animations(result, setting):
+            write(end, data)
+
+
+@contextlib.contextmanager
+def _results_complete(path: Path) -> Iterator[None]:
+    """Say that the results file is complete where a file that follows it cannot be written."""
+    try:
+        yield
+    except InputError as error:
+        if not path.is_file() or not all(fault.key == "--out" for fault in error.faults):
+            raise
+        note = f"the results file {path} is complete"
+        if path.suffix == ".h5":
+            note += f", `pendsus plot {path}` draws its pictures"
+        faults = [replace(one, remedy=f"{one.remedy}; {note}") for one in error.faults]
+        raise InputError(faults, error.file) from None

@@ -416,9 +416,10 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
             new = _as_toml(value)
         except RecursionError:
             raise InputError([replace(_TOO_DEEP, key=path)]) from None
-        except TypeError as error:
+        except Exception as error:  # whatever an object of others cannot do
             remedy = "give a number, a text, or a list or dictionary of these"
-            raise InputError.of(path, f"cannot be {error}", remedy) from None
+            what = error if isinstance(error, TypeError) else type(value).__name__
+            raise InputError.of(path, f"cannot be {what}", remedy) from None
         paths.assign(raw, path.split("."), new, path)
     insert_files(raw, Path(source.file).parent, of_links=False)
     return Source(convert(raw), write_toml(raw), source.file)

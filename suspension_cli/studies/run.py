@@ -28,7 +28,7 @@ from typing import Any, NamedTuple, Protocol, TextIO
 import h5py
 import numpy as np
 
-from suspension_cli.errors import InputError, PendsusError, format_value
+from suspension_cli.errors import InputError, PendsusError, format_value, one_line
 from suspension_cli.files import hdf5
 from suspension_cli.files.hdf5 import Provenance
 from suspension_cli.files.whole_files import is_regular, lock, remove_leftovers, writing_to
@@ -275,9 +275,10 @@ def _share(
     job: Job,
     ranges: list[Range],
     most: int,
+    compute: Callable[[Job, Range], Any],
     check: Callable[[], None] = lambda: None,
-) -> Results:
-    """Submit ranges, `most` at a time, and wait for results as they are ready.
+) -> Generator[Any, None, None]:
+    """Submit calls of `compute`, `most` at a time, and wait for results as they are ready.
 
     `check` is called at least every second; it may raise an error.
     """
@@ -287,7 +288,7 @@ def _share(
     while True:
         with _uninterrupted():
             new = itertools.islice(waiting, most - len(running))
-            running |= {pool.submit(_compute, job, part) for part in new}
+            running |= {pool.submit(compute, job, part) for part in new}
         if not running:
             return
         finished, running = wait(running, EVERY, return_when=FIRST_COMPLETED)
@@ -301,6 +302,14 @@ def _compute(job: Job, part: Range) -> tuple[int, Columns]:
     # until the collector counts enough objects, gigabytes later
     gc.collect(0)
     return part[0], values
+
+
+def _compute_or_error(job: Job, part: Range) -> tuple[int, Columns] | Exception:
+    """Return an error instead of raising it: what is raised then is from the cluster."""
+    try:
+        return _compute(job, part)
+    except Exception as error:
+        return error
 
 
 def _start_worker(stopped: Pipe) -> None:
@@ -332,7 +341,7 @@ def _on_processes(job: Job, ranges: list[Range], workers: int) -> Results:
         pool = ProcessPoolExecutor(workers, context, _start_worker, (stopped,))
     with stopped, stop, pool:
         try:
-            yield from _share(pool, job, ranges, 2 * workers)
+            yield from _share(pool, job, ranges, 2 * workers, _compute)
         except BrokenProcessPool:
             # batch systems end one process after another: the signal to this one may still come
             time.sleep(SIGNALS_APART)
@@ -388,8 +397,17 @@ def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
     from distributed.comm import CommClosedError  # pyright: ignore
 
     most = 4 * max(1, sum(client.nthreads().values()))
+    pool = client.get_executor(pure=False)
+    results = _share(pool, job, ranges, most, _compute_or_error, _watch(client))
+    failure: Exception | None = None
     try:
-        yield from _share(client.get_executor(pure=False), job, ranges, most, _watch(client))
+        for found in results:
+            if isinstance(found, Exception):
+                failure = found
+                break
+            yield found
+    except PendsusError:
+        raise
     except (CancelledError, CommClosedError) as error:
         reason = str(error).partition("\n")[0] or "its work was cancelled"
         raise PendsusError(
@@ -401,6 +419,13 @@ def _on_cluster(job: Job, ranges: list[Range], client: Client) -> Results:
             "the cluster's workers were killed, perhaps out of memory; give a smaller --chunk and"
             " continue with --resume"
         ) from None
+    except Exception as error:  # a worker that ends while its results are fetched, for example
+        reason = one_line(error)
+        raise PendsusError(
+            f"the cluster lost results ({reason}); see to its workers and continue with --resume"
+        ) from None
+    if failure is not None:
+        raise failure
 
 
 def _watch(client: Client) -> Callable[[], None]:

@@ -12,6 +12,7 @@ import time
 import pytest
 
 from suspension_cli.analyses.export import file as exported
+from suspension_cli.files import whole_files
 from suspension_cli.linear import eigenmodes, response
 from tests.support.commandline import assert_refused, from_template, process, run, written
 from tests.support.golden import CONFIGS
@@ -191,3 +192,32 @@ def test_no_room_for_the_chunks_or_the_file_of_a_sweep(size, tmp_path):
     assert result.returncode == 2
     assert "cannot be written (File too large)" in result.stderr.splitlines()[-1]
     assert not list(tmp_path.glob("*.h5"))
+
+
+@pytest.mark.parametrize("ending", ["png", "csv"])
+def test_no_room_for_what_follows_the_results_file(ending, tmp_path, monkeypatch):
+    """The results file is complete, and says so."""
+    real = whole_files.replace_file
+
+    def full(path, data):
+        if path.suffix == f".{ending}":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(path, data)
+
+    monkeypatch.setattr(whole_files, "replace_file", full)
+    result = run("modes", CONFIGS / "double.toml", "--csv", "--out", tmp_path, "-q")
+    path = tmp_path / "double-modes.h5"
+    assert result.exit_code == 2
+    assert result.stderr.endswith(
+        "cannot be written (No space left on device); name a folder with space and permission;"
+        f" the results file {path} is complete, `pendsus plot {path}` draws its pictures\n"
+    )
+    monkeypatch.undo()
+    assert run("plot", path).exit_code == 0
+
+
+def test_no_room_for_the_results_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "fsync", failing(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
+    result = run("modes", CONFIGS / "double.toml", "--out", tmp_path, "-q")
+    assert result.stderr.endswith("name a folder with space and permission\n")
+    assert not list(tmp_path.iterdir())

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from suspension_cli.analyses import options
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import in_unit
 from suspension_cli.scene.arrays import Array
@@ -152,7 +153,7 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
         return Item(run.name, run.source, run, file=given.file)
     if not isinstance(given, (str, Path)):
         problem, remedy = "cannot be compared", "give designs, results or paths of files"
-        raise InputError.of("items", problem, remedy, format_value(repr(given)).strip('"'))
+        raise InputError.of("items", problem, remedy, options.shown(given))
     path, file = Path(given), str(given)
     ending = path.suffix.lower()
     is_data = h5py.is_hdf5(path) and not is_results_file(path)

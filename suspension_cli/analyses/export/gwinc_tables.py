@@ -15,6 +15,7 @@ from suspension_cli.analyses import registry
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
 from suspension_cli.analyses.export import gwinc_budget
 from suspension_cli.analyses.export.gwinc_budget import Table, interpolate
+from suspension_cli.analyses.export.relaxation import count_wire_modes
 from suspension_cli.analyses.export.solve import FAINT
 from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import SUPPORT
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
 DENSITY = 300
 """Frequencies per decade, before bisection."""
+MOST_WIRE_MODES = 3000
+"""Most modes of wires in a table: each takes some ten frequencies."""
 NARROWEST = 1e-9
 """Relative distance of neighbours at which bisection ends, far below that of a budget's points."""
 RESPONSES = ("horizontal", "vertical", "coupling", "susceptibility")
@@ -72,6 +75,10 @@ def solve(analysis: Analysis, run: Run) -> Result:
     wanted = {"outputs": (level, upright), "frequency": few, "arm": 0.0, "mirrors": 1.0}
     found = registry.get("thermal").solve(replace(run, setting={**setting, **wanted}))
     model = found.choice.model.system(run.design)
+    if (count := count_wire_modes(model, band[1])) > MOST_WIRE_MODES:
+        problem = f"contains {count:,} modes of wires (at most {MOST_WIRE_MODES:,})"
+        remedy = "end it at a lower frequency"
+        raise InputError.of("--band", problem, remedy, format_value(setting["band"]))
     evaluate = _evaluate(model, chain, (level, upright), run.design.constants.temperature)
     modes = eigenmodes.solve(model.constant).frequency
     modes = modes[(modes > band[0]) & (modes < band[1])]  # bisection would miss narrow ones

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements.dynamic_wire import TautWire
-from suspension_cli.errors import InputError
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import eigenmodes, statespace
 from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.system import LinearSystem
@@ -56,6 +56,10 @@ STABLE = 0.3
 """Largest share of the stiffness of a mode that is taken back at rest."""
 BETWEEN = 0.1
 """Weight of a loss angle between modes, over that at a mode which loses all its energy by it."""
+BESIDE_BAND = 1.3
+"""Decades of rates below and above the band, see `relax`."""
+MOST_STATES = 6000
+"""Largest number of states that is tried: a matrix has 300 MB, and its eigenvalues take minutes."""
 POINTS = 16
 """Frequencies of the band at which the loss angle of an element must be right."""
 RELAXATION, WIRE = "relaxation", "wire"
@@ -94,6 +98,52 @@ def relax(model: LinearSystem, band: tuple[float, float], density: float) -> Lin
     first, last = min(low, omega[0]) / 10, max(high, omega[-1]) * 2
     rates = np.geomspace(first, last, 2 + int(density * np.log10(last / first)))
     return _with_relaxation(system, elements, omega, shapes, rates, (low, high))
+
+
+def check_size(model: LinearSystem, band: tuple[float, float], density: float) -> None:
+    """Raise `InputError` if a band (Hz) needs more states than can be computed with."""
+
+    def fits(low: float, high: float) -> bool:
+        return _estimate_states(model, (low, high), density) <= MOST_STATES
+
+    if fits(*band):
+        return
+    low, high = band
+    count = _estimate_states(model, band, density)
+    if fits(max(low, high / 10), high):
+        remedy = "begin it at a higher frequency"
+    else:
+        good, bad = low, high
+        for _ in range(30):
+            middle = float(np.sqrt(good) * np.sqrt(bad))
+            good, bad = (middle, bad) if fits(low, middle) else (good, middle)
+        remedy = f"end it at {float(f'{0.95 * good:.2g}'):g} Hz or below"
+    problem = (
+        f"needs about {count:,} states for losses and modes of wires, which take too much memory"
+        f" and time (at most {MOST_STATES:,})"
+    )
+    raise InputError.of("--band", problem, remedy, format_value(f"{low:g}:{high:g}"))
+
+
+def _estimate_states(model: LinearSystem, band: tuple[float, float], density: float) -> int:
+    """Estimate the number of states, from that of the modes of wires and of relaxation rates.
+
+    All coordinates have two, and one more for each rate.
+    """
+    coordinates = model.size + count_wire_modes(model, ABOVE * band[1])
+    decades = np.log10(band[1]) - np.log10(band[0]) + BESIDE_BAND
+    return int(coordinates * (2 + 2 + density * decades))
+
+
+def count_wire_modes(model: LinearSystem, highest: float) -> int:
+    """Count the modes of all wires with clamped ends below a frequency, Hz."""
+    omega = np.array([2 * np.pi * highest])
+    count = 0
+    for term in model.terms:
+        if not isinstance(term, LossTerm) and term.strand.massive:
+            for part, forms in term.forms.items():
+                count += len(forms) * int(term.strand.resonances_below(omega, (part,))[0])
+    return count
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.export.relaxation import relax
+from suspension_cli.analyses.export.relaxation import check_size, relax
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
@@ -155,6 +155,7 @@ def build_lossy(
     Of the densities of relaxation rates it takes the first with which responses off resonance have
     errors up to `accuracy` and Q up to twice that, in the band (Hz); or the best.
     """
+    check_size(model, band, DENSITIES[0])
     modes = damped.solve(model)
     exact = _solve(model, np.geomspace(*band, GRID), inputs, outputs)
     best: tuple[float, Exported] | None = None

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.analyses.export import relaxation
+from suspension_cli.design import reader
+from suspension_cli.errors import InputError
+from suspension_cli.models import registry
 from tests.support.commandline import assert_refused, run
 from tests.support.golden import CONFIGS
 
@@ -75,3 +81,41 @@ def test_a_band_has_two_ends(band, tmp_path):
     file = CONFIGS / "double.toml"
     (line,) = assert_refused(run("export", file, "--loss", "--band", band), file, tmp_path)
     assert "--band" in line and "0.1:100" in line
+
+
+@pytest.mark.parametrize("band", ["1e-9:1e9", "0.1:1e6", "1e-300:1"])
+def test_bands_that_need_too_many_states_are_refused(band, tmp_path):
+    """Before anything is computed with them; the end that is named is not refused."""
+    file = CONFIGS / "double.toml"
+    result = run("export", file, "--loss", "--band", band, "--out", tmp_path)
+    (line,) = assert_refused(result, file, tmp_path)
+    assert line.startswith("--band = ")
+    assert "states for losses and modes of wires" in line
+    low = float(band.partition(":")[0])
+    end = re.search(r"; end it at (\S+) Hz or below$", line)
+    if band == "1e-300:1":
+        assert line.endswith("; begin it at a higher frequency")
+        return
+    assert end is not None
+    model = registry.MOST_COMPLETE.system(reader.read(file).design)
+    relaxation.check_size(model, (low, float(end[1])), 2.0)
+    with pytest.raises(InputError):
+        relaxation.check_size(model, (low, 1.2 * float(end[1])), 2.0)
+
+
+def test_a_table_of_all_modes_of_wires_is_refused(tmp_path):
+    """For gwinc each of them would take frequencies of its own."""
+    file = CONFIGS / "double.toml"
+    options = ("--format", "gwinc", "--band", "1:1e9", "--out", tmp_path)
+    (line,) = assert_refused(run("export", file, *options), file, tmp_path)
+    assert re.match(r'--band = "1:1e9": contains [\d,]+ modes of wires', line)
+
+
+def test_the_number_of_states_is_estimated():
+    """It is at most some times too large."""
+    design = sus.example("double")
+    model = registry.MOST_COMPLETE.system(design.design)
+    for band in ((0.1, 30.0), (0.1, 100.0)):
+        made = sus.export(design, loss=True, band="{}:{}".format(*band), accuracy=0.5)
+        count = len(made.system.state)
+        assert count <= relaxation._estimate_states(model, band, 2.0) < 4 * count
