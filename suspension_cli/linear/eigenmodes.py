@@ -53,7 +53,8 @@ class Modes:
     dilution
         Total energy over the energy in lossy elements (beam and violin models; else NaN).
     wire
-        Motions of wires with mass: ``test.violin-x``, ``test.twist``, ... (violin model).
+        Motions of wires with mass: ``test.violin-x``, ``test.twist``, ... (violin model), and the
+        light of detuned cavities: ``arm.light``.
     wire_energy
         Fraction in each of these; with `energy` and `tip_energy` it sums to 1.
     order

@@ -22,6 +22,7 @@ from suspension_cli.errors import Fault, InputError, attribute_faults_to, format
 from suspension_cli.files.declared import INLINE, in_unit
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import damped, signals
+from suspension_cli.linear.frequency_terms import is_light
 from suspension_cli.linear.response import Peaks, Response
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read, resonances
@@ -298,7 +299,8 @@ def compare(
     has the poles.
     """
     known = signals.bodies_with_signals(model)
-    plain = replace(model, terms=())  # with dampers, whose effect on poles losses do not have
+    # with dampers and light, whose effect on poles losses do not have
+    plain = replace(model, terms=tuple(filter(is_light, model.terms)))
     modes = damped.solve(plain)
     squared = np.where(modes.frequency > 0, modes.omega_squared, np.inf)
     result = []
