@@ -159,7 +159,7 @@ class WireTerm:
         motion = {part: np.compress(some, rows, axis=-1) for part, rows in motion.items()}
         return replace(self, columns=np.flatnonzero(some), motion=motion, size=len(from_new.T))
 
-    def select(self, which: Int[np.ndarray, " system"] | slice) -> WireTerm:
+    def select(self, which: Int[np.ndarray, " system"] | slice | int) -> WireTerm:
         """Select some of many builds."""
         fibre = self.strand.fibre
         names = ("length", "stretching", "torsion_factor")
@@ -344,7 +344,7 @@ class LossTerm:
         """Change to new coordinates."""
         return replace(self, matrix=from_new.T @ self.matrix @ from_new)
 
-    def select(self, which: Int[np.ndarray, " system"] | slice) -> LossTerm:
+    def select(self, which: Int[np.ndarray, " system"] | slice | int) -> LossTerm:
         """Select some of many builds."""
         return self if self.matrix.ndim == 2 else replace(self, matrix=self.matrix[which])
 

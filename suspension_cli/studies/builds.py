@@ -168,7 +168,7 @@ def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
 
     light = tuple(filter(is_light, model.terms))
     constant = replace(model, terms=light)
-    for n in np.flatnonzero(status == GOOD):
+    for n in np.flatnonzero(status == GOOD).tolist():
         system = with_states_of_light(constant.select(n)).constant
         own = [matrix[6:, 6:] for matrix in (system.mass, system.damping, system.stiffness)]
         inert = system.massless[6:] & ~own[1].any(0)
