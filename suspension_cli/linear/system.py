@@ -201,7 +201,7 @@ class LinearSystem:
         return self.prepared["constant"] if self.terms else self
 
     def select(self, which: Int[np.ndarray, " system"] | slice | int) -> LinearSystem:
-        """Select some of many builds, any of them more than once."""
+        """Select some of many builds, any more than once; by number, one without its axis."""
 
         def take(array: Any, axes: int = 2) -> Any:
             return array if array is None or np.ndim(array) == axes else array[which]
