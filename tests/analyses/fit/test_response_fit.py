@@ -12,7 +12,7 @@ from scipy import stats
 
 import suspension_cli as sus
 from suspension_cli.analyses import registry as analyses
-from suspension_cli.analyses.fit import findings, picture
+from suspension_cli.analyses.fit import findings, picture, search
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.analyses.fit.result import name_factor
 from suspension_cli.analyses.fit.start import default_parameters
@@ -182,6 +182,36 @@ def test_a_spring_that_the_model_lacks_is_not_absorbed_in_silence():
     lines = "\n".join(findings.first_lines(found))
     assert "MISFIT: chi^2 of the prior alone" in lines and "upper.d (+" in lines
     assert findings.document(found, [None])["far_from_priors"][0]["name"] == name
+
+
+def test_a_missing_cable_is_suggested(monkeypatch):
+    """5 N/m between the masses, which heights and lengths absorb only in part: named with its
+    bodies, its stiffness within a few per cent, and the chi^2 of a model that has it. Other ways to
+    explain the misfit, which take most of the time, are left out."""
+    monkeypatch.setattr(search.Search, "go_on", lambda this: this.found)
+    cable = (
+        '\n[[link]]\nname = "cable"\nbetween = ["upper", "test"]\n'
+        "stiffness = [5.0, 5.0, 5.0, 0.0, 0.0, 0.0]\n"
+    )
+    values = {item.name: item.value for item in parameters.every(DOUBLE)}
+    free = [
+        Free(name=name, prior=values[name], uncertainty=sigma)
+        for name, sigma in trials.DOUBLE.items()
+    ]
+    made = trials.simulate(
+        DOUBLE + cable, {}, free, np.random.default_rng(1),
+        stage="upper", dofs=("x", "y"), frequency=np.geomspace(0.2, 20, 60),
+    )  # fmt: skip
+    found = fit.solve([DOUBLE], made.measured, (), made.functions, explain=False)
+    assert found.unlikely
+    best = found.responses.links[0]
+    assert best.between == ("upper", "test")
+    assert best.stiffness[0] == pytest.approx(5.0, rel=0.1)
+    assert best.chi_squared < 1.2 * found.freedom < 0.8 * found.chi_squared
+    lines = findings.first_lines(found)
+    assert any("a link or cable may be missing" in line and best.text in line for line in lines)
+    (told, *_) = findings.document(found, [None])["missing_links"]
+    assert list(told["between"]) == ["upper", "test"]
 
 
 def test_a_loss_angle_is_found_where_wires_bend():
