@@ -78,7 +78,7 @@ def solve(
         measured = msgspec.structs.replace(measured, parameter=free)
     problem = start.build(texts, measured, files or [""] * len(texts), level)
     if functions:
-        problem = _with_functions(problem, measured, functions)
+        problem = with_functions(problem, measured, functions)
     ends = _first_searches(problem, starts, seed, tell)
     found, changes = best_of(ends), None
     if functions:
@@ -126,7 +126,7 @@ def _first_searches(
     return ends
 
 
-def _with_functions(
+def with_functions(
     problem: Problem, measured: Measured, functions: Sequence[MeasuredResponse]
 ) -> Problem:
     """Add measured functions to the problem of one design."""
