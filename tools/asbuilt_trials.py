@@ -254,11 +254,14 @@ def main() -> None:
     options.add_argument("--first", type=int, default=0, help="seed of the first trial")
     given = options.parse_args()
     warnings.simplefilter("ignore")
-    inside = told = near = named = 0
+    inside = told = located = near = named = 0
     for seed in range(given.first, given.first + given.trials):
         simulated, true = quadruple(seed)
         inside += distance(simulated.fit(), true) < chi2(len(true)).ppf(0.95)
-        told += quadruple(seed, CABLE)[0].fit().misfit
+        lacking = quadruple(seed, CABLE)[0].fit()
+        told += lacking.misfit
+        assert lacking.responses is not None
+        located += [one.between for one in lacking.responses.links[:1]] == [("top", "upper")]
         simulated, true = double(seed)
         side, random = seed // 3 % 2, np.random.default_rng([seed, 1])
         one, other = (f"{'sa'[side]}-{dof}" for dof in random.choice(DOFS, 2, replace=False))
@@ -268,6 +271,7 @@ def main() -> None:
         named += is_found(found.responses.corrections, KINDS[seed % 3], side, (one, other))
     print(f"quadruples with the true numbers in the 95 % region: {inside} of {given.trials}")
     print(f"quadruples with a cable that are misfits: {told} of {given.trials}")
+    print(f"cables that are suggested between their bodies: {located} of {given.trials}")
     print(f"doubles with the true numbers in the 95 % region: {near} of {given.trials}")
     print(f"wrong channels of doubles that are found: {named} of {given.trials}")
 

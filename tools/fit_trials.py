@@ -123,7 +123,7 @@ def draw(seed: int, file: str = "") -> Trial:
                 name=item.name,
                 prior=item.prior,
                 uncertainty=item.uncertainty,
-                start=given[item.name] + float(by) * sigma[item.name],
+                start=float(given[item.name] + by * sigma[item.name]),
             )
             for item, by in zip(free, begin, strict=True)
         ]

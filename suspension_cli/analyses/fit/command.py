@@ -291,14 +291,17 @@ def _designs(
 
 
 def _warn(found: Fit, choice: Choice, log: Log) -> None:
-    """Warn of numbers at their bounds, and of fitted designs that are implausible or unstable."""
+    """Warn of numbers at bounds, negative stiffnesses, and implausible or unstable designs."""
     from suspension_cli.analyses.check import warnings
+    from suspension_cli.analyses.fit import findings
     from suspension_cli.analyses.growth import find_growth
     from suspension_cli.design import reader
 
     for label, bound in zip(found.parameters, found.at_bound, strict=True):
         if bound:
             log.warn(f"{label} ends at its bound, so it has no uncertainty; widen the bound")
+    for line in findings.negative_stiffnesses(found):
+        log.warn(line)
     for name, fitted in zip(found.experiment, found.design, strict=True):
         design = reader.parse(fitted)
         warnings.warn_implausible(design, log)

@@ -17,6 +17,7 @@ from suspension_cli.analyses.analysis import Document, table
 from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
 from suspension_cli.analyses.fit.result import SAME, Candidate, Fit, ResponseFit
 from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import escape_unprintable
 from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import TABLES
@@ -239,6 +240,12 @@ def first_lines(found: Fit) -> list[str]:
             " not as designed, these parameters absorb something that the model lacks (a spring, a"
             " cable, a stop), or the priors are too narrow"
         )
+    for one in found.responses.links[:1] if found.responses is not None else ():
+        lines.append(
+            f"a link or cable may be missing in the design: with one {one.text}, chi^2 is"
+            f" {one.chi_squared:.4g} (without it {found.chi_squared:.4g}); look for a contact, or"
+            " add it as [[link]]"
+        )
     if found.far:
         far = ", ".join(f"{short(name)} ({pull:+.3g} sigma)" for name, pull in found.far[:LINES])
         more = f", and {len(found.far) - LINES} more" if len(found.far) > LINES else ""
@@ -292,6 +299,40 @@ def format_uncertainty(found: Fit, n: int) -> str:
         return "at its bound"
     sigma = found.sigma[n]
     return f"+- {sigma:.2g}" if math.isfinite(sigma) else "not determined by these data"
+
+
+def negative_stiffnesses(found: Fit) -> list[str]:
+    """Describe stiffnesses that become negative in the fit."""
+    lines = []
+    rows = zip(found.name, found.parameters, found.value, found.start, strict=True)
+    for n, (name, label, value, first) in enumerate(rows):
+        if _is_stiffness(name) and value < 0 <= first:
+            lines.append(
+                f"{label} is fitted as {value:.4g} {_unit_of_stiffness(name)}"
+                f" ({format_uncertainty(found, n)}), but no spring has a negative stiffness: give"
+                " the parameter lower = 0.0, and look for what else the model lacks"
+            )
+    return lines
+
+
+def _is_stiffness(name: str) -> bool:
+    """Whether a number is a stiffness that cannot be negative; those off a diagonal may be.
+
+    >>> _is_stiffness("link.cable.stiffness.1.1"), _is_stiffness("link.cable.stiffness.1.2")
+    (True, False)
+    """
+    keys = name.split(".")
+    if keys[-2].isdigit() and keys[-1].isdigit() and keys[-2] != keys[-1]:
+        return False
+    return any(key == "k" or key.endswith("stiffness") for key in keys)
+
+
+def _unit_of_stiffness(name: str) -> str:
+    """Unit of a stiffness; elements of a matrix of six are along, then about axes."""
+    last = name.rpartition(".")[2]
+    if last.isdigit():
+        return "N/m" if int(last) <= 3 else "N m/rad"
+    return unit_of(name) or "N/m"
 
 
 def _parameters(found: Fit) -> str:
@@ -456,6 +497,7 @@ def _response_document(found: ResponseFit) -> Document:
         "wrong_channels": wrong,
         "chi_squared_before": found.chi_squared_before,
         "single_changes": table(found.changes, "name start change chi_squared"),
+        "missing_links": table(found.links, "between stiffness chi_squared"),
         "least_known": found.least or None,
         "measure_next": table(found.candidates, "input output band_hz=band sigma"),
     }

@@ -409,7 +409,7 @@ class Problem:
     def covariance(self, z: Array, slope: Array) -> Float[np.ndarray, "unknown unknown"]:
         """Compute (J^T J)^-1; infinite where not determined, NaN at a bound."""
         _, _, low, high, _, _, scale = self.unknowns
-        size = np.where(z != 0, np.abs(z), scale)
+        size = np.maximum(np.abs(z), scale)  # a bound may be 0
         inner = (np.abs(z - low) > 1e-8 * size) & (np.abs(z - high) > 1e-8 * size)
         result = np.full((len(z), len(z)), np.nan)
         if not inner.any():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.conventions import DOFS
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import SI, along, derived, in_unit, scale_of
 from suspension_cli.measurements.transfer_function import TABLES, Channels
@@ -114,6 +115,31 @@ class SingleChange:
 
 
 @dataclass(frozen=True)
+class MissingLink:
+    """A link that the design lacks, with which it fits better.
+
+    `between` are its bodies, `stiffness` that along x, y, z and about these axes at the centre of
+    mass of the first stage (N/m, N m/rad; 0 where the data do not show it), `chi_squared` that of
+    the fit with the link.
+    """
+
+    between: tuple[str, str]
+    stiffness: tuple[float, ...]
+    chi_squared: float
+
+    @property
+    def text(self) -> str:
+        """The link in words."""
+        units = ("N/m",) * 3 + ("N m/rad",) * 3
+        parts = [
+            f"{size:.3g} {unit} ({dof})"
+            for size, unit, dof in zip(self.stiffness, units, DOFS, strict=True)
+            if size
+        ]
+        return f"between {' and '.join(self.between)} of stiffness {', '.join(parts)}"
+
+
+@dataclass(frozen=True)
 class Candidate:
     """A measurement (input and output signals, band in Hz) that would determine a parameter better.
 
@@ -159,6 +185,8 @@ class ResponseFit:
         A parameter that is known least; "" if none is free.
     candidates
         Measurements that would determine it best, best first.
+    links
+        In a misfit, links that the design lacks and that would explain it, best first.
     """
 
     function: tuple[str, ...]
@@ -184,6 +212,7 @@ class ResponseFit:
     changes: tuple[SingleChange, ...] = ()
     least: str = ""
     candidates: tuple[Candidate, ...] = ()
+    links: tuple[MissingLink, ...] = ()
 
     @property
     @derived()

@@ -5,8 +5,8 @@ functions and priors.
 
 1. Exchanged, scaled and inverted channels are found (`start`).
 2. The parameters are fitted to the resonances, then all unknowns to the complex values and to
-   modes. In a misfit, channels are compared again with the fitted parameters.
-3. While that is a misfit, the search starts again from the single change that explains most.
+   modes.
+3. While that is a misfit, the search starts again elsewhere (`search`).
 
 Modes alone need one search. Uncertainties are those of the linear problem at the end: the
 covariance is (J^T J)^-1.
@@ -18,14 +18,14 @@ import itertools
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import findings, start
+from suspension_cli.analyses.fit import findings, links, start
 from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.analyses.fit.result import Exchange, Fit, ResponseFit, is_unlikely
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 BEYOND = 1.5
 """Factor by which the band of modes with added damping exceeds the measured one."""
+NEARLY: dict[str, Any] = {"tolerance": 1e-7, "held": True}
+"""End of the search before the last one, whose derivatives are exact."""
 EXCHANGES = 3
 """Most exchanges of labels that are fitted."""
 WORTH_REPORTING = 0.1
@@ -76,7 +78,40 @@ def solve(
         measured = msgspec.structs.replace(measured, parameter=free)
     problem = start.build(texts, measured, files or [""] * len(texts), level)
     if functions:
-        problem = _with_functions(problem, measured, functions)
+        problem = with_functions(problem, measured, functions)
+    ends = _first_searches(problem, starts, seed, tell)
+    found, changes = best_of(ends), None
+    if functions:
+        if explain or found.misfit:
+            again = Search.of(Solution(problem, problem.unknowns.start), found)
+            found, changes = again.go_on(), again.changes
+        found = found.descend(found.z, **NEARLY)
+        found = found.descend(found.z)
+    slope = found.problem.jacobian(found.z)
+    others = np.sort([end.chi_squared for end in ends])[1:]
+    result = _collect(found, slope, measured, np.append(found.chi_squared, others))
+    if not functions:
+        return replace(result, exchange=_find_exchange(found)) if result.misfit else result
+    responses = _responses(found, slope)
+    if result.misfit:
+        responses = replace(responses, links=links.missing_links(found))
+    if explain and changes is not None:
+        before, single = single_changes(changes, found)
+        least, candidates = findings.next_measurements(found.problem, found.z, slope)
+        responses = replace(
+            responses,
+            chi_squared_before=before,
+            changes=single,
+            least=least,
+            candidates=candidates,
+        )
+    return replace(result, responses=responses)
+
+
+def _first_searches(
+    problem: Problem, starts: int, seed: int, tell: Progress | None
+) -> list[Solution]:
+    """Search once from each start; random ones may be invalid designs."""
     ends, started = list[Solution](), time.monotonic()
     for x in _starts(problem, starts, seed):
         z = np.concatenate([x, problem.unknowns.start[problem.count :]])
@@ -85,38 +120,13 @@ def solve(
         except InputError:
             if not ends:
                 raise
-            continue  # an invalid random design
+            continue
         if tell is not None:
             tell(len(ends), starts, len(ends) / (time.monotonic() - started))
-    found, before, changes = best_of(ends), np.nan, ()
-    if functions:
-        if explain or found.misfit:
-            begin = Solution(problem, problem.unknowns.start)
-            again = Search.of(begin, found)
-            found = again.go_on()
-        found = found.descend(found.z, held=True)
-        found = found.descend(found.z)
-        if explain:
-            before, changes = single_changes(again.changes, found)
-    slope = found.problem.jacobian(found.z)
-    others = np.sort([end.chi_squared for end in ends])[1:]
-    result = _collect(found, slope, measured, np.append(found.chi_squared, others))
-    if not functions:
-        return replace(result, exchange=_find_exchange(found)) if result.misfit else result
-    responses = _responses(found, slope)
-    if explain:
-        least, candidates = findings.next_measurements(found.problem, found.z, slope)
-        responses = replace(
-            responses,
-            chi_squared_before=before,
-            changes=changes,
-            least=least,
-            candidates=candidates,
-        )
-    return replace(result, responses=responses)
+    return ends
 
 
-def _with_functions(
+def with_functions(
     problem: Problem, measured: Measured, functions: Sequence[MeasuredResponse]
 ) -> Problem:
     """Add measured functions to the problem of one design."""

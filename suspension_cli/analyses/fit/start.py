@@ -314,6 +314,21 @@ def _pair(plant: Plant, own: Array, peaks: list[Peak]) -> list[tuple[int, Peak]]
     ]
 
 
+def mismatch(problem: Problem, z: Array) -> float:
+    """Sum over the peaks of all functions of ln(1 + r^2), r the relative error over `NEAR`.
+
+    A peak without a mode counts as one at `FARTHEST`.
+    """
+    plant, total = problem.experiment[0].plant(z[problem.parts[0]]), 0.0
+    alone = np.log1p((FARTHEST / NEAR) ** 2)
+    for own, some in zip(problem.residues(plant), problem.peaks, strict=True):
+        pairs = _pair(plant, own, some)
+        off = [np.log(peak.frequency / plant.modes.frequency[mode]) for mode, peak in pairs]
+        total += float(np.log1p((np.array(off) / NEAR) ** 2).sum())
+        total += alone * (len(some) - len(pairs))
+    return total
+
+
 def fit_resonances(problem: Problem, z: Array) -> Array:
     """Fit the parameters to the resonances; dampings follow from their widths."""
     one, parts, z = problem.experiment[0], problem.parts, z.copy()

@@ -189,6 +189,29 @@ def test_a_fit_that_ends_at_an_unstable_design_says_so(tmp_path):
     assert result.exit_code == 0 and says in result.stderr
 
 
+def test_a_negative_stiffness_is_not_accepted_in_silence(tmp_path):
+    """A frame that would have to push: kept, with a warning; with a bound it ends there."""
+    raw = {
+        "mode": [{"label": "test vertical", "frequency": 12.5, "uncertainty": 0.01}],
+        "parameter": [{"name": "stage.test.spring.1.stiffness.3", "start": 0.0}],
+    }
+    spring = "\n[[stage.spring]]\nstiffness = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"
+    design = tmp_path / "sprung.toml"
+    design.write_text(CASE.read_text() + spring)
+    stiff = eigenmodes.solve(registry.STRING.system(reader.read(design).design))
+    vertical = stiff.frequency[named_results.labels(stiff).index("test vertical")]
+    raw["mode"][0]["frequency"] = float(vertical) - 0.2
+    words = ("--out", tmp_path, "--no-plot", "--quiet", "--fidelity", "string")
+    result = run("fit", design, written(tmp_path, raw, "measured.toml"), *words)
+    assert result.exit_code == 0, result.stderr
+    assert "stage.test.spring.1.stiffness.3 is fitted as -" in result.stderr
+    assert "N/m" in result.stderr and "lower = 0.0" in result.stderr
+    raw["parameter"][0]["lower"] = 0.0
+    bounded = run("fit", design, written(tmp_path, raw, "measured.toml"), *words)
+    assert "is fitted as -" not in bounded.stderr
+    assert "at its bound" in bounded.stdout, bounded.stdout
+
+
 INERTIA = "stage.test.body.inertia.2"
 NAME = "husman2000-table1-case4-fit.h5"
 
