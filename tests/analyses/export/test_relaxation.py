@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.analyses.export import solve as export
+from suspension_cli.conventions import DOFS
+from suspension_cli.models import registry
+from tests.support import plants
 from tests.support.commandline import assert_refused, run
 from tests.support.golden import CONFIGS
 
@@ -75,3 +79,29 @@ def test_a_band_has_two_ends(band, tmp_path):
     file = CONFIGS / "double.toml"
     (line,) = assert_refused(run("export", file, "--loss", "--band", band), file, tmp_path)
     assert "--band" in line and "0.1:100" in line
+
+
+def test_errors_are_judged_against_the_motion_of_the_body():
+    """As docs/promises.md does: a response of 1e-17 of its body's motion is a rounding error."""
+    design = sus.read(CONFIGS / "triple-damped.toml")
+    model = registry.BEAM.system(design.design)
+    inputs = plants.drives(model, "support.pitch")
+    outputs = plants.motions(
+        model, *(f"{body}.{dof}" for body in ("upper", "test") for dof in DOFS)
+    )
+    frequency = np.array([0.3, 2.0, 20.0])
+    exact = export._solve(model, frequency, inputs, [outputs[0], outputs[11]])
+    found = sus.response(
+        design,
+        inputs="support.pitch",
+        outputs=[one.text for one in outputs],
+        frequency=frequency,
+        fidelity="beam",
+    )
+    size = np.abs(found.value)[..., 0]
+    largest = np.stack([size[:, :6].max(1), size[:, 6:].max(1)], axis=1)
+    assert exact.motion[..., 0] == pytest.approx(largest, rel=1e-9)
+
+    exact = export._Exact(np.array([[[1.0], [1e-17], [1e-3], [0.0]]]), np.ones((1, 4, 1)))
+    errors = exact.errors_of(np.array([[[1.01], [1e-10], [1.01e-3], [1e-30]]]))[0, :, 0]
+    assert errors[:3] == pytest.approx([0.01, 1e-4, 0.01]) and errors[3] == np.inf
