@@ -109,6 +109,13 @@ def named_results(texts: Sequence[str]) -> Callable[[LinearSystem], Several]:
     return request
 
 
+def describe_equilibrium(source: Source, choice: Choice, system: LinearSystem, log: Log) -> None:
+    """Report the model and how well the equilibrium is balanced, for --verbose."""
+    balance = f"residual force {system.residual:.0e} of the weight"
+    size = f"{system.size - 6} coordinates"
+    log.detail(f"{source.name}: {choice.line}; {size}, {balance}")
+
+
 def stable_system(
     source: Source,
     choice: Choice,
@@ -125,7 +132,7 @@ def stable_system(
     """
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
-    log.detail(f"{name}: {choice.line}; residual force {system.residual:.0e} of the weight")
+    describe_equilibrium(source, choice, system, log)
     grows = growth.find_growth(source.design, choice.model, system)
     if grows is not None:
         fault = grows.fault

@@ -7,6 +7,7 @@ import inspect
 import json
 import shlex
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -74,7 +75,7 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         return Run(source, setting, voice, folder, words)
 
     def solve(one: Run) -> tuple[Run, Result]:
-        with one.faults():
+        with one.faults(), _timed(voice, f"{one.name}: computed"):
             return one, analysis.solve(one)
 
     errors: list[InputError] = []
@@ -88,7 +89,8 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         raise join_errors(errors)
     for number, (one, result) in enumerate(solved):
         if analysis.has_file:
-            _write(one, result, voice)
+            with _timed(voice, f"{one.name}: files written"):
+                _write(one, result, voice)
         if not as_json and (text := str(result)):
             terminal.put("\n" * (number > 0 and analysis.has_file) + text)
     if errors:
@@ -97,6 +99,17 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         documents = [result.document() for _, result in solved]
         click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
     ctx.exit(max(analysis.exit_code(result) for _, result in solved))
+
+
+@contextlib.contextmanager
+def _timed(voice: terminal.Voice, what: str) -> Iterator[None]:
+    """Report the time that a step takes, for --verbose."""
+    start = time.perf_counter()
+    start_of_processor = time.process_time()
+    yield
+    passed = time.perf_counter() - start
+    used = time.process_time() - start_of_processor
+    voice.detail(f"{what} in {passed:.2f} s ({used:.2f} s of processor time)")
 
 
 def _demand_distinct_names(sources: Sequence[Source]) -> None:

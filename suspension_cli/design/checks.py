@@ -35,7 +35,15 @@ from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.towers import SUFFIX, leg_count
 from suspension_cli.design.units import OSMIUM
-from suspension_cli.design.wires import RADII, Clamp, Profile, Wire, WireSet, is_ring
+from suspension_cli.design.wires import (
+    RADII,
+    Clamp,
+    Profile,
+    Wire,
+    WireSet,
+    cross_sections,
+    is_ring,
+)
 from suspension_cli.errors import Fault, format_key, format_value
 
 BLADES_FOR_WIRES = {1: (1,), 2: (1, 2), 4: (2, 4)}
@@ -372,7 +380,11 @@ def find_implausible(design: Design) -> list[ImplausibleNumber]:
     found: list[Row] = [*_check_ranges(design), *_check_planes(design), *_check_signs(design)]
     bodies = {stage.name: stage.body for stage in design.stage}
     for stage, above in with_bodies_above(design):
-        own = [*_check_density(stage.body), *_check_attachments(stage, bodies.get(above))]
+        own = [
+            *_check_density(stage.body),
+            *_check_attachments(stage, bodies.get(above)),
+            *_check_slenderness(stage),
+        ]
         found += [(f"stage.{stage.name}.{row[0]}", *row[1:]) for row in own]
     return [ImplausibleNumber(*row) for row in found]
 
@@ -447,11 +459,16 @@ def _check_density(body: Body) -> Iterator[Row]:
         remedy, shown = "check the three moments, in kg m^2", format_value(body.inertia)
         yield "body.inertia", problem, remedy, shown, True
         return
-    if body.density is not None or min(moments) <= 1e-6 * max(moments):
-        return  # a density that is given has its own range; a plate or rod has no volume
-    axes = math.prod(5 * moment / mass for moment in moments)
-    ellipsoid = 4 * math.pi / 3 * math.sqrt(axes)
-    density = mass / (ellipsoid if body.shape is None else schema.volume(body))
+    if body.density is not None:
+        return  # it has a range of its own
+    if body.shape is None and min(moments) <= 1e-6 * max(moments):
+        return  # a plate or rod has no volume
+    if body.shape is None:
+        axes = math.prod(5 * moment / mass for moment in moments)
+        volume = 4 * math.pi / 3 * math.sqrt(axes)
+    else:
+        volume = schema.volume(body)
+    density = mass / volume
     if AIR <= density <= OSMIUM:
         return
     key, units = ("inertia", OF_INERTIA) if body.shape is None else ("mass", OF_SHAPE)
@@ -462,6 +479,20 @@ def _check_density(body: Body) -> Iterator[Row]:
     problem = f"a body of {mass:g} kg of this size has {density:.3g} kg/m^3, {limit}"
     serious = body.shape is not None or not AIR / SERIOUS <= density <= OSMIUM
     yield f"body.{key}", problem, remedy, format_value(getattr(body, key)), serious
+
+
+def _check_slenderness(stage: Stage) -> Iterator[Row]:
+    """Report wires of a set and blades that are shorter than they are thick: they are no beams."""
+    parts: list[tuple[str, float, float]] = []
+    if stage.wires is not None:
+        for section in cross_sections(stage.wires):
+            parts.append(("wires.l", stage.wires.l, min(section.depth)))
+    if stage.blades is not None and (blade := stage.blades.geometry) is not None:
+        parts.append(("blades.geometry.length", blade.length, blade.thickness))
+    for key, length, thickness in parts:
+        if length < thickness < math.inf:
+            problem = f"is less than the thickness, {thickness:g} m: neither a wire nor a beam"
+            yield key, problem, "check the length and the thickness (m)", format_value(length), True
 
 
 def _check_attachments(stage: Stage, above: Body | None) -> Iterator[Row]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shlex
 import string
 import subprocess
@@ -30,7 +31,7 @@ from tests.support.commandline import (
     written,
 )
 from tests.support.designs import RAW, TEXTS
-from tests.support.golden import ROOT
+from tests.support.golden import CONFIGS, ROOT
 
 HEAVY = ("numpy", "scipy", "h5py", "matplotlib", "msgspec", "rich")
 UNSTABLE = ("--set", "stage.test.wires.d=-0.05", "--set", "stage.test.wires.s=0.0")
@@ -330,3 +331,20 @@ def test_linear_algebra_has_one_thread_unless_told_otherwise(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     run("--version")
     assert [os.environ[name] for name in names] == ["1", "3", "1"]
+
+
+@pytest.mark.parametrize("name", ["modes", "response", "thermal", "sensitivity", "export", "damp"])
+def test_verbose_says_more(name, tmp_path):
+    """The model with its size and balance, and the time that each step takes."""
+    file = CONFIGS / ("triple-damped.toml" if name == "damp" else "double.toml")
+    words = (name, file, "--out", tmp_path, "--no-plot", "--fidelity", "string")
+    if name == "thermal":
+        words = (*words[:-1], "beam")
+    plain, found = run(*words), run(*words, "--verbose")
+    assert found.exit_code == 0, found.stderr
+    more = found.stderr.replace(plain.stderr, "")
+    design = file.stem
+    assert f"{design}: model: " in more and " coordinates, residual force " in more
+    for what in ("computed", "files written"):
+        assert re.search(rf"{design}: {what} in \d+\.\d\d s \(\d+\.\d\d s of processor", more)
+    assert found.stdout == plain.stdout

@@ -113,11 +113,12 @@ class ModesAnalysis(Analysis):
         """Compute the modes of one design."""
         import numpy as np
 
-        from suspension_cli.analyses import growth
+        from suspension_cli.analyses import growth, model_choice
         from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
 
         choice, model, undamped, modes = _solve(run)
+        model_choice.describe_equilibrium(run.source, choice, model, run.log)
         modes = dataclasses.replace(modes, **_damping(run.design, run.setting["damping"]))
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)

@@ -9,9 +9,12 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.export import relaxation
+from suspension_cli.analyses.export import solve as export
+from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.models import registry
+from tests.support import plants
 from tests.support.commandline import assert_refused, run
 from tests.support.golden import CONFIGS
 
@@ -119,3 +122,29 @@ def test_the_number_of_states_is_estimated():
         made = sus.export(design, loss=True, band="{}:{}".format(*band), accuracy=0.5)
         count = len(made.system.state)
         assert count <= relaxation._estimate_states(model, band, 2.0) < 4 * count
+
+
+def test_errors_are_judged_against_the_motion_of_the_body():
+    """As docs/promises.md does: a response of 1e-17 of its body's motion is a rounding error."""
+    design = sus.read(CONFIGS / "triple-damped.toml")
+    model = registry.BEAM.system(design.design)
+    inputs = plants.drives(model, "support.pitch")
+    outputs = plants.motions(
+        model, *(f"{body}.{dof}" for body in ("upper", "test") for dof in DOFS)
+    )
+    frequency = np.array([0.3, 2.0, 20.0])
+    exact = export._solve(model, frequency, inputs, [outputs[0], outputs[11]])
+    found = sus.response(
+        design,
+        inputs="support.pitch",
+        outputs=[one.text for one in outputs],
+        frequency=frequency,
+        fidelity="beam",
+    )
+    size = np.abs(found.value)[..., 0]
+    largest = np.stack([size[:, :6].max(1), size[:, 6:].max(1)], axis=1)
+    assert exact.motion[..., 0] == pytest.approx(largest, rel=1e-9)
+
+    exact = export._Exact(np.array([[[1.0], [1e-17], [1e-3], [0.0]]]), np.ones((1, 4, 1)))
+    errors = exact.errors_of(np.array([[[1.01], [1e-10], [1.01e-3], [1e-30]]]))[0, :, 0]
+    assert errors[:3] == pytest.approx([0.01, 1e-4, 0.01]) and errors[3] == np.inf
