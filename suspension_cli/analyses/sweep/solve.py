@@ -378,8 +378,8 @@ def extreme_points(job: ParameterSweep, columns: Columns) -> Int[np.ndarray, " p
             job.results,
             known.get("omega_squared"),
             rank,
-            known.get("label_mode"),
             known.get("response"),
+            known.get("label_mode"),
         )
     )
 
