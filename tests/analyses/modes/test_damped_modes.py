@@ -295,7 +295,7 @@ def test_towers_with_too_many_modes_of_wires_neglect_their_mass(tmp_path):
     assert result.exit_code == 0 and "so wire mass is neglected" in result.stderr
     document = json.loads(result.stdout)
     assert document["fidelity"] == "beam"
-    assert document["estimated_error"] > 1.0  # a keystone, among modes of its wires
+    assert document["estimated_error"] > 0.1  # a keystone, among modes of its wires
     assert len(document["modes"]) == 66
     refused = run(*options, "--fidelity", "violin", "--max-frequency", "1e6")
     assert refused.exit_code == 2 and "take minutes" in refused.stderr

@@ -147,7 +147,7 @@ def test_what_is_not_known_is_not_all_met(tmp_path):
     unknown = [
         word
         for stage in ("mirror", "recoil-mass")
-        for word in ("--set", f"stage.{stage}.wires.material=tungsten")
+        for word in ("--set", f"stage.{stage}.wires.material=copper")
     ]
     design = CONFIGS / "payload-recoil-mass.toml"
     result = optimise(design, raw, tmp_path, *unknown, "--no-plot")

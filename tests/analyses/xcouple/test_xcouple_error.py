@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.studies import run as batch
+from suspension_cli.studies import chunks
 from tests.support.commandline import run
 from tests.support.paths import CONFIGS
 
@@ -67,15 +67,15 @@ def test_an_interruption_in_either_model_leaves_the_same_file(writes, monkeypatc
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     assert run(*WORDS, *options, "--out", whole).exit_code == 0
     with monkeypatch.context() as patch:
-        original, done = batch._write, list[str]()
+        original, done = chunks.write, list[str]()
 
-        def write(file, values):
+        def write(file, key, start, values):
             if len(done) == 3 + writes:
                 raise KeyboardInterrupt
             done.append(file.name)
-            original(file, values)
+            original(file, key, start, values)
 
-        patch.setattr(batch, "_write", write)
+        patch.setattr(chunks, "write", write)
         stopped = run(*WORDS, *options, "--out", broken)
     assert stopped.exit_code == 130
     again = run(*WORDS, *options, "--out", broken, "--resume")
@@ -87,17 +87,17 @@ def test_an_interruption_in_either_model_leaves_the_same_file(writes, monkeypatc
 def test_what_an_abandoned_run_left_in_the_second_model_is_not_taken(monkeypatch, tmp_path):
     """Without --resume all is computed anew."""
     with monkeypatch.context() as patch:
-        original, done = batch._write, list[str]()
+        original, done = chunks.write, list[str]()
 
-        def write(file, values):
+        def write(file, key, start, values):
             if len(done) == 6:
                 raise KeyboardInterrupt
             done.append(file.name)
-            original(file, values)
+            original(file, key, start, values)
 
-        patch.setattr(batch, "_write", write)
+        patch.setattr(chunks, "write", write)
         run(*WORDS, "--chunk", "64", "--out", tmp_path)
     [inner] = [path for path in (tmp_path / f"{NAME}.part").iterdir() if path.is_dir()]
-    (inner / "0.npz").write_bytes(b"")
+    (inner / "0.chunk").write_bytes(b"")
     assert run(*WORDS, "--chunk", "64", "--out", tmp_path).exit_code == 0
     assert [path.name for path in tmp_path.iterdir()] == [NAME]
