@@ -40,20 +40,19 @@ TRIED = (0.0, *(10 ** (n / 2) for n in range(8)))
 """Stiffnesses along x, y and z, N/m, from which a link is fitted: the best of these."""
 SHOWN = 3.0
 """Standard deviations from which a stiffness is reported."""
-EXPLAINS = 0.2
-"""Least part of chi^2 beyond the number of degrees of freedom that a link must remove."""
+EXPLAINS = 0.5
+"""Least part of the excess of chi^2 that a link must remove."""
 
 
-def missing_links(found: Solution) -> tuple[MissingLink, ...]:
-    """Find links that would explain a misfit, best first."""
-    worst = found.chi_squared - len(found.problem.residual(found.z)) + len(found.z)
+def missing_links(found: Solution, excess: float) -> tuple[MissingLink, ...]:
+    """Find links that would explain a misfit, whose chi^2 is too large by `excess`, best first."""
     ends = []
     for pair in _ranked(found)[:FITTED]:
         try:
             link, chi_squared = _fit(found, pair)
         except (InputError, np.linalg.LinAlgError):
             continue
-        if any(link) and found.chi_squared - chi_squared > max(EXPLAINS * worst, SHOWN**2):
+        if any(link) and found.chi_squared - chi_squared > max(EXPLAINS * excess, SHOWN**2):
             ends.append(MissingLink(pair, link, chi_squared))
     return tuple(sorted(ends, key=lambda one: one.chi_squared))
 

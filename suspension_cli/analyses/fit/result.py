@@ -374,6 +374,12 @@ class Fit:
         return is_unlikely(self.prior_chi_squared, len(self.pulls))
 
     @property
+    def excess(self) -> float:
+        """What chi^2, of all or of the priors, has too much."""
+        of_priors = self.prior_chi_squared - len(self.pulls)
+        return max(self.chi_squared - self.freedom, of_priors)
+
+    @property
     def far(self) -> list[tuple[str, float]]:
         """Parameters and channels beyond `FAR` standard deviations of their priors, worst first."""
         far = [item for item in self.pulls if abs(item[1]) > FAR]

@@ -93,8 +93,9 @@ def solve(
     if not functions:
         return replace(result, exchange=_find_exchange(found)) if result.misfit else result
     responses = _responses(found, slope)
+    result = replace(result, responses=responses)
     if result.misfit:
-        responses = replace(responses, links=links.missing_links(found))
+        responses = replace(responses, links=links.missing_links(found, result.excess))
     if explain and changes is not None:
         before, single = single_changes(changes, found)
         least, candidates = findings.next_measurements(found.problem, found.z, slope)
