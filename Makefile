@@ -129,11 +129,7 @@ bench: $(BENCH_READY)  ## what things cost, as ratios to a floor measured in the
 golden: $(READY) ## regenerate tests/golden (say why in CHANGELOG.md, "Numbers changed")
 	$(BIN)/python -m tests.support.golden
 
-<<<<<<< HEAD
-loops: $(READY) ## 528 loops with simple filters: no traceback, and the poles of characteristic equations (ten minutes)
-=======
 loops: $(READY) ## 512 loops with simple filters: no traceback, and the poles of characteristic equations (ten minutes)
->>>>>>> foton
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.loops
 
 mutations: $(READY) ## damage 1,000 designs, data files, results, options and arguments (ten minutes)
