@@ -83,11 +83,11 @@ MAKES = {
     "tolerance": (
         "tolerance configs/husman2000/figure6.toml --fidelity string --workers 1 --set"
         " \"tolerance.body=[{stage='test', com={normal=1e-4}}]\" --builds 192 --sobol-indices"
-        " --require 'test.x/support.x:10 < 1'"
+        " --require 'test.x/support.x:10 < 1' --require 'test yaw > 0.1'"
     ),
     "sweep": (
         "sweep configs/double.toml --vary stage.test.wires.d=1e-3,2e-3 --result 1 --result "
-        "test.x/support.x:1 --workers 1"
+        "'test yaw' --result test.x/support.x:1 --workers 1"
     ),
     "sensitivity": "sensitivity configs/double.toml",
     "fit": "fit configs/husman2000/table1-case4.toml measured/husman2000/table1-case4.toml",
