@@ -24,7 +24,7 @@ import numpy as np
 from suspension_cli.analyses.fit import start
 from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.analyses.fit.result import SingleChange
-from suspension_cli.analyses.fit.solution import Solution
+from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.errors import InputError
 from suspension_cli.studies import derivatives, parameters
 
@@ -34,9 +34,11 @@ if TYPE_CHECKING:
 QUICK: dict[str, Any] = {"tolerance": 1e-4, "steps": 8, "held": True}
 """End of a search."""
 REFITTED = 5
-"""Most changes of one number that are fitted, and most second numbers for one of these."""
-FIRST = 3
+"""Most changes of one number that are fitted."""
+FIRST = 2
 """Changes of one number to which a second one is added."""
+SECOND = 4
+"""Most second numbers for one of these."""
 WORTH = 0.02
 """Fraction of the fit's decrease of chi^2 that a single change must reach to be reported."""
 LEAST = 4.0
@@ -73,21 +75,24 @@ class Changes:
         """
         key = (*sorted(names), begin.corrections)
         if key not in self.done:
-            problem = begin.problem.restricted(names, self.given)
+            here = begin.carry(begin.problem.restricted(names, self.given))
             try:
-                self.done[key] = begin.carry(problem).refine(QUICK)
+                end = here.refine(QUICK)
+                if end.chi_squared > begin.chi_squared:  # by a peak of another mode
+                    end = best_of([end, here.descend(here.z, **QUICK)])
+                self.done[key] = end
             except (InputError, np.linalg.LinAlgError):
                 self.done[key] = None
         return self.done[key]
 
     def of_one(self, found: Solution) -> Iterator[Solution]:
-        """Fit changes of the numbers that may explain a fit of all, the most promising first."""
+        """Fit changes of single free numbers of a fit, the most promising first."""
         before = self.fit(found)
         if before is None:
             return
         begin = before.carry(found.problem.restricted((), self.given))
         orders = self._by_fit(found), self._by_resonances(before), self._by_values(before)
-        for name in _merged(orders, REFITTED):
+        for name in _merged(orders, found.problem.experiment[0].free, REFITTED):
             end = self.fit(begin, (name,))
             if end is not None:
                 yield end
@@ -102,13 +107,14 @@ class Changes:
         ]
         return list({id(end): end for end in [*ends, *done] if end is not None}.values())
 
-    def of_two(self, singles: Sequence[Solution]) -> Iterator[Solution]:
-        """Add changes of second numbers to the best ones of one number."""
+    def of_two(self, found: Solution, singles: Sequence[Solution]) -> Iterator[Solution]:
+        """Add changes of second free numbers to the best ones of one."""
         for first in sorted(singles, key=lambda end: end.chi_squared)[:FIRST]:
             names = first.problem.experiment[0].free
+            others = [name for name in found.problem.experiment[0].free if name not in names]
             orders = self._by_resonances(first), self._by_values(first)
-            for name in _merged(orders, REFITTED):
-                end = None if name in names else self.fit(first, (*names, name))
+            for name in _merged(orders, others, SECOND):
+                end = self.fit(first, (*names, name))
                 if end is not None:
                     yield end
 
@@ -178,9 +184,10 @@ def _robust_gain(off: Array, slope: Array) -> float:
     return float(np.log1p(off**2).sum() - after.min())
 
 
-def _merged(orders: Sequence[Sequence[str]], count: int) -> list[str]:
-    """Merge rankings: the first of each, the second of each, ..."""
-    turns = itertools.chain.from_iterable(itertools.zip_longest(*orders))
+def _merged(orders: Sequence[Sequence[str]], among: Sequence[str], count: int) -> list[str]:
+    """Merge rankings of some names: the first of each, the second of each, ..."""
+    wanted = [[name for name in order if name in among] for order in orders]
+    turns = itertools.chain.from_iterable(itertools.zip_longest(*wanted))
     return list(dict.fromkeys(name for name in turns if name is not None))[:count]
 
 

@@ -123,17 +123,16 @@ def _ranked(found: Solution) -> list[Pair]:
 def _fit(found: Solution, pair: Pair) -> tuple[tuple[float, ...], float]:
     """Fit with a link between two bodies; return its stiffness and chi^2.
 
-    From the end of the fit, and from the design as given with the link alone fitted first.
+    From the design as given with the link alone fitted first, else from the end of the fit.
     """
     whole = _with_links(found, [pair])
-    ends = [whole.descend(whole.z, **ROUGH)]
     alone = _with_links(found, [pair], ())
     alone = replace(alone, z=_nearest(alone)).refine()
     values = dict(zip(found.problem.unknowns.name, found.problem.unknowns.start, strict=True))
     values |= dict(zip(alone.problem.unknowns.name, alone.z, strict=True))
-    again = whole.carry(whole.problem, values)
-    ends.append(again.descend(again.z, **ROUGH))
-    end = best_of(ends)
+    end = whole.descend(whole.carry(whole.problem, values).z, **ROUGH)
+    if end.misfit:
+        end = best_of([end, whole.descend(whole.z, **ROUGH)])
     return _stiffness(end), end.chi_squared
 
 

@@ -71,7 +71,7 @@ class Search:
 
     def _from_two_changes(self) -> None:
         """Start from the best changes of two numbers."""
-        self._from_few(self._until_explained(self.changes.of_two(self.few)))
+        self._from_few(self._until_explained(self.changes.of_two(self.found, self.few)))
 
     def _from_other_channels(self) -> None:
         """Compare channels again where searches ended, and search with those that differ."""

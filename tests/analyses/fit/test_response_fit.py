@@ -228,7 +228,7 @@ def test_changes_of_two_numbers_are_found_together():
     few = changes.Changes.of(problem)
     singles = [*few.of_one(begin)]
     assert all(end.misfit for end in singles)
-    pair = next(end for end in few.of_two(singles) if not end.misfit)
+    pair = next(end for end in few.of_two(begin, singles) if not end.misfit)
     assert {*pair.problem.experiment[0].free} == {*true}
     for name, value in zip(pair.problem.experiment[0].free, pair.z, strict=False):
         assert value == pytest.approx(true[name], abs=5e-5)
