@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
+from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
+from suspension_cli.physics.couplings import CouplingRequest
 from suspension_cli.studies.job import Axis
 
 CONFIGS = Path(__file__).parent.parent / "configs"

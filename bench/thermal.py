@@ -12,9 +12,9 @@ import numpy as np
 from gwinc.suspension import suspQuad
 
 from bench.responses import QUADRUPLE
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
+from suspension_cli.physics import thermal_noise
 
 COUNT = 3000
 
@@ -23,11 +23,11 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
     """Time the noise from 0.1 Hz to 1 kHz."""
     design = read(QUADRUPLE).design
     model = registry.VIOLIN.system(design)
-    motions = [thermal.parse_motion(model, f"{model.body[-1]}.{dof}") for dof in "xz"]
+    motions = [thermal_noise.parse_motion(model, f"{model.body[-1]}.{dof}") for dof in "xz"]
 
     def noise(count: int) -> Callable[[], object]:
         frequency = np.geomspace(0.1, 1000, count)
-        return lambda: thermal.solve(model, frequency, motions, design.constants.temperature)
+        return lambda: thermal_noise.solve(model, frequency, motions, design.constants.temperature)
 
     absolute("thermal noise of a quadruple, x and z, 3,000 frequencies", noise(COUNT), 60.0, 15)
     ratio("the same, 6,000 frequencies / 3,000 (linear: 2)", noise(2 * COUNT), noise(COUNT), 2.5)

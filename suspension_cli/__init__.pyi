@@ -58,7 +58,7 @@ def budget(
     Returns
     -------
     Result
-        Its `data` is a list of `analyses.budget.solve.Budget`, one for each output, with
+        Its `data` is a list of `physics.noise_budget.Budget`, one for each output, with
         `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
         (f,) above each frequency, and `requirement`.
 
@@ -88,7 +88,8 @@ def check(
     Returns
     -------
     Result
-        With the attributes of `analyses.check.loads.Check`: `stable`, `statics`, `warnings`, which
+        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `verdicts`,
+        `warnings`, which
         are Python warnings too.
 
     Raises
@@ -764,7 +765,7 @@ def thermal(
     Returns
     -------
     Result
-        Its `data` is a list of `analyses.thermal.solve.Thermal`, one for each output, with
+        Its `data` is a list of `physics.thermal_noise.Thermal`, one for each output, with
         `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
 
     Raises

@@ -16,7 +16,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.xcouple.picture import COLOURS, interpolate
-from suspension_cli.analyses.xcouple.solve import CouplingRequest, Sweep
+from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import rule
 from suspension_cli.drawing.labels import label_ends
@@ -32,6 +32,7 @@ from suspension_cli.drawing.style import (
 from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear import signals
+from suspension_cli.physics.couplings import CouplingRequest
 from suspension_cli.studies.job import Axis
 from tools.margins import set_margins
 from tools.tables import PAPER, ROOT

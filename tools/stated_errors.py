@@ -15,8 +15,6 @@ import tomli_w
 from numpy.random import Generator
 
 import suspension_cli as sus
-from suspension_cli.analyses import model_choice
-from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.sweep.solve import ParameterSweep, result_change
 from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import Design
@@ -27,6 +25,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.choice import Transfer, choose, relative_change
 from suspension_cli.models.spectrum_error import NEAR, away_from_modes
+from suspension_cli.physics import model_choice, wire_modes
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.job import Axis
 from tests.support import scenes

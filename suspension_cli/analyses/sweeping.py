@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from suspension_cli.analyses import model_choice, options
+from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Result, Run
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.hdf5 import Provenance, open_results, replacing
 from suspension_cli.files.whole_files import target, writing_to
 from suspension_cli.models.registry import MODELS
+from suspension_cli.physics import model_choice
 from suspension_cli.studies.run import Columns, Verdict, describe_exposure, part_of
 from suspension_cli.studies.run import run as compute
 

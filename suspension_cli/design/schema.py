@@ -16,6 +16,7 @@ from suspension_cli.design.imperfections import Distribution as Distribution
 from suspension_cli.design.imperfections import Perturbation, Tolerance
 from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
 from suspension_cli.design.materials import Material
+from suspension_cli.design.requirements import RequiredQuantity
 from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
@@ -279,6 +280,7 @@ class Design(Table, frozen=True):
     link: list[Link] = key("springs between any two bodies", [])
     damper: list[Damper] = key("dampers between any two bodies", [])
     cavity: list[Cavity] = key("light between two mirrors, with its pressure on them", [])
+    requirement: list[RequiredQuantity] = key("what the design must meet", [])
     analysis: dict[str, Raw] = key("defaults for a command's options, by their names", {})
 
     @property

@@ -25,7 +25,7 @@ import numpy as np
 
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
-from suspension_cli.files.declared import along, in_unit
+from suspension_cli.files.declared import NOT_STORED, along, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.pencil import Block, Pencil
@@ -362,10 +362,13 @@ class Poles:
         rad/s.
     state
         The state that participates most in each pole.
+    motion
+        Motions of all coordinates in each pole; None if they were not asked for.
     """
 
     value: Complex[np.ndarray, " pole"] = field(metadata=in_unit("rad/s"))
     state: tuple[str, ...] = field(metadata=along("pole"))
+    motion: Complex[np.ndarray, "pole coordinate"] | None = field(default=None, metadata=NOT_STORED)
 
     @property
     def frequency(self) -> Float[np.ndarray, " pole"]:

@@ -74,7 +74,12 @@ class Builds:
     residual: Float[np.ndarray, " build"]
     mirrors: Bool[np.ndarray, "build 2"]
     scene: Scene | None = None
-    pose: Pose | None = None
+    equilibrium: Equilibrium | None = None
+
+    @property
+    def pose(self) -> Pose | None:
+        """Poses in equilibrium."""
+        return None if self.equilibrium is None else self.equilibrium.pose
 
     @property
     def outcome(self) -> dict[str, np.ndarray]:
@@ -136,7 +141,7 @@ def balance(
         model = replace(model, orientation=found.pose.rotation)
     # the height of a mirror turns the axis of its cavity, as its pitch does
     mirrors = is_mirror_symmetric(scene) & [not design.cavity, True]
-    return Builds(model, status, wire, found.residual, mirrors, scene, found.pose)
+    return Builds(model, status, wire, found.residual, mirrors, scene, found)
 
 
 def _unstable(

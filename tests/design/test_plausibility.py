@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from suspension_cli.analyses.check import warnings
-from suspension_cli.analyses.check.statics import solve
 from suspension_cli.design import checks as numbers
 from suspension_cli.design import reader
 from suspension_cli.design.materials import resolve
 from suspension_cli.design.reader import convert, template
 from suspension_cli.errors import InputError
+from suspension_cli.physics import near_limits
+from suspension_cli.physics.statics import solve
 from tests.support.commandline import (
     KINDS,
     edited,
@@ -130,7 +130,7 @@ def test_every_slip_of_a_unit_is_noticed(name):
                 design = convert(edited(document, {way: value * factor}))
                 if not [
                     *numbers.find_implausible(design),
-                    *warnings.find_implausible_loads(design, solve(design)),
+                    *near_limits.find_implausible_loads(design, solve(design)),
                 ]:
                     missed.append((way, value * factor))
     assert not missed

@@ -96,6 +96,7 @@ DEPENDS = {
     "NoiseSpectrum": "asd",
     "Osem": "sensor_noise force_noise driver_noise range",
     "Requirement": "band below above",
+    "RequiredQuantity": "at_least at_most",
     "Spring": "stiffness damping preload",
     "StiffnessTable": "real imaginary static",
 }

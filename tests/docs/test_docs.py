@@ -13,13 +13,22 @@ import click
 import h5py
 import pytest
 
-from suspension_cli.analyses.budget import ground
 from suspension_cli.analyses.export import file as export
 from suspension_cli.analyses.modes import picture
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
-from suspension_cli.design import control, goals, imperfections, materials, measured, schema, wires
+from suspension_cli.design import (
+    control,
+    goals,
+    imperfections,
+    materials,
+    measured,
+    requirements,
+    schema,
+    wires,
+)
 from suspension_cli.models import registry
+from suspension_cli.physics import ground
 from tests.support.commandline import run
 from tests.support.optima import EXAMPLE
 from tests.support.paths import ROOT
@@ -64,6 +73,7 @@ TABLES = {
         imperfections.LinkTolerance,
     ],
     "[[tolerance.require]]": [imperfections.Requirement],
+    "[[requirement]]": [requirements.RequiredQuantity],
 }
 """Heading of docs/design-file.md to the types that it describes."""
 

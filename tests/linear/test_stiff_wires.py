@@ -8,14 +8,13 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.tolerance.solve import RandomBuilds, follow_modes
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import batch_modes, eigenmodes, response, signals
 from suspension_cli.models import registry
+from suspension_cli.physics import thermal_noise, wire_modes
 from suspension_cli.scene.scene import stack_scenes
 from suspension_cli.studies import builds
 from suspension_cli.studies import job as jobs
@@ -61,7 +60,9 @@ def test_column_of_rods(level, ratio):
     model = registry.by_name(level).system(reader.convert(raw))
     frequency = np.array([0.01, 1.0, 2.5, 40.0])
     if level != "string":
-        [found] = thermal.solve(model, frequency, [thermal.parse_motion(model, "test.z")], 290.0)
+        [found] = thermal_noise.solve(
+            model, frequency, [thermal_noise.parse_motion(model, "test.z")], 290.0
+        )
         noise = found.density.sum(0)
         assert np.abs(noise / [exact.density(f, 290.0) for f in frequency] - 1).max() < REQUIRED
     found = wire_modes.solve(model, 20.0) if level == "violin" else eigenmodes.solve(model)

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from suspension_cli.analyses import model_choice
-from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import choice, registry, spectrum_error
 from suspension_cli.models.choice import Systems, Transfer
+from suspension_cli.physics import model_choice, thermal_noise, wire_modes
 from tests.support import plants, scenes
 from tests.support.pendulums import Pendulum
 
@@ -114,18 +112,18 @@ def test_thermal_noise(level):
         first, rel=1e-12
     )
     grid = np.array([0.03 * first])
-    chosen, _ = thermal.choose(source_of(design), level, grid, ["test.x"])
+    chosen, _ = thermal_noise.choose(source_of(design), level, grid, ["test.x"])
     assert chosen.level == level
     expected = math.pi**2 / 12 * 0.03**2 if level == "beam" else 0.0
     assert chosen.error == pytest.approx(expected, rel=0.05)
-    assert thermal.choose(source_of(design), "auto", grid, ["test.x"])[0].level == "violin"
+    assert thermal_noise.choose(source_of(design), "auto", grid, ["test.x"])[0].level == "violin"
 
 
 @pytest.mark.parametrize("wanted", ["closed-form", "force", "string"])
 def test_models_without_thermal_noise_are_refused(wanted):
     design = scenes.design_of(Pendulum().raw())
     with pytest.raises(InputError, match="take auto, beam or violin"):
-        thermal.choose(source_of(design), wanted, np.ones(1), ["test.x"])
+        thermal_noise.choose(source_of(design), wanted, np.ones(1), ["test.x"])
 
 
 def test_mass_of_swinging_wires_is_a_third():

@@ -14,12 +14,12 @@ import pytest
 from scipy.optimize import brentq
 
 import suspension_cli as sus
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import damped, response, signals
 from suspension_cli.models import registry
+from suspension_cli.physics import thermal_noise
 from tests.support import jets, plants
 
 G = 9.81
@@ -303,7 +303,9 @@ def test_thermal_noise_and_mode_of_a_tabulated_link(level: str) -> None:
     model = registry.by_name(level).system(reader.parse(text))
     frequency = np.array([0.3, 1.0, 4.0])
     omega, at = 2 * np.pi * frequency, np.log([0.1, 1.0, 10.0])
-    [found] = thermal.solve(model, frequency, [thermal.parse_motion(model, "test.z")], 290.0)
+    [found] = thermal_noise.solve(
+        model, frequency, [thermal_noise.parse_motion(model, "test.z")], 290.0
+    )
     assert found.source == ("wire.link",)
     k = np.interp(np.log(frequency), at, [20.0, 30.0, 60.0])
     loss = np.interp(np.log(frequency), at, [1e-4, 2e-4, 9e-4])

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses.xcouple import solve as coupling
-from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.reader import read
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
+from suspension_cli.physics.couplings import CouplingRequest, couplings
 from suspension_cli.studies import builds
 from tests.support import imperfect_stage_mp
 from tests.support.golden import CONFIGS
@@ -76,7 +76,7 @@ def answers(
     requested = requested or question(design)
     table = {name: np.atleast_1d(np.asarray(value, dtype=float)) for name, value in values.items()}
     scene = coupling.impose(expand(design), table, requested)
-    return coupling.couplings(builds.balance(scene, design, level=level), requested)
+    return couplings(builds.balance(scene, design, level=level), requested)
 
 
 def ratios(

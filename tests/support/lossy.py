@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.linear import signals
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.models import registry
+from suspension_cli.physics import thermal_noise
 from tests.support import plants, scenes
 from tests.support.paths import CONFIGS
 
@@ -94,14 +94,14 @@ def noise(
     *,
     tilt: float = 0.0,
     temperature: float = 290.0,
-) -> thermal.Thermal:
-    motion = thermal.parse_motion(model, text, tilt)
-    return thermal.solve(model, np.asarray(frequency), [motion], temperature)[0]
+) -> thermal_noise.Thermal:
+    motion = thermal_noise.parse_motion(model, text, tilt)
+    return thermal_noise.solve(model, np.asarray(frequency), [motion], temperature)[0]
 
 
 def form(model: Any, text: str) -> np.ndarray:
     """Linear form of a motion."""
-    return signals.linear_form(thermal.parse_motion(model, text), model)
+    return signals.linear_form(thermal_noise.parse_motion(model, text), model)
 
 
 def from_susceptibility(model: Any, frequency: Any, row: np.ndarray) -> np.ndarray:

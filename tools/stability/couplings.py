@@ -10,6 +10,7 @@ import tomli_w
 from suspension_cli.analyses.xcouple import solve as coupling
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
+from suspension_cli.physics.couplings import CouplingRequest
 from suspension_cli.studies.job import Axis
 from tools.stability.energy import Stage
 from tools.stability.references import INERTIA, MASS, SHAPE, design, document, imperfect_stage_mp
@@ -24,7 +25,7 @@ def _shipped(offset: Any, name: str = "lower_offset") -> Any:
     """Ratios for offsets of an end of wire 1 along x, as `pendsus xcouple` computes them."""
     raw = document()
     bodies = ("support", "test")
-    question = coupling.CouplingRequest(
+    question = CouplingRequest(
         wire=0,
         body=1,
         hold="loaded-length",

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.check import statics
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
+from suspension_cli.physics import statics
 from tools.stability.energy import Stage
 from tools.stability.references import (
     INERTIA,

@@ -31,11 +31,11 @@ from suspension_cli.grids import decade_points, parse_frequencies, table_points
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.budget.ground import Spectrum
-    from suspension_cli.analyses.budget.solve import Budget, Requirement
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
+    from suspension_cli.physics.ground import Spectrum
+    from suspension_cli.physics.noise_budget import Budget, Requirement
     from suspension_cli.scene.arrays import Array
 
 GROUND = "nhnm"
@@ -62,7 +62,7 @@ class BudgetAnalysis(Analysis):
     Returns
     -------
     Result
-        Its `data` is a list of `analyses.budget.solve.Budget`, one for each output, with
+        Its `data` is a list of `physics.noise_budget.Budget`, one for each output, with
         `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
         (f,) above each frequency, and `requirement`.
 
@@ -80,7 +80,7 @@ class BudgetAnalysis(Analysis):
     """
 
     name = "budget"
-    result_type = "analyses.budget.solve.Budget"
+    result_type = "physics.noise_budget.Budget"
     draws_neglected = True
     arguments = (options.DESIGN,)
     parameters = (
@@ -118,11 +118,9 @@ class BudgetAnalysis(Analysis):
         """Compute the budget of every output."""
         import numpy as np
 
-        from suspension_cli.analyses.budget import solve as budget
-        from suspension_cli.analyses.damp import control
-        from suspension_cli.analyses.damp.solve import find_steady_poles
-        from suspension_cli.analyses.thermal import solve as thermal
         from suspension_cli.design.derive import mirror
+        from suspension_cli.physics import local_control, noise_budget, thermal_noise
+        from suspension_cli.physics.closed_loop import find_steady_poles
 
         setting, design, folder = run.setting, run.design, Path(run.source.file).parent
         motions, grid, notes = _ground(setting, folder)
@@ -130,17 +128,19 @@ class BudgetAnalysis(Analysis):
         outputs = list(setting["outputs"]) or usual
         requirements = _requirements(setting, outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)
-        parsed = thermal.parse_outputs(model, outputs, setting["arm"])
+        parsed = thermal_noise.parse_outputs(model, outputs, setting["arm"])
         poles = find_steady_poles(design, model, choice.model, "motion").value
         if choice.model.has_wire_mass:
-            poles = np.append(poles, budget.find_wire_modes(model, float(grid[-1])))
+            poles = np.append(poles, noise_budget.find_wire_modes(model, float(grid[-1])))
         temperature = design.constants.temperature if warm else None
-        plant = control.build_plant(design, model)
-        noises = budget.Noises(plant, parsed, motions, temperature, setting["mirrors"])
+        plant = local_control.build_plant(design, model)
+        noises = noise_budget.Noises(plant, parsed, motions, temperature, setting["mirrors"])
         if not noises.cause:
             problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"
             raise InputError.of("--ground", problem, remedy)
-        found = budget.solve(noises, grid, poles, requirements, added=":" in setting["frequency"])
+        found = noise_budget.solve(
+            noises, grid, poles, requirements, added=":" in setting["frequency"]
+        )
         notes += [
             f"{one.output}: the RMS is infinite, as a resonance without loss is driven;"
             " give loss angles or dampers"
@@ -157,7 +157,7 @@ class BudgetAnalysis(Analysis):
             run.log.warn(note)
         extra = describe_mirrors(setting)
         if setting["arm"]:
-            extra["tilt_rad"] = thermal.compute_arm_tilt(setting["arm"])
+            extra["tilt_rad"] = thermal_noise.compute_arm_tilt(setting["arm"])
         return Result(self, run.source, choice, found, extra, command=run.command)
 
     def document(self, result: Result) -> Document:
@@ -288,7 +288,7 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Spectrum], Array
     """Return the motions of the support, the grid within their ranges, and warnings."""
     import numpy as np
 
-    from suspension_cli.analyses.budget import ground
+    from suspension_cli.physics import ground
 
     motions = ground.parse(setting["ground"], setting["isolation"], folder)
     grid = np.unique(parse_frequencies(setting["frequency"]))
@@ -316,7 +316,7 @@ def _requirements(
     setting: Settings, outputs: Sequence[str], folder: Path, grid: Array
 ) -> dict[int, Spectrum]:
     """Read the required spectra by number of the output."""
-    from suspension_cli.analyses.budget import ground
+    from suspension_cli.physics import ground
 
     result: dict[int, Spectrum] = {}
     for text in setting["requirements"]:
@@ -348,18 +348,17 @@ def _model(
     run: Run, grid: Array, outputs: Sequence[str], notes: list[str]
 ) -> tuple[Choice, LinearSystem, bool]:
     """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
-    from suspension_cli.analyses import model_choice
-    from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
     from suspension_cli.analyses.check.missing_losses import state_missing_losses
-    from suspension_cli.analyses.check.warnings import describe_falsified_losses
-    from suspension_cli.analyses.thermal import solve as thermal
     from suspension_cli.linear import signals
     from suspension_cli.models import registry
     from suspension_cli.models.choice import Transfer
+    from suspension_cli.physics import model_choice, thermal_noise
+    from suspension_cli.physics.lossless import describe_lossless, find_lossless
+    from suspension_cli.physics.near_limits import describe_falsified_losses
 
     source, wanted, arm = run.source, run.setting["fidelity"], run.setting["arm"]
     try:
-        choice, model = thermal.choose(source, wanted, grid, outputs, arm)
+        choice, model = thermal_noise.choose(source, wanted, grid, outputs, arm)
         warm = True
         lossless = find_lossless(run.design, choice.level)
         notes += [f"{run.name}: {line}" for line in describe_lossless(lossless, choice.level)]
@@ -368,7 +367,7 @@ def _model(
         level = choice
 
         def compute(design: Design) -> tuple[Array, str]:
-            return thermal.amplitudes(design, level, few, outputs, arm)
+            return thermal_noise.amplitudes(design, level, few, outputs, arm)
 
         lacking = state_missing_losses(run.design, choice, compute, run.setting["tolerance"])
         choice = lacking.choice
@@ -379,7 +378,7 @@ def _model(
         def request(system: LinearSystem) -> Transfer:
             known = signals.bodies_with_signals(system)
             inputs = [signals.parse_input(f"{SUPPORT}.{dof}", known) for dof in "xz"]
-            return Transfer(inputs, thermal.parse_outputs(system, outputs, arm), grid)
+            return Transfer(inputs, thermal_noise.parse_outputs(system, outputs, arm), grid)
 
         choice, model = model_choice.choose(source, wanted, request)
         why = error.faults[0].problem

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.budget.solve import Budget
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import Line, Panel
 from suspension_cli.drawing.style import (
@@ -19,6 +18,7 @@ from suspension_cli.drawing.style import (
     format_raised,
     single_line,
 )
+from suspension_cli.physics.noise_budget import Budget
 
 FAINT = 1e-3
 """Fraction of the sum below which a cause is not drawn."""

@@ -10,7 +10,9 @@ from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
 from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.check.loads import Check, LinkLoad
+    from suspension_cli.analyses.check.solve import Check
+    from suspension_cli.physics.loads import LinkLoad
+    from suspension_cli.quantities.requirements import Verdict
 
 
 class CheckAnalysis(Analysis):
@@ -25,7 +27,8 @@ class CheckAnalysis(Analysis):
     Returns
     -------
     Result
-        With the attributes of `analyses.check.loads.Check`: `stable`, `statics`, `warnings`, which
+        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `verdicts`,
+        `warnings`, which
         are Python warnings too.
 
     Raises
@@ -49,7 +52,7 @@ class CheckAnalysis(Analysis):
         options.option(
             "--strict",
             is_flag=True,
-            help="Exit with 1 if there are warnings.",
+            help="Exit with 1 if there are warnings, or a requirement is not met.",
             group=options.FILES,
         ),
         options.OVERRIDES,
@@ -58,7 +61,7 @@ class CheckAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Check a design, and warn of what is implausible."""
-        from suspension_cli.analyses.check.warnings import check
+        from suspension_cli.analyses.check.solve import check
 
         found = check(run.source)
         for item in found.warnings:
@@ -67,12 +70,14 @@ class CheckAnalysis(Analysis):
         return Result(self, run.source, found.choice, found, extra, command=run.command)
 
     def exit_code(self, result: Result) -> int:
-        """Return 1 if there are warnings and --strict is given."""
-        return int(result.extra["strict"] and bool(result.data.warnings))
+        """Return 1 with --strict if there are warnings, or requirements that are not met."""
+        found: Check = result.data
+        failed = [verdict for verdict in found.verdicts if not verdict.met]
+        return int(result.extra["strict"] and bool(found.warnings or failed))
 
     def document(self, result: Result) -> Document:
         """Return loads, warnings and stability."""
-        from suspension_cli.analyses.check.loads import list_documents
+        from suspension_cli.analyses.check.load_tables import list_documents
 
         found: Check = result.data
         loads, own = found.statics, found.weights
@@ -93,13 +98,15 @@ class CheckAnalysis(Analysis):
             {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
             for item in found.warnings
         ]
+        if found.verdicts:
+            document["requirements"] = [_describe(verdict) for verdict in found.verdicts]
         if own is not None and own.included:
             [document["wire_weight"]] = list_documents([own])
         return document
 
     def text(self, result: Result) -> str:
         """Return tables of loads, the lowest points, the pose and the stability."""
-        from suspension_cli.analyses.check.loads import render
+        from suspension_cli.analyses.check.load_tables import render
 
         found: Check = result.data
         loads, count = found.statics, len(found.warnings)
@@ -134,7 +141,39 @@ class CheckAnalysis(Analysis):
             word = "stable" if found.stable else "UNSTABLE"
             lines.append(f"  {word} in the {found.stability_model} model")
         lines.append(f"  largest residual force: {loads.residual:.0e} of the weight")
+        if found.verdicts:
+            lines.append(_tabulate(found.verdicts))
         return "\n".join(lines)
+
+
+def _describe(verdict: Verdict) -> Document:
+    """Return a verdict as JSON."""
+    limits = verdict.requirement.limits
+    return {
+        "quantity": verdict.requirement.quantity.text,
+        "unit": verdict.requirement.quantity.unit,
+        "at_least": limits.low,
+        "at_most": limits.high,
+        "note": limits.note,
+        "value": verdict.value,
+        "margin": verdict.margin,
+        "met": verdict.met,
+    }
+
+
+def _tabulate(verdicts: Sequence[Verdict]) -> str:
+    """Return the table of requirements, with their values and margins."""
+    rows = []
+    for verdict in verdicts:
+        unit, factor = verdict.requirement.displayed
+        value = f"{verdict.value * factor:.5g} {unit}".rstrip()
+        if verdict.value != verdict.value:
+            value = f"none: {verdict.requirement.quantity.missing}"
+        outcome = "met" if verdict.met else "NOT met"
+        margin = 100 * verdict.margin
+        rows.append((outcome, value, margin, verdict.requirement.description))
+    columns = {"": "", "value": " ", "margin\n%": "+.3g", "requirement": ""}
+    return tables.render(columns, rows)
 
 
 def _link_tables(links: Sequence[LinkLoad]) -> list[str]:

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from suspension_cli.analyses.check.temperatures import list_uses
 from suspension_cli.design import materials
 from suspension_cli.design.materials import CONSTANTS, Bulk, Material, value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.models.choice import percent
 from suspension_cli.models.registry import Choice
+from suspension_cli.physics.temperatures import list_uses
 
 if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array

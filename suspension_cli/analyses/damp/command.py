@@ -102,11 +102,11 @@ class DampAnalysis(Analysis):
         """Close all loops."""
         import numpy as np
 
-        from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.damp import solve as damp
         from suspension_cli.design.derive import mirror
         from suspension_cli.grids import parse_frequencies
         from suspension_cli.linear.signals import FORCES
+        from suspension_cli.physics import model_choice
 
         setting = run.setting
         if run.design.control is not None:
@@ -158,7 +158,7 @@ class DampAnalysis(Analysis):
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
     ) -> Iterator[Callable[[], object]]:
         """Parse the sensors and actuators of the loops."""
-        from suspension_cli.analyses.damp.control import parse_end
+        from suspension_cli.physics.local_control import parse_end
 
         loops, osems = (c.loop, c.osem) if (c := design.control) is not None else ((), ())
         for loop in loops:

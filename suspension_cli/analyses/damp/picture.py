@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.damp import control
 from suspension_cli.analyses.damp.solve import LocalControl
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
 from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALETTE, RED, LineLook, single_line
+from suspension_cli.physics import local_control
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -110,8 +110,8 @@ def refine_gains(
 
     def build() -> tuple[Solve, Array]:
         model = result.linear_system or result.choice.model.system(result.given.design)
-        plant = control.build_plant(result.given.design, model)
-        return (lambda at: control.compute_loop_gains(plant, at)[:, None]), np.empty(0)
+        plant = local_control.build_plant(result.given.design, model)
+        return (lambda at: local_control.compute_loop_gains(plant, at)[:, None]), np.empty(0)
 
     frequency, gain = add_from_model(build, data.frequency, data.gain[:, None])
     return frequency, gain[:, 0]

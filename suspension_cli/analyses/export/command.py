@@ -121,7 +121,6 @@ class ExportAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Build the state space and measure its band."""
-        from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.export import file
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
@@ -129,6 +128,7 @@ class ExportAnalysis(Analysis):
         from suspension_cli.linear import signals
         from suspension_cli.linear.statespace import with_constant_loss
         from suspension_cli.models.choice import Frequencies
+        from suspension_cli.physics import model_choice
 
         setting, loss = run.setting, run.setting["loss"]
         if setting["format"] == "gwinc":

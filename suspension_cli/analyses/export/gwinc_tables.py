@@ -17,7 +17,6 @@ from suspension_cli.analyses.export import gwinc_budget
 from suspension_cli.analyses.export.gwinc_budget import Table, interpolate
 from suspension_cli.analyses.export.relaxation import count_wire_modes
 from suspension_cli.analyses.export.solve import FAINT
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import main_chain
 from suspension_cli.design.schema import body_mass
@@ -27,6 +26,7 @@ from suspension_cli.files.whole_files import write_bytes, writing_to
 from suspension_cli.grids import parse_band
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.physics import thermal_noise
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _evaluate(
 
     def solve(frequency: Array) -> Complex[np.ndarray, "frequency column"]:
         density = np.zeros((2, len(frequency), 2 * len(chain)))
-        noises = thermal.solve(model, frequency, outputs, temperature)
+        noises = thermal_noise.solve(model, frequency, outputs, temperature)
         for upright, noise in enumerate(noises):
             for source, power in zip(noise.source, noise.density, strict=True):
                 stage, _, cause = source.rpartition(".")

@@ -132,10 +132,10 @@ class FitAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Fit all designs together."""
-        from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.fit import findings
         from suspension_cli.analyses.fit import solve as fit
         from suspension_cli.models import registry
+        from suspension_cli.physics import model_choice
 
         given: Measured = run.inputs["measured"]
         sources = [one.source for one in run.inputs["runs"]]
@@ -245,8 +245,8 @@ def _choose_models(wanted: str, sources: Sequence[Source]) -> list[Choice]:
 
     Raises `InputError` if a model is wanted that cannot model imperfect builds, or has wire mass.
     """
-    from suspension_cli.analyses import model_choice
     from suspension_cli.models import registry
+    from suspension_cli.physics import model_choice
 
     models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
     model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
@@ -292,10 +292,10 @@ def _designs(
 
 def _warn(found: Fit, choice: Choice, log: Log) -> None:
     """Warn of numbers at bounds, negative stiffnesses, and implausible or unstable designs."""
-    from suspension_cli.analyses.check import warnings
     from suspension_cli.analyses.fit import findings
-    from suspension_cli.analyses.growth import find_growth
     from suspension_cli.design import reader
+    from suspension_cli.physics import near_limits
+    from suspension_cli.physics.growth import find_growth
 
     for label, bound in zip(found.parameters, found.at_bound, strict=True):
         if bound:
@@ -304,7 +304,7 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
         log.warn(line)
     for name, fitted in zip(found.experiment, found.design, strict=True):
         design = reader.parse(fitted)
-        warnings.warn_implausible(design, log)
+        near_limits.warn_implausible(design, log)
         grows = find_growth(design, choice.model, choice.model.system(design))
         if grows is not None:
             log.warn(

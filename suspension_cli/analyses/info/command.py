@@ -88,9 +88,6 @@ class InfoAnalysis(Analysis):
         """Compute the error of every model, and choose one, for every quantity."""
         import numpy as np
 
-        from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.thermal import solve as thermal
         from suspension_cli.design.derive import mirror
         from suspension_cli.grids import parse_frequencies
         from suspension_cli.linear import signals
@@ -102,6 +99,7 @@ class InfoAnalysis(Analysis):
             choose,
         )
         from suspension_cli.models.spectrum_error import first_violin
+        from suspension_cli.physics import model_choice, near_limits, thermal_noise
 
         source, design, setting = run.source, run.design, run.setting
         frequency = np.array(parse_frequencies(setting["frequency"]))
@@ -132,8 +130,8 @@ class InfoAnalysis(Analysis):
         }
         if registry.most_complete(design).bends_wires:
             noise = f"thermal noise of {output}, {span}"
-            choices[noise] = thermal.choose(source, registry.AUTO, frequency, [output])[0]
-        warnings.warn_implausible(design, run.log)
+            choices[noise] = thermal_noise.choose(source, registry.AUTO, frequency, [output])[0]
+        near_limits.warn_implausible(design, run.log)
         found = Info(setting["tolerance"], errors, choices, first_violin(complete))
         return Result(self, source, registry.Choice("all", ""), found, command=run.command)
 

@@ -113,16 +113,15 @@ class ModesAnalysis(Analysis):
         """Compute the modes of one design."""
         import numpy as np
 
-        from suspension_cli.analyses import growth, model_choice
-        from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
+        from suspension_cli.physics import growth, model_choice, near_limits
+        from suspension_cli.physics.lossless import describe_lossless, find_lossless
 
         choice, model, undamped, modes = _solve(run)
         model_choice.describe_equilibrium(run.source, choice, model, run.log)
         modes = dataclasses.replace(modes, **_damping(run.design, run.setting["damping"]))
         _animated(modes, run.setting)  # refuse unknown modes before anything is written
         lossless = find_lossless(run.design, choice.level)
-        warnings.warn(run.design, undamped, run.log)
+        near_limits.warn(run.design, undamped, run.log)
         if np.isfinite(modes.q).any():
             for line in describe_lossless(lossless, choice.level):
                 run.log.warn(f"{run.name}: {line}")
@@ -258,11 +257,10 @@ def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
     """
     import numpy as np
 
-    from suspension_cli.analyses import model_choice
-    from suspension_cli.analyses.modes import wire_modes
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
     from suspension_cli.models.choice import percent, shifts
+    from suspension_cli.physics import model_choice, wire_modes
 
     highest, level, tolerance = (run.setting[n] for n in ("max_frequency", "fidelity", "tolerance"))
     auto = level == registry.AUTO
@@ -308,8 +306,8 @@ def _state_losses(run: Run, choice: Choice) -> tuple[Choice, list[str]]:
     import numpy as np
 
     from suspension_cli.analyses.check.missing_losses import state_missing_losses
-    from suspension_cli.analyses.check.warnings import describe_falsified_losses
     from suspension_cli.linear import eigenmodes
+    from suspension_cli.physics.near_limits import describe_falsified_losses
 
     lines = describe_falsified_losses(run.design, choice.level)
     if not choice.model.bends_wires:
@@ -330,7 +328,7 @@ class TooManyModes(InputError):
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
     """Refuse more than `MOST` modes without --all, with what may be implausible in the design."""
-    from suspension_cli.analyses.check import warnings
+    from suspension_cli.physics import near_limits
 
     if number <= MOST or run.setting["every"]:
         return
@@ -342,7 +340,7 @@ def _admit(run: Run, number: int, top: float, cause: str) -> None:
         "check lengths and radii of wires (m), give a lower --max-frequency, or --all to compute"
         " all"
     )
-    causes = [item.line("") for item in warnings.find_serious(run.design)]
+    causes = [item.line("") for item in near_limits.find_serious(run.design)]
     if causes and not causes[0].startswith("control."):
         remedy = f"probable cause: {causes[0]}"
     raise TooManyModes([Fault("", problem, remedy)])
@@ -357,8 +355,8 @@ def _describe(
     """
     import numpy as np
 
-    from suspension_cli.analyses import growth
     from suspension_cli.linear.eigenmodes import describe
+    from suspension_cli.physics import growth
 
     n, fractions = group[0], modes.fractions[group[0]]
     if modes.order[n]:

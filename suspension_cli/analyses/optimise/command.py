@@ -210,10 +210,10 @@ class OptimiseAnalysis(Analysis):
 
 def _warn(found: Optimum, log: Log) -> None:
     """Warn of couplings that are 0, and of an unstable design."""
-    from suspension_cli.analyses.check import warnings
     from suspension_cli.design import reader
+    from suspension_cli.physics import near_limits
 
-    warnings.warn_implausible(reader.parse(found.design), log)
+    near_limits.warn_implausible(reader.parse(found.design), log)
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             problem = "is 0 by the symmetry of the design, whatever its numbers are"

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from suspension_cli.analyses.check import statics
-from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.optimise.requirements import (
     FOLLOWED,
     LABELLED,
@@ -41,6 +39,7 @@ from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import has_wire_mass
+from suspension_cli.physics import statics, wire_modes
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene, select_scenes
 from suspension_cli.studies import builds, variants

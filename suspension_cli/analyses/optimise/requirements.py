@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.optimise.optimum import Limits
 from suspension_cli.conventions import DOF_NAMES, DOFS, PARITY_X, PARITY_Y
 from suspension_cli.design import paths, reader
@@ -29,6 +28,7 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_content import Motion
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.linear.named_results import Mode
+from suspension_cli.physics import statics
 from suspension_cli.studies import parameters
 
 if TYPE_CHECKING:

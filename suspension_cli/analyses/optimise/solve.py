@@ -27,7 +27,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses import model_choice
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.optimise.evaluate import Evaluator, Results, solve_modes
 from suspension_cli.analyses.optimise.optimum import (
@@ -46,6 +45,7 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.models import choice, registry
 from suspension_cli.models.choice import TOLERANCE, Frequencies, Systems
 from suspension_cli.models.registry import Choice
+from suspension_cli.physics import model_choice
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:

@@ -101,12 +101,11 @@ class ResponseAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
-        from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.damp.solve import find_steady_poles
         from suspension_cli.analyses.response import solve as responses
         from suspension_cli.linear import eigenmodes
         from suspension_cli.linear.response import units
+        from suspension_cli.physics import model_choice, near_limits
+        from suspension_cli.physics.closed_loop import find_steady_poles
 
         setting = run.setting
         ends = setting["inputs"], setting["outputs"]
@@ -119,7 +118,7 @@ class ResponseAnalysis(Analysis):
         allowed = unstable or setting["closed_loop"]
         model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
         wanted, closed = request(model), None
-        warnings.warn_of_tables(run.design, wanted.frequency, run.log)
+        near_limits.warn_of_tables(run.design, wanted.frequency, run.log)
         if isinstance(wanted, responses.ClosedTransfer):
             poles = find_steady_poles(
                 run.design, model, choice.model, "response", run.log, unstable

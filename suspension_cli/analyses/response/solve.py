@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import elementwise, linear_sum_assignment
 
 from suspension_cli.analyses import readings
-from suspension_cli.analyses.damp import control
 from suspension_cli.design import measured as tables
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Measured
@@ -28,6 +27,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read, resonances
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.choice import Transfer
+from suspension_cli.physics import local_control
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
@@ -62,8 +62,8 @@ class ClosedTransfer(Transfer):
         self, model: LinearSystem, frequency: Array
     ) -> Complex[np.ndarray, "frequency output input"]:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
-        plant, at = control.build_plant(self.design, model), np.asarray(frequency)
-        return control.solve_responses(plant, at, self.inputs, self.outputs).value
+        plant, at = local_control.build_plant(self.design, model), np.asarray(frequency)
+        return local_control.solve_responses(plant, at, self.inputs, self.outputs).value
 
 
 def make_transfer(
@@ -236,7 +236,7 @@ def request(
         [*dict.fromkeys(outputs)] or [f"{mirror(design)}.x"],
     )
     if setting["closed_loop"]:
-        control.demand_loops(design)
+        local_control.demand_loops(design)
     return make_transfer(design, model, names, frequency, closed=setting["closed_loop"])
 
 

@@ -59,10 +59,10 @@ class SensitivityAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Differentiate every result with respect to every number."""
-        from suspension_cli.analyses import model_choice
         from suspension_cli.analyses.sensitivity import solve as sensitivity
         from suspension_cli.linear import eigenmodes, named_results
         from suspension_cli.models import registry
+        from suspension_cli.physics import model_choice
 
         setting, source = run.setting, run.source
         wanted = setting["fidelity"]

@@ -74,11 +74,11 @@ class SweepAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import sweeping
-        from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.sweep import solve as sweep
         from suspension_cli.analyses.sweep.solve import ParameterSweep
         from suspension_cli.linear import named_results
         from suspension_cli.models import registry
+        from suspension_cli.physics import near_limits
         from suspension_cli.studies import builds
 
         setting, source = run.setting, run.source
@@ -113,7 +113,7 @@ class SweepAnalysis(Analysis):
         )
         choice = study.choose(source, setting)
         run.log.detail(f"{run.name}: {choice.line}")
-        warnings.warn_implausible(run.design, run.log)
+        near_limits.warn_implausible(run.design, run.log)
         result = sweeping.fill(run, self, study, choice)
         found: SweepResult = result.data
         for reason, count in found.failures.items():

@@ -22,8 +22,8 @@ from suspension_cli.grids import decade_points, parse_frequencies, table_points
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.thermal.solve import Thermal
     from suspension_cli.design.schema import Design
+    from suspension_cli.physics.thermal_noise import Thermal
     from suspension_cli.scene.arrays import Array
 
 LEADING = 0.01
@@ -44,7 +44,7 @@ class ThermalAnalysis(Analysis):
     Returns
     -------
     Result
-        Its `data` is a list of `analyses.thermal.solve.Thermal`, one for each output, with
+        Its `data` is a list of `physics.thermal_noise.Thermal`, one for each output, with
         `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
 
     Raises
@@ -61,7 +61,7 @@ class ThermalAnalysis(Analysis):
     """
 
     name = "thermal"
-    result_type = "analyses.thermal.solve.Thermal"
+    result_type = "physics.thermal_noise.Thermal"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals("output", options.MOTIONS, "x of the mirror"),
@@ -78,27 +78,27 @@ class ThermalAnalysis(Analysis):
 
         import numpy as np
 
-        from suspension_cli.analyses import model_choice
-        from suspension_cli.analyses.check import warnings
-        from suspension_cli.analyses.check.lossless import describe_lossless, find_lossless
         from suspension_cli.analyses.check.missing_losses import state_missing_losses
-        from suspension_cli.analyses.thermal import solve as thermal
         from suspension_cli.design.derive import mirror
+        from suspension_cli.physics import model_choice, near_limits, thermal_noise
+        from suspension_cli.physics.lossless import describe_lossless, find_lossless
 
         setting = run.setting
         frequency, arm = np.array(parse_frequencies(setting["frequency"])), setting["arm"]
         outputs = setting["outputs"] or (f"{mirror(run.design)}.x",)
-        choice, model = thermal.choose(run.source, setting["fidelity"], frequency, outputs, arm)
+        choice, model = thermal_noise.choose(
+            run.source, setting["fidelity"], frequency, outputs, arm
+        )
         model = model_choice.stable_system(
             run.source, choice, setting["allow_unstable"], run.log, model
         )
-        motions = thermal.parse_outputs(model, outputs, arm)
+        motions = thermal_noise.parse_outputs(model, outputs, arm)
         for signal in motions:
             if signal.body == SUPPORT:
                 problem = "the support is at rest and has no thermal noise"
                 remedy = "name a stage, for example test.x"
                 raise InputError.of("--output", problem, remedy, format_value(signal.text))
-        noises = thermal.solve(model, frequency, motions, run.design.constants.temperature)
+        noises = thermal_noise.solve(model, frequency, motions, run.design.constants.temperature)
         for noise in noises:
             if not noise.contribution.any():
                 problem = "nothing that moves with it dissipates, so it has no thermal noise"
@@ -113,17 +113,17 @@ class ThermalAnalysis(Analysis):
         few = frequency[decade_points(frequency)]
 
         def compute(design: Design) -> tuple[Array, str]:
-            return thermal.amplitudes(design, choice, few, outputs, arm)
+            return thermal_noise.amplitudes(design, choice, few, outputs, arm)
 
         lacking = state_missing_losses(run.design, choice, compute, setting["tolerance"])
         choice = lacking.choice
         for line in (
             *(f"{run.name}: {line}" for line in describe_lossless(lossless, choice.level)),
-            *warnings.describe_falsified_losses(run.design, choice.level),
+            *near_limits.describe_falsified_losses(run.design, choice.level),
             *lacking.warnings,
         ):
             run.log.warn(line)
-        warnings.warn_of_tables(run.design, noises[0].frequency, run.log)
+        near_limits.warn_of_tables(run.design, noises[0].frequency, run.log)
         extra: Document = {"without_loss": [part.part for part in lossless]}
         extra["missing_losses"] = lacking.losses
         extra |= describe_mirrors(run.setting)

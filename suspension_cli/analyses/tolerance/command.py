@@ -127,12 +127,13 @@ class ToleranceAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute all builds, then their statistics."""
-        from suspension_cli.analyses import model_choice, sweeping
+        from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.tolerance import solve, summary
         from suspension_cli.analyses.tolerance.solve import RandomBuilds, requirements
-        from suspension_cli.analyses.xcouple.solve import parse_request
         from suspension_cli.design.derive import mirror
         from suspension_cli.models import registry
+        from suspension_cli.physics import model_choice
+        from suspension_cli.physics.couplings import parse_request
 
         setting, source = run.setting, run.source
         job = RandomBuilds(

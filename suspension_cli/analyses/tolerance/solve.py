@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses.xcouple.solve import CouplingRequest, couplings
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
@@ -31,6 +30,7 @@ from suspension_cli.linear.named_results import Mode, Ratio
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import Frequencies, Systems, compare_builds
+from suspension_cli.physics.couplings import CouplingRequest, couplings
 from suspension_cli.studies import builds, sampling
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.extremes import find_largest

@@ -17,12 +17,12 @@ from suspension_cli.analyses.tolerance.solve import (
     RandomBuilds,
     parse,
 )
-from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.conventions import FRAME, GROUND, SUPPORT
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, along, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.named_results import labels, quotient_unit
+from suspension_cli.physics.couplings import CouplingRequest
 from suspension_cli.studies import builds
 from suspension_cli.studies.job import parse as parse_design
 from suspension_cli.studies.run import Columns

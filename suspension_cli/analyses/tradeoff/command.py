@@ -67,9 +67,9 @@ class TradeoffAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Measure every model."""
-        from suspension_cli.analyses.check import warnings
         from suspension_cli.analyses.tradeoff.measure import measure
         from suspension_cli.models.registry import Choice
+        from suspension_cli.physics import near_limits
 
         began = time.monotonic()
         with run.log.progress() as bar:
@@ -78,7 +78,7 @@ class TradeoffAnalysis(Analysis):
                 run.setting["quantities"],
                 lambda done, count: bar(done, count, done / max(time.monotonic() - began, 1e-9)),
             )
-        warnings.warn_implausible(run.design, run.log)
+        near_limits.warn_implausible(run.design, run.log)
         choice = Choice("all", "every valid model is compared")
         return Result(self, run.source, choice, found, command=run.command)
 

@@ -17,13 +17,10 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses import settings
-from suspension_cli.analyses.growth import find_growth
-from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.analyses.modes.command import MOST
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.analyses.xcouple.command import axes
-from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep, parse_request
+from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source
 from suspension_cli.drawing import labels, panels
@@ -39,6 +36,9 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.choice import TOLERANCE, percent, relative_change
 from suspension_cli.models.spectrum_error import largest_error
+from suspension_cli.physics import thermal_noise, wire_modes
+from suspension_cli.physics.couplings import parse_request
+from suspension_cli.physics.growth import find_growth
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.job import Axis
 
@@ -229,8 +229,11 @@ def _spectrum(design: Design, quantity: str, words: str, low: float, high: float
 
     def values(system: LinearSystem, at: Array) -> Array:
         if quantity == "thermal":
-            motion, warmth = thermal.parse_motion(system, observed), design.constants.temperature
-            return thermal.solve(system, at, [motion], warmth)[0].amplitude
+            motion, warmth = (
+                thermal_noise.parse_motion(system, observed),
+                design.constants.temperature,
+            )
+            return thermal_noise.solve(system, at, [motion], warmth)[0].amplitude
         known = signals.bodies_with_signals(system)
         into, out = signals.parse_input("support.x", known), signals.parse_output(observed, known)
         return response.solve(system, at, [into], [out]).value[:, 0, 0]

@@ -18,10 +18,11 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.solve import Coupling, CouplingRequest
+    from suspension_cli.analyses.xcouple.solve import Coupling
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
+    from suspension_cli.physics.couplings import CouplingRequest
     from suspension_cli.studies.job import Axis
 
 DEFAULT_GRID = {"k": "0.6:1.4:41"}
@@ -102,14 +103,16 @@ class CouplingAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Compute the coupling of all builds, or the matrix of one design."""
-        from suspension_cli.analyses import model_choice, sweeping
+        from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.xcouple import solve
         from suspension_cli.design.derive import mirror
         from suspension_cli.models import registry
+        from suspension_cli.physics import model_choice
+        from suspension_cli.physics.couplings import parse_request
 
         setting, source, unstable = run.setting, run.source, run.setting["allow_unstable"]
         strings = registry.STRING.system(run.design)
-        requested = solve.parse_request(strings, setting, mirror(run.design))
+        requested = parse_request(strings, setting, mirror(run.design))
         if setting["matrix"]:
             return MATRIX.of(run, requested)
         over = axes(setting["sweep"], run.design.analysis.get("xcouple", {}))
@@ -204,9 +207,9 @@ class MatrixAnalysis(Analysis):
         """Compute the matrix of one design, for the point that a request observes."""
         import numpy as np
 
-        from suspension_cli.analyses import model_choice
         from suspension_cli.linear import response, signals
         from suspension_cli.models.choice import Transfer
+        from suspension_cli.physics import model_choice
 
         setting, frequency = run.setting, np.array(requested.frequency)
         body, at, point = (setting["observe"] or requested.over.body).partition("@")

@@ -11,23 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.analysis import Settings
-from suspension_cli.design.faults import suggest
 from suspension_cli.design.imperfections import swept
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.errors import InputError, format_value
+from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
-from suspension_cli.grids import parse_frequencies
-from suspension_cli.linear import named_results, signals
-from suspension_cli.linear.signals import Signal
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear import named_results
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
+from suspension_cli.physics.couplings import CouplingRequest, couplings
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, sampling, variants
-from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.extremes import find_extremes
 from suspension_cli.studies.job import Axis, Grid
 from suspension_cli.studies.run import Columns
@@ -46,52 +41,6 @@ FREQUENCIES = 12
 
 ROUNDING = 1e-17
 """Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
-
-
-@dataclass(frozen=True)
-class CouplingRequest:
-    """Cross-coupling to compute for every build: `over` by `under` for an `input`, at Hz.
-
-    The imperfect wire is numbered from 0 (-1: none), the imperfect body from 1; `hold` is what is
-    kept when the wire changes.
-    """
-
-    wire: int
-    body: int
-    hold: str
-    input: Signal
-    over: Signal
-    under: Signal
-    frequency: tuple[float, ...]
-
-
-def parse_request(model: LinearSystem, setting: Settings, mirror: str) -> CouplingRequest:
-    """Interpret the options of a cross-coupling: imperfect wire and body, signals, frequencies.
-
-    Any `model` of the design knows the names of wires and bodies; `mirror` is the default body.
-    """
-    known, labels = signals.bodies_with_signals(model), list(model.wire)
-    wire = setting.get("wire") or next(
-        (label for label in labels if label.startswith(f"{mirror}.")), None
-    )
-    if wire is not None and wire not in labels:
-        raise InputError.of("--wire", "names no wire", suggest(wire, labels), format_value(wire))
-    body = setting.get("body") or (mirror if wire is None else wire.rsplit(".", 1)[0])
-    if body not in model.body:
-        close = suggest(body, list(model.body))
-        raise InputError.of("--body", "names no stage", close, format_value(body))
-    observed, _, point = (setting["observe"] or f"{mirror}@0,0,-0.001").partition("@")
-    at = f"@{point}" if point else ""
-    over, under = (name if setting[name[2:]] else "--observe" for name in ("--over", "--under"))
-    return CouplingRequest(
-        wire=-1 if wire is None else labels.index(wire),
-        body=model.body.index(body) + 1,
-        hold=setting.get("hold", ""),
-        input=signals.parse_input(setting["input"], known),
-        over=signals.parse_output(setting["over"] or f"{observed}.x{at}", known, over),
-        under=signals.parse_output(setting["under"] or f"{observed}.z{at}", known, under),
-        frequency=tuple(parse_frequencies(setting["frequency"])),
-    )
 
 
 @dataclass(frozen=True)
@@ -151,15 +100,6 @@ def impose(
             if item.part == part:
                 changes.append((item, number, question.hold, axis, value - item.neutral))
     return sampling.impose(scene, changes)
-
-
-def couplings(found: Builds, question: CouplingRequest) -> Columns:
-    """Compute the coupling, and both motions per input, of balanced builds, and their status."""
-    outputs = builds.transfer(
-        found, np.array(question.frequency), [question.input], [question.over, question.under]
-    )[..., 0]
-    over, under = outputs[..., 0], outputs[..., 1]
-    return {"ratio": builds.divide(over, under), "over": over, "under": under, **found.outcome}
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.thermal.solve import compute_arm_tilt
+from suspension_cli.physics.thermal_noise import compute_arm_tilt
 from tests.analyses.damp.test_control import loop
 from tests.support import plants
 from tests.support.commandline import assert_refused, document, run, strict_json, written

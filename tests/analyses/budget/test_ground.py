@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.budget import ground
 from suspension_cli.errors import InputError
+from suspension_cli.physics import ground
 
 CORNERS = {
     "nlnm": """

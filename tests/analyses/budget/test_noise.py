@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.budget import solve
-from suspension_cli.analyses.budget.ground import Spectrum
-from suspension_cli.analyses.budget.solve import Noises
-from suspension_cli.analyses.damp import control
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.linear import response, signals
 from suspension_cli.models import registry
+from suspension_cli.physics import local_control, thermal_noise
+from suspension_cli.physics import noise_budget as solve
+from suspension_cli.physics.ground import Spectrum
+from suspension_cli.physics.noise_budget import Noises
 from tests.analyses.damp.test_control import LEAD, loop, plant
 from tests.support import plants, scenes
 
@@ -62,7 +61,7 @@ def cross_spectra(closed, rows, temperature):
     open_loop = -4 * BOLTZMANN * temperature / OMEGA[:, None, None] * g.imag
     count, loops = len(rows), len(closed.loops)
     push, _ = response.transfer(closed.model, OMEGA, closed.pushed, [True] * loops, both)
-    h = control.evaluate_filters(closed, GRID)[:, :, None] * np.eye(loops)
+    h = local_control.evaluate_filters(closed, GRID)[:, :, None] * np.eye(loops)
     back = push[:, :count] @ np.linalg.solve(np.eye(loops) + h @ push[:, count:], h)
     whole = np.concatenate([np.broadcast_to(np.eye(count), (len(GRID), count, count)), -back], 2)
     return np.einsum("fai,fij,faj->af", whole, open_loop, whole.conj()).real
@@ -90,14 +89,14 @@ def test_thermal_noise_of_chains(how, reference):
         closed = plant(raw, loops, "string")
     else:
         design = scenes.design_of(raw)
-        closed = control.build_plant(design, registry.STRING.system(design))
+        closed = local_control.build_plant(design, registry.STRING.system(design))
     motions = plants.motions(closed.model, "test.x", "test.pitch", "test.z")
     rows = np.array([signals.linear_form(motion, closed.model) for motion in motions])
     found = Noises(closed, motions, {}, 290.0).density(GRID)[:, -1]
     np.testing.assert_allclose(found, cross_spectra(closed, rows, 290.0), rtol=1e-6)
     if how == "none":
         for part, bare in zip(
-            found, thermal.solve(closed.model, GRID, motions, 290.0), strict=True
+            found, thermal_noise.solve(closed.model, GRID, motions, 290.0), strict=True
         ):
             np.testing.assert_allclose(part, bare.density.sum(0), rtol=1e-12)
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.check import statics, warnings
 from suspension_cli.design import reader
 from suspension_cli.design.reader import convert
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
+from suspension_cli.physics import near_limits, statics
 from suspension_cli.scene.scene import stack_scenes
 from tests.design.test_parts import TOWER
 from tests.support.commandline import run, written
@@ -56,8 +56,8 @@ def test_reported_height_is_where_it_tips(above):
     d = float(geometry.tipping_height()) + above
     design = convert(document(s=geometry.CLOSE, d=d))
     model = registry.STRING.system(design)
-    reported = warnings.describe_tipping(design, eigenmodes.solve(model))
-    if above > warnings.TIPPING:
+    reported = near_limits.describe_tipping(design, eigenmodes.solve(model))
+    if above > near_limits.TIPPING:
         assert reported == ""
     else:  # the mode's x goes along a little
         assert reported.startswith("test pitch is close to unstable")
@@ -74,8 +74,8 @@ def longer(left):
 @pytest.mark.parametrize("left", [0.5, 5e-3, 1e-5])
 def test_reported_tension_is_the_one_left(left):
     loads = statics.solve(convert(longer(left)))
-    reported = warnings.find_slackest(loads)
-    if left > warnings.SLACK:
+    reported = near_limits.find_slackest(loads)
+    if left > near_limits.SLACK:
         assert reported == []
     else:
         tension = [wire.tension for wire in loads.wires]

@@ -8,10 +8,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.check.lossless import find_lossless
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.design.reader import convert
 from suspension_cli.models import registry
+from suspension_cli.physics import thermal_noise
+from suspension_cli.physics.lossless import find_lossless
 from tests.support.commandline import (
     KINDS,
     edited,
@@ -127,8 +127,8 @@ def sources(design):
     found: set[str] = set()
     for body in model.body:
         for dof in ("x", "y", "z", "roll", "pitch", "yaw"):
-            motion = thermal.parse_motion(model, f"{body}.{dof}")
-            found |= set(thermal.solve(model, np.array([3.3]), [motion], 290.0)[0].source)
+            motion = thermal_noise.parse_motion(model, f"{body}.{dof}")
+            found |= set(thermal_noise.solve(model, np.array([3.3]), [motion], 290.0)[0].source)
     return found
 
 

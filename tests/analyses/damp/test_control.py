@@ -6,15 +6,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.damp import control
-from suspension_cli.analyses.damp import solve as damp
-from suspension_cli.analyses.damp.solve import build_closed_loop
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.control import expand_roots
 from suspension_cli.design.derive import com_positions
 from suspension_cli.errors import InputError
 from suspension_cli.linear import statespace
 from suspension_cli.models import registry
+from suspension_cli.physics import closed_loop, local_control
+from suspension_cli.physics.closed_loop import build_closed_loop
 from suspension_cli.rotations import cross_matrix
 from tests.support import plants, scenes
 
@@ -42,7 +41,7 @@ def loop(sensor, actuator=None, *, name=None, **how):
 
 def plant(raw, loops, level="force"):
     design = scenes.design_of(raw | {"control": {"loop": loops}})
-    return control.build_plant(design, registry.by_name(level).system(design))
+    return local_control.build_plant(design, registry.by_name(level).system(design))
 
 
 def six_dampers():
@@ -120,7 +119,7 @@ def test_state_space_is_the_direct_solution(name):
     closed = built(name)
     inputs, outputs = ends(closed.model)
     direct, system = (
-        control.solve_responses(closed, GRID, inputs, outputs).value,
+        local_control.solve_responses(closed, GRID, inputs, outputs).value,
         build_closed_loop(closed, inputs, outputs).at(GRID),
     )
     size = np.abs(direct)
@@ -134,7 +133,7 @@ def test_state_space_is_the_direct_solution(name):
 def test_poles_are_eigenvalues_of_the_state_space(name):
     closed = built(name)
     system = build_closed_loop(closed, [], plants.all_motions(closed.model))
-    found = damp.find_poles(closed)
+    found = closed_loop.find_poles(closed)
     assert found.stable or name != "across blocks"  # no growth by rounding
     order = sum(len(expand_roots(one.poles)) for one in closed.loops)
     assert len(system.a) == 2 * (closed.model.size - 6 - closed.model.massless.sum()) + order
@@ -152,7 +151,7 @@ def test_impulse_response_is_the_inverse_transform():
     duration, highest = 400.0, 25.0
     count = int(2 * duration * highest)
     frequency = np.arange(count // 2 + 1) / duration
-    value = control.solve_responses(closed, frequency, inputs, outputs).value[:, :, 0]
+    value = local_control.solve_responses(closed, frequency, inputs, outputs).value[:, :, 0]
     expected = np.fft.irfft(value, axis=0) * count / duration
     found = statespace.impulse(
         build_closed_loop(closed, inputs, outputs),

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.damp import control, margins
-from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
+from suspension_cli.physics import closed_loop, local_control, margins
 from tests.support import plants, scenes
 from tests.support.paths import CONFIGS
 
@@ -85,8 +84,8 @@ def test_filters(how):
                 [complex(*root), complex(*root).conjugate()] if isinstance(root, list) else [root]
             ):
                 expected *= (1j * GRID + value) ** power
-    np.testing.assert_allclose(control.evaluate_filter(one, GRID), expected, rtol=1e-14)
-    made = damp.realise(one)
+    np.testing.assert_allclose(local_control.evaluate_filter(one, GRID), expected, rtol=1e-14)
+    made = closed_loop.realise(one)
     a, b, c, d = made.A, made.B, made.C, made.D
     assert all(np.isrealobj(matrix) for matrix in (a, b, c, d))
     s = 2j * np.pi * GRID
@@ -171,11 +170,11 @@ def test_a_body_that_nothing_holds(c):
 def of(design, level):
     """Margins of a design's loops on a model."""
     model = registry.by_name(level).system(design)
-    return all_margins(control.build_plant(design, model))
+    return all_margins(local_control.build_plant(design, model))
 
 
 def all_margins(plant):
-    return damp.find_margins(plant, damp.find_poles(plant))[0]
+    return closed_loop.find_margins(plant, closed_loop.find_poles(plant))[0]
 
 
 @cache
@@ -189,7 +188,7 @@ def both(level, overrides, loops=range(6)):
         ),
     )
     model = registry.by_name(level).system(design)
-    plant = control.build_plant(design, model)
+    plant = local_control.build_plant(design, model)
     return plant, all_margins(plant)
 
 
@@ -203,7 +202,7 @@ def scaled(plant, n, factor):
 
 def growing(plant, n=0, factor=1.0):
     """How many poles grow with the gain of one loop multiplied."""
-    return int((damp.find_poles(scaled(plant, n, factor)).growth_rate > 0).sum())
+    return int((closed_loop.find_poles(scaled(plant, n, factor)).growth_rate > 0).sum())
 
 
 def loops_with_limits(plant, found, loops, near):

@@ -7,16 +7,16 @@ import pytest
 from scipy.integrate import quad
 
 import suspension_cli as sus
-from suspension_cli.analyses.budget import solve
-from suspension_cli.analyses.budget.ground import Spectrum
-from suspension_cli.analyses.budget.solve import Noises
-from suspension_cli.analyses.damp import control
-from suspension_cli.analyses.damp.control import compute_matrices
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.control import Osem
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response
 from suspension_cli.models import registry
+from suspension_cli.physics import local_control
+from suspension_cli.physics import noise_budget as solve
+from suspension_cli.physics.ground import Spectrum
+from suspension_cli.physics.local_control import compute_matrices
+from suspension_cli.physics.noise_budget import Noises
 from tests.analyses.damp.test_control import LEAD, loop
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, run, strict_json, written
@@ -40,7 +40,7 @@ def matrices(given):
 
 def plant(raw, loops, given, level="string"):
     design = scenes.design_of(raw | {"control": {"loop": loops, "osem": given}})
-    return control.build_plant(design, registry.by_name(level).system(design))
+    return local_control.build_plant(design, registry.by_name(level).system(design))
 
 
 def test_six_osems_are_inverted_exactly():
@@ -167,7 +167,7 @@ def test_thermal_noise_of_drives():
     y, _ = response.transfer(closed.model, omega, closed.sensed, [True] * 2, closed.sensed)
     push, _ = response.transfer(closed.model, omega, closed.pushed, [True] * 2, closed.sensed)
     open_loop = -4 * BOLTZMANN * 290.0 / omega[:, None, None] * y.imag
-    h = control.evaluate_filters(closed, GRID)[:, :, None] * np.eye(2)
+    h = local_control.evaluate_filters(closed, GRID)[:, :, None] * np.eye(2)
     up = np.sign(CORNERS)[:, 2]
     to_coil = np.stack([np.full(4, 0.25), up / (4 * HIGH)], axis=1)
     whole = to_coil @ h @ np.linalg.inv(np.eye(2) + push @ h)
@@ -179,7 +179,7 @@ def test_thermal_noise_of_drives():
 
 def test_noise_of_a_known_sensor():
     part = Osem(**osem("a", (0.0, 0.0, 0.0), sensor="bosem"))
-    found = control.evaluate_noise(part, np.array([1.0, np.sqrt(10.0), 10.0]))
+    found = local_control.evaluate_noise(part, np.array([1.0, np.sqrt(10.0), 10.0]))
     np.testing.assert_allclose(found, [1.5e-10, np.sqrt(9e-21), 6e-11], rtol=1e-12)
     voltage = Osem(**osem("a", (0, 0, 0), driver_noise=2e-7, coil=1.5, transconductance=0.1))
     assert voltage.actuator_noise == pytest.approx(3e-8)

@@ -13,13 +13,13 @@ from scipy import signal
 from scipy.special import lambertw
 
 import suspension_cli as sus
-from suspension_cli.analyses.damp import control, margins
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design import foton
 from suspension_cli.design.control import NoiseSpectrum
 from suspension_cli.design.reader import read
 from suspension_cli.linear import response, statespace
 from suspension_cli.models import registry
+from suspension_cli.physics import closed_loop, local_control, margins
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
 from tests.support import plants, scenes, terms
 from tests.support.foton import sections
@@ -30,7 +30,7 @@ from tests.support.paths import CONFIGS
 def test_a_pendulum_by_hand(c):
     """m x'' + c x' + m g x / l = 0 decays with c / 2m, whatever its rounding."""
     mass, length = 3.0, 0.7
-    found = damp.find_poles(simple(c, mass=mass, length=length))
+    found = closed_loop.find_poles(simple(c, mass=mass, length=length))
     own = np.array([state.startswith("test.x") for state in found.state])
     others = ~np.array([state.startswith(("test.x", "test.pitch")) for state in found.state])
     root = np.emath.sqrt((c / (2 * mass)) ** 2 - 9.81 / length)
@@ -88,7 +88,7 @@ def test_gains_and_noise_are_those_of_responses(made):
     found = response.solve(model, GRID, drives, watched).value
     for n, frequency in enumerate(GRID):
         g, out = found[n, :count], found[n, count]
-        h = np.diag([control.evaluate_filter(one, np.array(frequency)) for one in loops])
+        h = np.diag([local_control.evaluate_filter(one, np.array(frequency)) for one in loops])
         whole = np.eye(count) + h @ g
         for k in range(count):
             rest = np.delete(np.delete(whole, k, 0), k, 1)
@@ -107,7 +107,7 @@ def test_poles_are_roots_with_losses_at_their_own_frequency(made):
     0 there and not beside it."""
     design, model = made()
     found = answered(made).closed
-    closed = control.build_plant(design, model)
+    closed = local_control.build_plant(design, model)
     some = [n for n in range(len(found.value)) if found.value[n].imag > 0][::5]
     assert len(some) >= 3
     for n in some:
@@ -126,9 +126,9 @@ def smallest(closed, s):
         at = np.ix_(term.columns, term.columns)
         dynamic[at] += terms.stiffness(term, s.imag)
     for one, pushed, sensed in zip(closed.loops, closed.pushed, closed.sensed, strict=True):
-        dynamic = dynamic + control.evaluate_filter(one, np.array(s / (2j * np.pi))) * np.outer(
-            pushed, sensed
-        )
+        dynamic = dynamic + local_control.evaluate_filter(
+            one, np.array(s / (2j * np.pi))
+        ) * np.outer(pushed, sensed)
     dynamic = dynamic[free, free]
     scale = np.sqrt(
         np.abs(model.stiffness.diagonal()[free]) + abs(s) ** 2 * model.mass.diagonal()[free]
@@ -147,7 +147,7 @@ def test_one_lossy_oscillator_by_hand(angle, c):
         "materials": {"lossy": {"youngs_modulus": 1e11, "loss_angle": angle}}
     }
     closed = plant(raw, [loop("test.z", damper=c)], "string")
-    found = damp.find_poles(closed)
+    found = closed_loop.find_poles(closed)
     [z] = [
         value for value, state in zip(found.value, found.state, strict=True) if state == "test.z"
     ]
@@ -168,7 +168,7 @@ def test_a_delayed_damper_of_a_free_body(delay):
     (1996))."""
     c, inertia = 0.2, 0.1
     closed = plant(scenes.raw_of(STAGE), [loop("test.yaw", damper=c, delay=delay)], "string")
-    found = damp.find_poles(closed)
+    found = closed_loop.find_poles(closed)
     values = found.value[[state == "test.yaw" for state in found.state]]
     expected = lambertw(-c * delay / inertia, 0) / delay
     assert np.abs(values / (expected.real + 1j * abs(expected.imag)) - 1).min() < 1e-12
@@ -179,7 +179,7 @@ def test_a_delayed_damper_of_a_free_body(delay):
 def test_roots_of_the_characteristic_equation(how, delay):
     """m s^2 + m g / l + H(s) exp(-s T), with the products of the filter written out."""
     closed = plant(scenes.raw_of(STAGE), [loop("test.x", delay=delay, **how)], "string")
-    found = damp.find_poles(closed).value
+    found = closed_loop.find_poles(closed).value
 
     def evaluate(s):
         f = s / (2 * np.pi)
@@ -213,7 +213,7 @@ def test_margins_lie_on_the_axis(delay):
     nominal = changed()
     corners = np.geomspace(0.05, 500, 300)
     found = margins.compute_margins(
-        lambda f: control.compute_loop_gains(nominal, f), corners, faint=1e-6
+        lambda f: local_control.compute_loop_gains(nominal, f), corners, faint=1e-6
     )[0]
     assert found.gain_up < 1e3
     assert found.delay < 1.0
@@ -222,7 +222,7 @@ def test_margins_lie_on_the_axis(delay):
         (found.gain_up_frequency, changed(**gain)),
         (found.delay_frequency, changed(delay=delay + found.delay)),
     ):
-        values = damp.find_poles(edge).value
+        values = closed_loop.find_poles(edge).value
         near = values[np.abs(values - 2j * np.pi * frequency).argmin()]
         assert near == pytest.approx(2j * np.pi * frequency, rel=1e-8)
 
@@ -234,11 +234,11 @@ def test_sensitivity_peak_of_two_coupled_loops():
     loops = [loop("upper.x", **LEAD), loop("upper.pitch", gain=5.0, zeros=[0.0], poles=[20.0])]
     closed = plant(raw, loops, "string")
     peak = margins.find_peak(
-        partial(control.compute_sensitivity, closed), np.geomspace(0.05, 500, 100)
+        partial(local_control.compute_sensitivity, closed), np.geomspace(0.05, 500, 100)
     )
 
     def largest(frequency):
-        s = control.compute_sensitivity(closed, frequency)
+        s = local_control.compute_sensitivity(closed, frequency)
         # singular values of a 2 x 2 matrix of given determinant: least at equal off-diagonals
         squares = (
             np.abs(s[:, 0, 0]) ** 2 + np.abs(s[:, 1, 1]) ** 2 + 2 * np.abs(s[:, 0, 1] * s[:, 1, 0])
@@ -252,7 +252,7 @@ def test_sensitivity_peak_of_two_coupled_loops():
     for first in (peak.gain_down, peak.gain_up):
         for second in (peak.gain_down, peak.gain_up):
             tables = [loops[0] | {"gain": 3e4 * first}, loops[1] | {"gain": 5.0 * second}]
-            assert damp.find_poles(plant(raw, tables, "string")).stable
+            assert closed_loop.find_poles(plant(raw, tables, "string")).stable
 
 
 def test_noise_of_sensors():
@@ -264,9 +264,9 @@ def test_noise_of_sensors():
     listed = msgspec.structs.replace(
         one, sensor_noise=NoiseSpectrum(frequency=[0.1, 10.0], asd=[1e-8, 1e-10])
     )
-    np.testing.assert_array_equal(control.evaluate_noise(one, f), [2e-9] * 3)
-    np.testing.assert_allclose(control.evaluate_noise(cornered, f), 2e-9 * np.sqrt(1 + 3 / f))
-    np.testing.assert_allclose(control.evaluate_noise(listed, f), [1e-8, 1e-9, 1e-10])
+    np.testing.assert_array_equal(local_control.evaluate_noise(one, f), [2e-9] * 3)
+    np.testing.assert_allclose(local_control.evaluate_noise(cornered, f), 2e-9 * np.sqrt(1 + 3 / f))
+    np.testing.assert_allclose(local_control.evaluate_noise(listed, f), [1e-8, 1e-9, 1e-10])
 
 
 DESIGN = 'zpk([0],[12;8+i*9;8-i*9],0.6,"n")'
@@ -296,7 +296,7 @@ def test_poles_are_those_of_the_sampled_system(rate, error):
     raw = plants.raw("triple")
     how = {"filter": {"design": DESIGN, "rate": rate}}
     closed = plant(raw, [loop("upper.yaw", delay=0.5 / rate, **how)], "string")
-    found = damp.find_poles(closed)
+    found = closed_loop.find_poles(closed)
     system = statespace.build(
         closed.model,
         plants.drives(closed.model, "upper.torque_yaw"),
@@ -308,7 +308,7 @@ def test_poles_are_those_of_the_sampled_system(rate, error):
     off = [np.abs(found.value / one - 1).min() for one in exact]
     assert max(off) < error
     late = plant(raw, [loop("upper.yaw", **how)], "string")
-    without = damp.find_poles(late)
+    without = closed_loop.find_poles(late)
     assert max(np.abs(without.value / one - 1).min() for one in exact) > 5 * max(off)
 
 
@@ -322,7 +322,7 @@ def test_digital_roots_of_the_characteristic_equation(delay):
     text = text.replace(f"{numbers[0]};0.0;2;1", f"{numbers[0]};0.0;1;0")
     how = {"filter": {"design": text, "rate": rate}, "sensor_response": 'pole(9,"n") zero(2,"n")'}
     closed = plant(scenes.raw_of(STAGE), [loop("test.x", delay=delay, **how)], "string")
-    found = damp.find_poles(closed).value
+    found = closed_loop.find_poles(closed).value
 
     def evaluate(s):
         z, f = np.exp(s / rate), s / (2 * np.pi)

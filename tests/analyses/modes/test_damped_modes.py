@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.design.reader import template
 from suspension_cli.linear import damped
 from suspension_cli.models import registry
+from suspension_cli.physics import wire_modes
 from tests.support import scenes
 from tests.support.commandline import modes_json, run, written
 from tests.support.paths import CONFIGS

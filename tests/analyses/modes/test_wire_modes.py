@@ -10,12 +10,12 @@ import pytest
 import scipy.linalg
 
 import suspension_cli as sus
-from suspension_cli.analyses.modes import wire_modes
 from suspension_cli.design.reader import parse, read
 from suspension_cli.drawing import draw
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes, response, roots, signals
 from suspension_cli.models import registry
+from suspension_cli.physics import wire_modes
 from tests.support import finite_elements, scenes
 from tests.support.large_tower import large_tower
 from tests.support.paths import CONFIGS

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.check import statics
 from suspension_cli.analyses.optimise.evaluate import Results, with_imperfections
 from suspension_cli.analyses.optimise.requirements import FreeDesign
 from suspension_cli.design import reader
@@ -20,6 +19,7 @@ from suspension_cli.design.goals import Equal, Free, Goal, Goals
 from suspension_cli.errors import InputError
 from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.models import registry
+from suspension_cli.physics import statics
 from tests.support import derivatives as differences
 from tests.support.designs import TEXTS
 from tests.support.exchanging import SMALL, D, pendulum_and_pitch

@@ -7,9 +7,9 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.thermal import picture
-from suspension_cli.analyses.thermal import solve as thermal
 from suspension_cli.drawing.style import stage_colours
 from suspension_cli.grids import decade_points
+from suspension_cli.physics import thermal_noise
 from tests.support import plants, scenes
 from tests.support.commandline import assert_refused, document, run, written
 from tests.support.legible import assert_legible
@@ -146,7 +146,7 @@ def many(sources):
     frequency = np.geomspace(0.1, 1000, 50)
     level = np.geomspace(1, 1e-12, len(sources))
     parts = np.sqrt(level) * 1e-15 / frequency[:, None] ** 2
-    return thermal.Thermal(frequency, "test.x", "m", 3e-4, tuple(sources), parts)
+    return thermal_noise.Thermal(frequency, "test.x", "m", 3e-4, tuple(sources), parts)
 
 
 def test_what_is_drawn_and_what_is_said():

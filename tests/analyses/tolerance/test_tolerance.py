@@ -15,11 +15,11 @@ from scipy import stats
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds, parse
 from suspension_cli.analyses.tolerance.summary import strongest, unit_ranks
-from suspension_cli.analyses.xcouple.solve import CouplingRequest
 from suspension_cli.design.imperfections import named
 from suspension_cli.design.schema import Distribution
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
+from suspension_cli.physics.couplings import CouplingRequest
 from suspension_cli.studies import builds, sampling
 from tests.support import scenes
 from tests.support.exchanging import SMALL

@@ -50,6 +50,12 @@ TOGETHER = 256
 """Number of modes that are solved for at once."""
 BODILY = 0.5
 """Fraction of the energy of a mode of bodies that is not in wires."""
+RECOIL = 0.02
+"""Largest relative distance of a violin mode from the resonance between fixed ends."""
+PRECISE = 1e-11
+"""Relative error of a violin mode that is found by counting."""
+DIVIDED = 15
+"""Frequencies at which modes are counted at once."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
 
@@ -112,6 +118,77 @@ def solve(
         modes, wire=names, wire_energy=np.pad(modes.wire_energy, ((0, 0), (0, len(light))))
     )
     return replace(still, wire=names, wire_energy=energy).followed_by(modes).ascending()
+
+
+def solve_between(model: LinearSystem, low: float, high: float) -> Modes:
+    """Solve for the undamped modes of the violin model between two frequencies, Hz.
+
+    Raises `InputError` if there is none.
+    """
+    omega = roots.mode_frequencies(model, 2 * np.pi * high, 2 * np.pi * low)
+    if not len(omega):
+        raise no_mode_error(high)
+    none = eigenmodes.solve(model.constant).select(slice(0))
+    solver = _Solver.of(model, CUTS[0], none)
+    found = [solver.solve(part, damping=False)[0] for part in _split(omega)]
+    return found[0].followed_by(*found[1:]).ascending()
+
+
+def lowest_violin_mode(model: LinearSystem, stage: str, order: int) -> float:
+    """Find the lowest violin mode of some order, Hz, of the wires of a stage ("": of all wires).
+
+    It lies near the resonance of a wire between fixed ends, from which the recoil of the bodies
+    moves it. If there are other modes nearby, their shapes tell which is of these wires.
+    Raises `InputError` if there is none.
+    """
+    wires = [term for term in model.terms if isinstance(term, WireTerm)]
+    own = [term for term in wires if stage in ("", term.stage)]
+    held = np.array([_held_bending(term, order) for term in own])
+    if not held.size:
+        raise no_mode_error(0.0)
+    window = held.min() * np.array([1 - RECOIL, 1 + RECOIL])
+    inside = (held >= window[0]) & (held <= window[1])
+    count = np.array([len(term.forms["twist"]) for term in own])
+    expected = int((inside * count[:, None]).sum())
+    below = roots.modes_below(model, window)
+    others = any(_resonates(term, window) for term in wires if term not in own)
+    if below[1] - below[0] == expected and not others:
+        return _bisect(model, int(below[0]) + 1, *window.tolist()) / (2 * np.pi)
+    found = solve_between(model, *(window / (2 * np.pi)).tolist())
+    rows = zip(found.frequency, found.order, found.home, strict=True)
+    known = [
+        float(frequency)
+        for frequency, waves, (body, motion) in rows
+        if waves == order and stage in ("", body) and motion.startswith("violin")
+    ]
+    return min(known, default=np.nan)
+
+
+def _held_bending(term: WireTerm, order: int) -> list[float]:
+    """Resonances of an order of both planes of a wire between fixed ends, rad/s."""
+    sections = term.strand.fibre.sections
+    mass = sum(section.mass * section.length for section in sections)
+    length = sum(section.length for section in sections)
+    string = np.pi * order * float(np.sqrt(term.strand.tension / (mass * length)))
+    found = []
+    for part in ("bend-1", "bend-2"):
+        found.append(float(term.strand.held_resonances(part, string)[order - 1]))
+    return found
+
+
+def _resonates(term: WireTerm, window: Float[np.ndarray, " end"]) -> bool:
+    """Whether a wire between fixed ends resonates within a window, rad/s."""
+    below = term.strand.resonances_below(window)
+    return bool(below[1] > below[0])
+
+
+def _bisect(model: LinearSystem, number: int, low: float, high: float) -> float:
+    """Find mode number `number`, from 1, between two frequencies in rad/s."""
+    while high - low > PRECISE * high:
+        inner = np.linspace(low, high, DIVIDED + 2)
+        place = int(np.searchsorted(roots.modes_below(model, inner), number))
+        low, high = float(inner[max(place - 1, 0)]), float(inner[min(place, DIVIDED + 1)])
+    return high
 
 
 def solve_bodies(

@@ -6,24 +6,22 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from suspension_cli.analyses import growth
-from suspension_cli.analyses.check import warnings as near_limits
-from suspension_cli.analyses.options import TOLERANCE
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear import named_results as named
 from suspension_cli.models import registry
-from suspension_cli.models.choice import Frequencies, Several, Systems
+from suspension_cli.models.choice import TOLERANCE, Frequencies, Several, Systems
 from suspension_cli.models.choice import choose as choose_model
+from suspension_cli.physics import growth, near_limits
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Log
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.base import Model
     from suspension_cli.models.choice import Comparison, Results
     from suspension_cli.models.registry import Choice
+    from suspension_cli.physics.log import Log
 
     Request = Callable[[LinearSystem], Results]
     """The results of interest, given any model of the design."""

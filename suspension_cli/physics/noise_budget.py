@@ -17,17 +17,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.budget.ground import Spectrum
-from suspension_cli.analyses.damp import control
-from suspension_cli.analyses.damp.control import Plant
-from suspension_cli.analyses.modes import wire_modes
-from suspension_cli.analyses.thermal.solve import compute_densities
 from suspension_cli.conventions import GROUND, SUPPORT
 from suspension_cli.design.control import Osem
 from suspension_cli.files.declared import EACH, along, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.physics import local_control, wire_modes
+from suspension_cli.physics.ground import Spectrum
+from suspension_cli.physics.local_control import Plant
+from suspension_cli.physics.thermal_noise import compute_densities
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -49,6 +48,25 @@ RANGE = 0.05
 """Relative distance from a resonance up to which points are placed around it."""
 STEP = 1.0
 """Step in u of the points f + w sinh(u) around a resonance of half width w."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What moves the support, and how many mirrors count.
+
+    Attributes
+    ----------
+    motion
+        Of the support, by coordinate.
+    band
+        Lowest and highest frequency, Hz, over which an RMS is taken by default.
+    mirrors
+        Number of equal, independent mirrors whose motions add up.
+    """
+
+    motion: dict[str, Spectrum]
+    band: tuple[float, float]
+    mirrors: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -87,7 +105,7 @@ class Noises:
     def _noisy(self) -> tuple[list[int], list[int]]:
         """Numbers of the sensors and actuators with noise."""
         parts, at = [*enumerate(self.plant.parts)], np.ones(1)
-        sensing = [n for n, part in parts if control.evaluate_noise(part, at).any()]
+        sensing = [n for n, part in parts if local_control.evaluate_noise(part, at).any()]
         return sensing, [n for n, part in parts if part.actuator_noise]
 
     def density(
@@ -103,7 +121,7 @@ class Noises:
         moved = (SUPPORT,) if plant.model.ground is None else (SUPPORT, GROUND)
         texts = [f"{body}.{dof}" for body in moved for dof in self.motion]
         inputs = [signals.parse_input(text, known) for text in texts]
-        found = control.solve_responses(plant, frequency, inputs, self.output, drives=True)
+        found = local_control.solve_responses(plant, frequency, inputs, self.output, drives=True)
         value = found.value.reshape(*found.value.shape[:2], len(moved), count).sum(2)
         asd = np.array([motion.at(frequency) for motion in self.motion.values()])
         sensing, pushing = self._noisy

@@ -9,21 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.check.loads import (
-    BladeLoad,
-    BodyPose,
-    CavityLoad,
-    FilterLoad,
-    LegLoad,
-    LinkLoad,
-    Lowest,
-    ReducedProfile,
-    Statics,
-    Stress,
-    Vector,
-    WireLoad,
-    WireWeights,
-)
 from suspension_cli.design import materials
 from suspension_cli.design.derive import Keystone, gravity_strength, wire_line_densities
 from suspension_cli.design.links import LIGHT
@@ -45,6 +30,21 @@ from suspension_cli.equilibrium.solve import solve as balance
 from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.models.cavity import angular_stiffness, optical_spring
 from suspension_cli.models.string import STRING
+from suspension_cli.physics.loads import (
+    BladeLoad,
+    BodyPose,
+    CavityLoad,
+    FilterLoad,
+    LegLoad,
+    LinkLoad,
+    Lowest,
+    ReducedProfile,
+    Statics,
+    Stress,
+    Vector,
+    WireLoad,
+    WireWeights,
+)
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene import links
 from suspension_cli.scene.links import Places

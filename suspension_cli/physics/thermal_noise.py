@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses import model_choice
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import EACH, derived, in_unit
@@ -30,6 +29,7 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import largest_error
+from suspension_cli.physics import model_choice
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_type_hints
-
-from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import Document
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 if TYPE_CHECKING:
-    from suspension_cli.design.checks import ImplausibleNumber
-    from suspension_cli.models.registry import Choice
+    pass
 
 SAG = 0.05
 """Largest sag of a link over its length that is a small deflection."""
 NOTED = 4e-3
 """Weight over tension above which `check` notes that a design leaves it out; frequencies of
 pendulums change by up to a quarter of it."""
-MANY = 40
-"""Number of wires above which equal wires of a stage share a row."""
 
 
 class Column(NamedTuple):
@@ -255,66 +247,3 @@ class Statics:
     def height(self) -> float:
         """Height from the lowest to the highest point, m."""
         return self.top - min(stage.z for stage in self.lowest)
-
-
-@dataclass(frozen=True)
-class Check:
-    """A valid design: loads of its wires and blades, and implausible numbers.
-
-    Attributes
-    ----------
-    choice : Choice
-        The simplest valid model.
-    stable, stability_model : bool, str or None
-        Whether it is stable, and in which model; None if not computed.
-    """
-
-    choice: Choice
-    statics: Statics
-    stable: bool | None
-    stability_model: str | None
-    warnings: list[ImplausibleNumber]
-
-    @property
-    def weights(self) -> WireWeights | None:
-        """Weight of the wires; None if no density is known."""
-        return self.statics.weights
-
-
-@cache
-def _columns(kind: type) -> list[tuple[str, Column]]:
-    """Fields of a class with their columns, its own before those of its base."""
-    hints = get_type_hints(kind, include_extras=True)
-    names = [name for one in kind.__mro__ for name in vars(one).get("__annotations__", ())]
-    known = {name: getattr(hints[name], "__metadata__", (None,))[0] for name in names}
-    return [(name, column) for name, column in known.items() if column]
-
-
-def list_documents(parts: Sequence[object]) -> list[Document]:
-    """Return the JSON list of parts of one kind."""
-    return [
-        {
-            column.key: list(value) if isinstance(value := getattr(part, name), tuple) else value
-            for name, column in _columns(type(part))
-        }
-        for part in parts
-    ]
-
-
-def render(parts: Sequence[object]) -> str:
-    """Render the table of parts of one kind; of many, equal wires of a stage share a row."""
-    shown = [(name, column) for name, column in _columns(type(parts[0])) if column.head]
-    rows: list[list[Any]] = []
-    last: object = None
-    for part in parts:
-        label, *values = (getattr(part, name) for name, _ in shown)
-        factors = [column.factor for _, column in shown[1:]]
-        row = [label, *(v and v * f for v, f in zip(values, factors, strict=True))]
-        stage, _, number = label.rpartition(".")
-        equal = stage, *(value and f"{value:.3f}" for value in row[1:])
-        if len(parts) > MANY and equal == last and number.isdecimal():
-            rows[-1][0] = f"{rows[-1][0].partition(' ')[0]} to {number}"
-        else:
-            rows.append(row)
-        last = equal
-    return tables.render({column.head: column.form for _, column in shown}, rows)

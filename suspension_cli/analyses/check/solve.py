@@ -1,0 +1,166 @@
+"""Check of a design: whether it balances, its loads, and what is implausible in it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from suspension_cli.analyses.named_quantities import names_of
+from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
+from suspension_cli.design import checks
+from suspension_cli.design.checks import ImplausibleNumber
+from suspension_cli.design.paths import value_at
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import Fault, InputError, format_value, suggest
+from suspension_cli.linear import named_results, signals
+from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.models import registry
+from suspension_cli.models.registry import Choice
+from suspension_cli.physics import statics
+from suspension_cli.physics.loads import Statics, WireWeights
+from suspension_cli.physics.near_limits import find_implausible_loads, find_slackest, find_stability
+from suspension_cli.physics.statics import list_wire_tables
+from suspension_cli.physics.temperatures import find_unknown_temperatures
+from suspension_cli.quantities import requirements
+from suspension_cli.quantities.requirements import Verdict
+
+if TYPE_CHECKING:
+    from suspension_cli.design.reader import Source
+
+
+@dataclass(frozen=True)
+class Check:
+    """A valid design: loads of its wires and blades, and implausible numbers.
+
+    Attributes
+    ----------
+    choice : Choice
+        The simplest valid model.
+    stable, stability_model : bool, str or None
+        Whether it is stable, and in which model; None if not computed.
+    verdicts : tuple of Verdict
+        Values of what `[[requirement]]` limits, in the stability model.
+    """
+
+    choice: Choice
+    statics: Statics
+    stable: bool | None
+    stability_model: str | None
+    warnings: list[ImplausibleNumber]
+    verdicts: tuple[Verdict, ...] = ()
+
+    @property
+    def weights(self) -> WireWeights | None:
+        """Weight of the wires; None if no density is known."""
+        return self.statics.weights
+
+
+def check(source: Source) -> Check:
+    """Check a design.
+
+    Raises
+    ------
+    InputError
+        If it does not balance, with the implausible numbers that may be the reason.
+    """
+    design = source.design
+    found = checks.find_implausible(design)
+    try:
+        choice, loads = registry.choose(design), statics.solve(design)
+    except InputError as error:
+        raise InputError([*error.faults, *found], source.file) from None
+    found += find_implausible_loads(design, loads)
+    model, modes, unstable = find_stability(design)
+    level = registry.most_complete(design).name
+    unknown = find_unknown_temperatures(design, level)
+    found += [ImplausibleNumber.of(fault) for fault in unknown]
+    found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
+    found += [*unstable, *find_slackest(loads)]
+    found += find_unknown_names(design, modes, tomllib.loads(source.text))
+    verdicts = judge_requirements(source, model)
+    stable = None if model is None else not unstable
+    return Check(choice, loads, stable, model, found, verdicts)
+
+
+def judge_requirements(source: Source, level: str | None) -> tuple[Verdict, ...]:
+    """Evaluate what `[[requirement]]` of a design limits, in a model by its name.
+
+    Raises `InputError` if a requirement names no quantity of the design.
+    """
+    wanted = requirements.of_design(source.design)
+    if not wanted or level is None:
+        return ()
+    found = requirements.find(wanted, names_of(source))
+    return requirements.judge(found, source.design, level)
+
+
+def find_unknown_names(
+    design: Design, found: Modes | None, raw: dict[str, object]
+) -> list[ImplausibleNumber]:
+    """Find unknown names in a design, whose tables are `raw`; labels if modes are `found`."""
+    from suspension_cli.analyses import registry as analyses
+
+    stages = tuple(stage.name for stage in design.stage)
+    frame = (FRAME,) if design.support is not None else ()
+    on_ground = any(GROUND in item.between for _, item in design.between_bodies)
+    known = (SUPPORT, *stages, *frame, *((GROUND,) if on_ground else ()))
+    wires = [
+        f"{stage.name}.{n}"
+        for stage in design.stage
+        for n in range(1, len(list_wire_tables(stage)) + 1)
+    ]
+
+    def parse_signal(text: str) -> None:
+        signals.parse(text, "", known)
+
+    def parse_path(path: str, remedy: str = "write PATH=GRID") -> None:
+        table = path.partition("=")[0].strip().rpartition(".")[0]
+        if value_at(raw, table) is None:
+            raise InputError([Fault("", "does not lead to a table of the design", remedy)])
+
+    def parse_among(names: list[str], kind: str, text: str) -> None:
+        if text not in names:
+            raise InputError([Fault("", f"names no {kind}", suggest(text, names))])
+
+    unknown: list[ImplausibleNumber] = []
+    for analysis in map(analyses.get, ANALYSES):
+        parsers = [*analysis.parse_names(design, stages, known)]
+        if found is not None:
+            parsers += analysis.parse_results(design, found, stages, known)
+        unknown += [warning for parse in parsers for warning in _collect_faults(parse)]
+    parse_text: dict[str, Callable[[str], object]] = {
+        **dict.fromkeys(("input", "output", "over", "under", "impulse"), parse_signal),
+        "observe": lambda text: parse_signal(f"{text.partition('@')[0]}.x"),
+        "wire": partial(parse_among, wires, "wire"),
+        "body": partial(parse_among, [*stages], "stage"),
+        "vary": parse_path,
+        "result": lambda text: found and named_results.parse([text], found, known),
+    }
+    for where, key, value in _analysis_keys(design):
+        if "." in key:
+            parse = partial(parse_path, key, "write the path as in the file: stage.test.wires.d")
+            unknown += [replace(item, key=where) for item in _collect_faults(parse)]
+        elif key in parse_text and isinstance(value, str):
+            faults = _collect_faults(partial(parse_text[key], value))
+            unknown += [replace(item, key=where, value=format_value(value)) for item in faults]
+    return unknown
+
+
+def _analysis_keys(design: Design) -> Iterator[tuple[str, str, object]]:
+    """Iterate over paths, keys and values of the defaults of commands; over lists of texts too."""
+    for command, table in design.analysis.items():
+        for key, value in table.items():
+            for text in value if isinstance(value, list) and "." not in key else [value]:
+                yield f"analysis.{command}.{key}", key, text
+
+
+def _collect_faults(parse: Callable[[], object]) -> list[ImplausibleNumber]:
+    """Return the faults of parsing a name as warnings."""
+    try:
+        parse()
+    except InputError as error:
+        return [ImplausibleNumber.of(fault) for fault in error.faults]
+    return []

@@ -1,0 +1,23 @@
+"""What a design must meet: limits on quantities, in the table `[[requirement]]`."""
+
+from __future__ import annotations
+
+from suspension_cli.design import tables
+from suspension_cli.design.tables import Table, key
+from suspension_cli.design.units import Number
+
+
+class RequiredQuantity(Table, frozen=True):
+    """A limit on a quantity of the design."""
+
+    quantity: str = key(
+        "name of a quantity, such as 'lowest pitch' or 'thermal test.x:10'", max_length=200
+    )
+    at_least: Number | None = key("smallest value, in the quantity's SI unit (Hz for modes)")
+    at_most: Number | None = key(
+        "largest value, in the quantity's SI unit; alone, of a quantity with a sign, that of its"
+        " magnitude"
+    )
+    note: str = key("where the requirement comes from, for reports", "", max_length=200)
+
+    rules = (tables.any_of("at_least", "at_most"), tables.ordered("at_least", "at_most"))

@@ -1,0 +1,1 @@
+"""What linear systems give, for every analysis: noise, loops, loads, couplings, wire modes."""

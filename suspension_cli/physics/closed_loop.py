@@ -1,0 +1,636 @@
+"""Poles and margins of a suspension with its loops closed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.design.control import Loop
+from suspension_cli.design.schema import Design
+from suspension_cli.elimination import connected_groups
+from suspension_cli.errors import InputError
+from suspension_cli.linear import (
+    damped,
+    eigenmodes,
+    mode_content,
+    quality,
+    roots,
+    signals,
+    statespace,
+)
+from suspension_cli.linear.damped import LostModeError, change_of_stiffness, has_steep_tables
+from suspension_cli.linear.frequency_terms import is_damper
+from suspension_cli.linear.oscillations import find_oscillations, settle
+from suspension_cli.linear.pencil import Pencil
+from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.statespace import Poles, StateSpace, with_constant_loss
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.physics import local_control, margins
+from suspension_cli.physics.local_control import Plant
+from suspension_cli.physics.margins import Margins, SensitivityPeak
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Int
+
+    from suspension_cli.models.base import Model
+    from suspension_cli.physics.log import Log
+
+
+PADE = 8
+"""Order of Pade's approximation of a delay T; its error is 5e-4 up to omega T = 8."""
+
+
+DIRECT = 6
+"""Most poles of a filter whose polynomials keep their digits; others become sections in series."""
+
+
+STILL = 1e-12
+"""Fraction of the largest pole below which a pole is that of a free coordinate."""
+
+
+SURE = 1.0
+"""Decay within a delay, nepers, up to which no pole is one of its approximation."""
+
+
+NYQUIST = 0.9
+"""Fraction of half the rate of a digital filter from which its poles may be aliases."""
+
+
+FAR = 50.0
+"""Decay within a delay, nepers, beyond which poles are given up."""
+
+
+GROWING = 1e-18
+"""Growth rate over frequency up to which it is a rounding error of the power of loops."""
+
+
+RISING = (0.1, 0.2, 0.4, 0.7, 1.0)
+"""Fractions of the gain of loops at which poles of filters are followed."""
+
+
+SAME = 1e-6
+"""Relative distance of two poles up to which they are one."""
+
+
+BESIDE = 1 + 1e-6
+"""Factor from a start value to where the force of a loop is evaluated: it may be a pole of it."""
+
+
+LOOP = Signal("", "", 0, (0.0, 0.0, 0.0), acts=True)
+"""Stands for the force and the reading of a loop, which are inside the closed system."""
+
+
+def find_margins(plant: Plant, closed: Poles) -> tuple[tuple[Margins, ...], SensitivityPeak]:
+    """Find the margins of each loop and of all at once, from stable closed-loop poles."""
+    corners = _find_corner_frequencies(plant, closed)
+    gain = partial(local_control.compute_loop_gains, plant)
+    peak = margins.find_peak(partial(local_control.compute_sensitivity, plant), corners)
+    return tuple(margins.compute_margins(gain, corners)), peak
+
+
+def _find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
+    """Find frequencies (Hz) of closed-loop poles and of roots of filters, and beside them.
+
+    A resonance narrow in a loop gain L with the others closed is as near to a closed-loop pole,
+    where 1 + L is 0, as it is wide.
+    """
+    filters = [loop.controller_and_sensor.continuous for loop in plant.loops]
+    found = [root for one in filters for root in (*one.zeros, *one.poles)]
+    every: Complex[np.ndarray, " root"] = np.append(closed.value / (2 * np.pi), found)
+    every = every[np.abs(every) > 0]
+    centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
+    beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
+    return np.unique(np.concatenate([np.abs(every), *beside]))
+
+
+def find_steady_poles(
+    design: Design,
+    model: LinearSystem,
+    kind: Model,
+    motion: str,
+    log: Log | None = None,
+    allow_unstable: bool | None = None,
+) -> Poles:
+    """Find the poles, closed-loop if there are loops, on wires without mass.
+
+    Raises `InputError` if one grows, as there is no steady `motion` then ("response", ...); with
+    `allow_unstable` warns of it. This is None if the command has no such option.
+    """
+    massless = registry.BEAM.system(design) if kind.has_wire_mass else model
+    found = find_poles(local_control.build_plant(design, massless))
+    if not found.stable:
+        where, remedy = describe_growth(found)
+        if not allow_unstable:
+            problem = f"the closed loop is unstable, so it has no steady {motion}: {where}"
+            way = " (pendsus damp)" if allow_unstable is None else ", or give --allow-unstable"
+            raise InputError.of("control", problem, remedy + way)
+        assert log is not None
+        log.warn(f"the closed loop is unstable: {where}; {remedy}")
+    return found
+
+
+def describe_growth(closed: Poles) -> tuple[str, str]:
+    """Describe the pole that grows fastest, and a remedy."""
+    worst = int(closed.growth_rate.argmax())
+    others = int((closed.growth_rate > 0).sum()) - 1
+    more = f" (and {others} more)" if others else ""
+    where = (
+        f"a pole at {closed.frequency[worst]:.5g} Hz in {closed.state[worst]} grows at"
+        f" {closed.growth_rate[worst]:.4g} 1/s"
+    )
+    remedy = "check the sign of the loops that drive it, or lower their gain or phase lag there"
+    return where + more, remedy
+
+
+def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
+    """Build the closed-loop state space: states of the mechanics, then of the filters.
+
+    Without inputs it has all poles of the observed blocks.
+
+    With the forces w of the loops and what their filters sense, and z = (sensed motions, outputs
+    of filters), w = F z closes the loops of
+
+        x' = A x + B w + B_e e,    z = C x + D w + D_e e,    y = C_o x + D_o w + D_oe e.
+    """
+    from scipy.linalg import block_diag
+
+    model, count, i, o = plant.model, len(plant.loops), len(inputs), len(outputs)
+    # velocity dampers are part of the damping matrix, which may become asymmetric
+    viscous = np.array([_viscous(loop) for loop in plant.loops])
+    model = replace(model, damping=model.damping + (plant.pushed.T * viscous) @ plant.sensed)
+    drives, rows = (
+        np.array([*(signals.linear_form(s, model) for s in some), *loops])
+        for some, loops in ((inputs, plant.pushed), (outputs, plant.sensed))
+    )
+    within = [LOOP] * count
+    bare = statespace.assemble(
+        model, drives, [*inputs, *within], rows, [*outputs, *within], undriven=not inputs
+    )
+    if not count:
+        return bare
+    filters = [(f.A, f.B, f.C, f.D) for f in map(realise, plant.loops)]
+    # inputs: external ones, forces of loops, what filters sense; outputs likewise
+    a, b, c, d = (
+        np.asarray(block_diag(*parts))
+        for parts in zip((bare.a, bare.b, bare.c, bare.d), *filters, strict=True)
+    )
+    one, none = np.eye(count), np.zeros((count, count))
+    feedback = np.block([[none, -one], [one, none]])
+    feedback = feedback @ np.linalg.inv(np.eye(2 * count) - d[o:, i:] @ feedback)
+    back, through = b[:, i:] @ feedback, d[:o, i:] @ feedback
+    names = [
+        f"loop {loop.name} {k}"
+        for loop, (states, *_) in zip(plant.loops, filters, strict=True)
+        for k in range(1, len(states) + 1)
+    ]
+    return replace(
+        bare,
+        a=a + back @ c[o:],
+        b=b[:, :i] + back @ d[o:, :i],
+        c=c[:o] + through @ c[o:],
+        d=d[:o, :i] + through @ d[o:, :i],
+        state=(*bare.state, *names),
+        state_unit=(*bare.state_unit, *["1"] * len(names)),
+        input=bare.input[:i],
+        input_unit=bare.input_unit[:i],
+        output=bare.output[:o],
+        output_unit=bare.output_unit[:o],
+    )
+
+
+def _viscous(loop: Loop) -> float:
+    """Force per velocity of a damper without sensor dynamics, N s/m or N m s/rad; else 0."""
+    return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
+
+
+def realise(loop: Loop) -> Any:
+    """Realise filter, sensor and delay of a loop (rad/s); of a damper, what its delay changes.
+
+    Returns a `scipy.signal.StateSpace`.
+    """
+    from scipy.signal import StateSpace, tf2ss, zpk2sos, zpk2ss
+
+    delay = _realise_delay(loop.delay)
+    if damper := _viscous(loop):
+        # its force without delay is in the damping matrix: left is c s (exp(-s T) - 1)
+        rate = damper * delay.C @ delay.A, damper * delay.C @ delay.B
+        return StateSpace(delay.A, delay.B, *rate)
+    made = loop.controller_and_sensor.continuous
+    zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
+    gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
+    if len(poles) <= DIRECT:
+        return StateSpace(*zpk2ss(zeros, poles, gain)) * delay if len(poles) else delay * gain
+    for section in zpk2sos(zeros, poles, gain, analog=True):
+        halves = (np.trim_zeros(half, "f") for half in np.split(section, 2))
+        delay = StateSpace(*tf2ss(*halves)) * delay
+    return delay
+
+
+def _realise_delay(delay: float) -> Any:
+    """Realise a delay T as Pade's fraction, in sections (s^2 - b s + w^2) / (s^2 + b s + w^2).
+
+    Its denominator is a Bessel polynomial in s T / 2 (Storch, Proc. IRE 42, 1666 (1954)).
+    """
+    from scipy.signal import StateSpace, besselap
+
+    result: Any = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
+    roots = np.asarray(besselap(PADE, norm="delay")[1]) if delay else np.zeros(0)
+    for pole in 2 * roots[roots.imag > 0] / (delay or 1.0):
+        w, b = abs(pole), -2 * pole.real
+        a = np.array([[0.0, w], [-w, -b]])
+        result = result * StateSpace(a, [[0.0], [w]], [[0.0, -2 * b / w]], np.eye(1))
+    return result
+
+
+def find_poles(plant: Plant) -> Poles:
+    """Find the closed-loop poles of a plant without wire mass, one of each conjugate pair.
+
+    Raises `InputError` if one is lost.
+    """
+    plant = _with_states_of_light(plant)
+    fixed = replace(plant, model=with_constant_loss(plant.model))
+    found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
+    value = np.concatenate([one.value for one in found])
+    states = [state for one in found for state in one.state]
+    motion = np.concatenate([one.motion for one in found if one.motion is not None])
+    order = np.argsort(np.abs(value), kind="stable")
+    return Poles(value[order], tuple(states[n] for n in order), motion[order])
+
+
+def _with_states_of_light(plant: Plant) -> Plant:
+    """Give the light of cavities coordinates, in which its poles are as harmless as others."""
+    model = statespace.with_states_of_light(plant.model)
+    more = ((0, 0), (0, model.size - plant.model.size))
+    sensed, pushed = np.pad(plant.sensed, more), np.pad(plant.pushed, more)
+    return replace(plant, model=model, sensed=sensed, pushed=pushed)
+
+
+def _build_blocks(plant: Plant) -> list[tuple[ClosedBlock, list[int]]]:
+    """Coordinates that couple to no others, with the numbers of the loops that act on them."""
+    pencil = Pencil.of(plant.model)
+    linked = pencil.coupled | ((plant.pushed != 0).T.astype(float) @ (plant.sensed != 0) > 0)
+    blocks = []
+    for group in connected_groups(linked[6:, 6:]):
+        keep = 6 + group[np.argsort(pencil.owner[6 + group], kind="stable")]
+        acting = (plant.pushed[:, keep] != 0).any(1) | (plant.sensed[:, keep] != 0).any(1)
+        numbers = np.flatnonzero(acting).tolist()
+        loops = tuple(
+            Feedback(plant.sensed[n], plant.pushed[n], loop.controller_and_sensor, loop.delay)
+            for n, loop in enumerate(plant.loops)
+            if n in numbers
+        )
+        pull = np.asarray(linked[keep, :6].any(0))
+        blocks.append((ClosedBlock(pencil, keep, pull, loops), numbers))
+    return blocks
+
+
+def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list[int]) -> Poles:
+    """Find the poles of one block; `fixed` has the plant's losses as constant matrices.
+
+    Without losses and delays the starts are eigenvalues, which need no other search. Raises
+    `LostModeError` if one of others is lost, unless it may be a pole of the approximated delay.
+    """
+    within = _Within(plant, block, tuple(numbers))
+    if not len(within.bodily):
+        none = np.zeros(0, dtype=complex)
+        return Poles(none, (), np.zeros((0, plant.model.size), dtype=complex))
+    start = within.counted() if within.has_steep_tables else within.solve(fixed.model)
+    value, motion, lost = within.refine(start)
+    if within.is_lossy and lost.any():
+        start = within.settled(start, lost)
+        value, motion, lost = within.refine(start)
+    fast = -np.real(start.value) * within.delay
+    lost |= ~(fast <= FAR)
+    if within.delay:
+        within.search_again(value, lost)
+    vital = lost & (fast <= SURE) & ~within.at_half_the_rate(start)
+    if vital.any():
+        if within.is_lossy or within.delay:
+            n = int(np.flatnonzero(vital)[0])
+            raise LostModeError.of_loops(start.state[n], abs(start.value[n]) / (2 * np.pi))
+        value = start.value
+    left = np.flatnonzero(~lost | vital)
+    return Poles(value[left], tuple(start.state[n] for n in left), motion[left])
+
+
+def _move_filter_poles(
+    value: Complex[np.ndarray, " pole"], state: tuple[str, ...], loops: Sequence[Loop]
+) -> Complex[np.ndarray, " pole"]:
+    """Move start values that are poles of digital filters to where these are.
+
+    The state space takes s for w.
+    """
+    filters = {f"loop {loop.name}": loop.controller_and_sensor for loop in loops}
+    result = value.astype(complex)
+    for n, name in enumerate(state):
+        made = filters.get(name.rpartition(" ")[0])
+        if made is None or not made.period:
+            continue
+        near = [(abs(value[n] + 2 * np.pi * p), one.rate) for one in made.parts for p in one.poles]
+        if near and (rate := min(near)[1]):
+            result[n] = _move(result[n], rate)
+    return result
+
+
+def _move(w: complex, rate: float) -> complex:
+    """Move a pole of a digital filter from w to s = 2 rate artanh(w / 2 rate), with Im s >= 0.
+
+    Where w is real and beyond 2 rate, z is negative, and the pole is at half the rate; where it is
+    2 rate, z is 0 and s infinite.
+    """
+    with np.errstate(all="ignore"):
+        moved = 2 * rate * np.arctanh(complex(w) / (2 * rate))
+    return complex(np.real(moved), np.abs(np.imag(moved)))
+
+
+@dataclass(frozen=True)
+class _Starts:
+    """Poles of a closed loop with constant matrices: s, the leading state, and motions."""
+
+    value: Complex[np.ndarray, " pole"]
+    state: tuple[str, ...]
+    motion: Complex[np.ndarray, "pole coordinate"]
+
+    def followed_by(self, other: _Starts) -> _Starts:
+        """Append others."""
+        return _Starts(
+            np.append(self.value, other.value),
+            (*self.state, *other.state),
+            np.concatenate([self.motion, other.motion]),
+        )
+
+    def select(self, some: Bool[np.ndarray, " pole"] | list[int]) -> _Starts:
+        """Select some."""
+        chosen = np.arange(len(self.value))[some]
+        return _Starts(
+            self.value[chosen], tuple(self.state[n] for n in chosen), self.motion[chosen]
+        )
+
+
+@dataclass(frozen=True)
+class _Within:
+    """One block of a plant, with the numbers of its loops."""
+
+    plant: Plant
+    block: ClosedBlock
+    numbers: tuple[int, ...]
+
+    @cached_property
+    def bodily(self) -> Int[np.ndarray, " coordinate"]:
+        """Coordinates of bodies."""
+        return self.block.keep[self.block.keep < 6 + 6 * len(self.plant.model.body)]
+
+    @property
+    def delay(self) -> float:
+        """Longest delay of a loop, s."""
+        return max((one.delay + one.filter.period for one in self.block.loops), default=0.0)
+
+    def at_half_the_rate(self, start: _Starts) -> Bool[np.ndarray, " pole"]:
+        """Mark starts in digital filters near half their rate, which may be one pole or none.
+
+        There z is negative, and a start and its mirror image belong to the same pole.
+        """
+        rates = [one.rate for loop in self.block.loops for one in loop.filter.parts if one.rate]
+        if not rates:
+            return np.zeros(len(start.value), dtype=bool)
+        of_filter = np.array([name.startswith("loop ") for name in start.state], dtype=bool)
+        return of_filter & (np.abs(start.value) > NYQUIST * np.pi * min(rates))
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether the stiffness has losses, or depends on frequency."""
+        terms = any(not is_damper(term) for _, term in self.block.terms)
+        return terms or bool(self.block.loss.any())
+
+    @cached_property
+    def terms(self) -> list[int]:
+        """Numbers of the terms that act on the block."""
+        return [n for n, _ in self.block.terms]
+
+    @property
+    def has_steep_tables(self) -> bool:
+        """See `linear.damped.has_steep_tables`."""
+        still = eigenmodes.spectrum(self.plant.model)
+        own = still.motion[:, self.block.keep].any(1)
+        return has_steep_tables(
+            self.plant.model, self.terms, still.omega_squared[own], still.motion[own]
+        )
+
+    def solve(self, model: LinearSystem) -> _Starts:
+        """Solve for the poles with constant matrices; those of free coordinates are 0."""
+        own = replace(self.plant, model=model).with_loops(list(self.numbers))
+        body = model.body
+        motions = [
+            Signal("", body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False)
+            for n in self.bodily.tolist()
+        ]
+        found, shape = statespace.find_poles(build_closed_loop(own, [], motions))
+        value, motion = found.value.copy(), np.zeros((len(found.value), model.size), dtype=complex)
+        motion[:, self.bodily] = shape.T
+        value[np.abs(value) <= STILL * np.abs(value).max(initial=0.0)] = 0.0
+        value = _move_filter_poles(value, found.state, own.loops)
+        return _Starts(value, found.state, motion)
+
+    def at(self, omega: float, share: float = 1.0) -> _Starts:
+        """Solve for the oscillating poles with the stiffness at a frequency (rad/s).
+
+        Losses are dampers that dissipate as much.
+        """
+        model = self.plant.model
+        soft, k = change_of_stiffness(model, self.terms, omega, share)
+        loss = np.imag(soft) + (model.elongation.T * np.imag(k)) @ model.elongation
+        fixed = replace(
+            model,
+            soft=np.real(model.soft) + np.real(soft),
+            k=np.real(model.k) + np.real(k),
+            damping=model.damping + (loss + loss.T) / (2 * omega),
+            terms=tuple(filter(is_damper, model.terms)),
+        )
+        found = self.solve(with_constant_loss(fixed))
+        return found.select(np.imag(found.value) > 0)
+
+    def poles_at(
+        self, omega: float, share: float
+    ) -> tuple[Complex[np.ndarray, " pole"], Complex[np.ndarray, "pole coordinate"]]:
+        """See `at`."""
+        found = self.at(omega, share)
+        return found.value, found.motion
+
+    def counted(self) -> _Starts:
+        """Find starts by counting those that oscillate."""
+        found = self.solve(with_constant_loss(self.plant.model))
+        result = found.select(np.imag(found.value) == 0)
+        for value in find_oscillations(self.poles_at)[0].tolist():
+            result = result.followed_by(self._nearest(value))
+        return result
+
+    def settled(self, start: _Starts, lost: Bool[np.ndarray, " pole"]) -> _Starts:
+        """Replace lost starts that oscillate by poles with the stiffness at their frequencies."""
+        value, motion = start.value.copy(), start.motion.copy()
+        for n in np.flatnonzero(lost & (np.imag(value) > 0)):
+            for found in settle(self.poles_at, complex(value[n]), motion[n]):
+                value[n], motion[n] = found
+        return replace(start, value=value, motion=motion)
+
+    def _nearest(self, value: complex) -> _Starts:
+        """The pole nearest to a value with the stiffness at its frequency."""
+        found = self.at(value.imag)
+        return found.select([int(np.abs(found.value - value).argmin())])
+
+    def refine(
+        self, start: _Starts
+    ) -> tuple[
+        Complex[np.ndarray, " pole"],
+        Complex[np.ndarray, "pole coordinate"],
+        Bool[np.ndarray, " pole"],
+    ]:
+        """Find the poles with all losses and delays, and motions; mark those that are lost.
+
+        These keep their start.
+        """
+        value, motion, block = start.value.copy(), start.motion.copy(), self.block
+        # of the approximated delay, or a delay of samples, z = 0
+        lost = ~(-np.real(value) * self.delay <= FAR)
+        value[lost] = 0.0
+        pencil = Pencil.of(self.plant.model)
+        for chosen in (np.imag(value) > 0, (np.imag(value) == 0) & (value != 0)):
+            some = np.flatnonzero(chosen)
+            if not len(some):
+                continue
+            starts = Roots.starts(
+                [block], value[some], np.zeros(len(some), dtype=int), motion[some]
+            )
+            for force, loop in zip(_forces(block, starts), block.loops, strict=True):
+                _, over, under = loop.at(value[some] * BESIDE)[0]
+                force[:] = over / under * (motion[some] @ loop.sensed)
+                force[~motion[some].any(1)] = 1.0  # without motion the loops alone act
+            loss = "all" if np.imag(value[some[0]]) else "dampers"
+            found = roots.find_roots(pencil, [block], starts, loss=loss)
+            kept = ~(found.lost | roots.repeated(found))
+            lost[some] = ~kept
+            if kept.any():
+                own = found.select(kept)
+                value[some[kept]] = _refine_decays(self.plant, block, own)
+                motion[some[kept]] = own.motions([block], self.plant.model.size)
+        return value, motion, lost
+
+    def search_again(
+        self, value: Complex[np.ndarray, " pole"], missing: Bool[np.ndarray, " pole"]
+    ) -> None:
+        """Find poles that are missing, in place: from those of digital filters with the loops open.
+
+        They are followed while the gain of the loops rises.
+        """
+        loops = self.block.loops
+        parts = [one for loop in loops for one in loop.filter.parts if one.rate]
+        every = [_move(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
+        start = np.array([one for one in every if np.isfinite(one) and one != 0], dtype=complex)
+        if not missing.any() or not len(start):
+            return
+        found = np.unique(start)
+        for share in RISING:
+            filters = [replace(one.filter, gain=one.filter.gain * share) for one in loops]
+            scaled = tuple(
+                replace(one, filter=own) for one, own in zip(loops, filters, strict=True)
+            )
+            within = replace(self, block=replace(self.block, loops=scaled))
+            still = np.zeros((len(found), self.plant.model.size), dtype=complex)
+            found, _, lost = within.refine(_Starts(found, ("",) * len(found), still))
+            found = found[~lost]
+        highest = np.pi * max(one.rate for one in parts) * (1 + SAME)
+        for pole in found:
+            known = np.isclose(value[~missing], pole, rtol=SAME, atol=0.0).any()
+            if missing.any() and not known and np.imag(pole) <= highest:
+                free = np.flatnonzero(missing)[0]
+                value[free] = pole
+                missing[free] = False
+
+
+def _forces(block: ClosedBlock, found: Roots) -> Complex[np.ndarray, "loop root"]:
+    """Forces of the loops of a block, which are its last unknowns."""
+    return found.motion[len(block.owner) - len(block.loops) :]
+
+
+def _refine_decays(plant: Plant, block: ClosedBlock, found: Roots) -> Complex[np.ndarray, " pole"]:
+    """Compute slow decays from dissipation and the power of loops (see `linear.quality`)."""
+    motion = found.motions([block], plant.model.size)
+    power = np.zeros(len(motion))
+    for force, loop in zip(_forces(block, found), block.loops, strict=True):
+        power += np.imag(np.conj(motion @ loop.pushed) * force)
+    value = quality.evaluate(plant.model, found.value, motion, power).value
+    steady = (np.real(value) > 0) & (np.real(value) <= GROWING * np.abs(value))
+    return np.where(steady, 1j * np.imag(value), value)
+
+
+@dataclass(frozen=True)
+class DampedModes:
+    """Modes of the suspension with all losses, dampers and loops, ascending in frequency.
+
+    Attributes
+    ----------
+    frequency
+        Hz; 0 of a mode that does not oscillate.
+    q
+        Im s / (-2 Re s); infinite without decay.
+    decay_rate
+        Of the amplitude, 1/s; negative of a mode that grows.
+    dilution
+        Total energy over the energy in lossy elements; NaN with loops, and where not known.
+    fraction
+        Fraction of the kinetic energy in each motion (`Modes.place`).
+    """
+
+    frequency: Float[np.ndarray, " mode"]
+    q: Float[np.ndarray, " mode"]
+    decay_rate: Float[np.ndarray, " mode"]
+    dilution: Float[np.ndarray, " mode"]
+    fraction: Float[np.ndarray, "mode place"]
+
+
+def solve_modes(model: LinearSystem, design: Design) -> DampedModes:
+    """Solve for the modes of a design's bodies, on wires without mass, with its loops closed.
+
+    Poles of filters, in which mostly these move, are no modes.
+    """
+    if design.control is None or not design.control.loop:
+        found = damped.solve(model)
+        frequency = np.nan_to_num(found.frequency)
+        decay = np.where(found.growth_rate > 0, -found.growth_rate, found.decay_rate)
+        return DampedModes(frequency, found.q, decay, found.dilution, found.fractions)
+    poles = find_poles(local_control.build_plant(design, model))
+    assert poles.motion is not None
+    bodily = np.array([not name.startswith("loop ") for name in poles.state], dtype=bool)
+    value = poles.value[bodily]
+    motion = poles.motion[bodily][:, : model.size]  # without states of light
+    fraction = np.concatenate(mode_content.energy_fractions(model, motion), axis=1)
+    unknown = np.full(len(value), np.nan)
+    q = np.where(np.imag(value) > 0, poles.q[bodily], 0.0)
+    frequency = np.where(np.imag(value) > 0, np.abs(value) / (2 * np.pi), 0.0)
+    return DampedModes(frequency, q, -np.real(value), unknown, fraction)
+
+
+MARGINS = {"gain": "dB", "phase": "deg", "delay": "s", "distance": "1"}
+"""Margins of a loop, with their units."""
+
+
+def compute_margins(model: LinearSystem, design: Design) -> Float[np.ndarray, "loop margin"]:
+    """Compute the `MARGINS` of all loops of a design, the smaller one of the gain; NaN if unstable.
+
+    An infinite one means that nothing limits.
+    """
+    plant = local_control.build_plant(design, model)
+    closed = find_poles(plant)
+    if not closed.stable:
+        return np.full((len(plant.loops), len(MARGINS)), np.nan)
+    found, _ = find_margins(plant, closed)
+    rows = []
+    for one in found:
+        gain = min(one.gain_up_db, -one.gain_down_db)
+        rows.append([gain, one.phase, one.delay, one.distance])
+    return np.array(rows)

@@ -1,0 +1,1 @@
+"""Kinds of quantities, one file each: `vocabulary` finds every `KINDS` in this folder."""

@@ -1,0 +1,202 @@
+"""Noise of motions by all causes together, and its RMS: those of `pendsus budget`.
+
+The causes are motions of the support, noise of sensors and actuators, and thermal noise, with the
+loops closed. What moves the support is that of `[analysis.budget]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.errors import InputError, format_value, suggest
+from suspension_cli.linear import signals
+from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.physics import closed_loop, local_control, noise_budget
+from suspension_cli.physics.noise_budget import Noises, Surroundings
+from suspension_cli.quantities.kind import Kind
+from suspension_cli.quantities.kinds.responses import parse_numbers
+from suspension_cli.quantities.names import Names
+from suspension_cli.quantities.quantity import Quantity
+from suspension_cli.quantities.solved import Solved
+
+if TYPE_CHECKING:
+    from jaxtyping import Complex, Float
+
+    from suspension_cli.design.schema import Design
+
+UNSTABLE = "has no steady state: the closed loop is unstable"
+POINTS = 60
+"""Frequencies at which the search for the RMS starts; it adds those that the integral needs."""
+
+
+@dataclass(frozen=True)
+class _FromBudget(Quantity):
+    """A number of the noise budget of each design."""
+
+    surroundings: Surroundings = field(compare=False)
+
+    missing = UNSTABLE
+
+    def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
+        """Compute the budget of each design, with thermal noise where losses are known."""
+        if registry.BEAM.unsuitable(solved.designs[0]):
+            return solved.each(self._compute)
+        return solved.with_bending(lambda bent: bent.each(self._compute))
+
+    def _compute(self, model: LinearSystem, design: Design) -> float:
+        plant = local_control.build_plant(design, model)
+        poles = np.zeros(0, dtype=complex)
+        if plant.loops or self.needs_poles:
+            found = closed_loop.find_poles(plant)
+            if not found.stable:
+                return np.nan
+            poles = found.value
+        warm = None if registry.BEAM.unsuitable(design) else design.constants.temperature
+        around = self.surroundings
+        noises = Noises(plant, list(self.motions), around.motion, warm, around.mirrors)
+        return self.number(noises, poles)
+
+    needs_poles = False
+
+    @property
+    def motions(self) -> tuple[Signal, ...]:
+        """Motions whose budget is computed."""
+        return ()
+
+    def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
+        """Take the number from the noises of one design."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Noise(_FromBudget):
+    """Amplitude spectral density of a motion by all causes at a frequency in Hz."""
+
+    motion: Signal
+    frequency: float
+
+    @property
+    def motions(self) -> tuple[Signal, ...]:
+        """The motion."""
+        return (self.motion,)
+
+    def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
+        """Sum the densities of all causes."""
+        del poles
+        return float(np.sqrt(noises.density(np.array([self.frequency]))[0].sum()))
+
+
+@dataclass(frozen=True)
+class Rms(_FromBudget):
+    """RMS of a motion by all causes over a band, Hz."""
+
+    motion: Signal
+    low: float
+    high: float
+
+    needs_poles = True
+
+    @property
+    def motions(self) -> tuple[Signal, ...]:
+        """The motion."""
+        return (self.motion,)
+
+    def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
+        """Integrate the densities over the band."""
+        grid = np.geomspace(self.low, self.high, POINTS)
+        [budget] = noise_budget.solve(noises, grid, poles, {}, added=True)
+        return float(budget.rms[0])
+
+
+@dataclass(frozen=True)
+class CoilRms(_FromBudget):
+    """RMS of the force that the loops demand of a coil over a band, Hz."""
+
+    coil: str
+    motion: Signal
+    low: float
+    high: float
+
+    needs_poles = True
+
+    @property
+    def motions(self) -> tuple[Signal, ...]:
+        """Some motion: a budget has at least one."""
+        return (self.motion,)
+
+    def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
+        """Take the drive of the coil."""
+        grid = np.geomspace(self.low, self.high, POINTS)
+        [budget] = noise_budget.solve(noises, grid, poles, {}, added=True)
+        drives = {drive.coil: drive.force for drive in budget.drive or ()}
+        return drives[self.coil]
+
+
+def parse_noise(text: str, names: Names, option: str) -> Sequence[Quantity]:
+    """Parse ``noise test.x:10``."""
+    if not text.startswith("noise "):
+        return ()
+    given = parse_numbers(text.removeprefix("noise "), 1)
+    if given is None or not 0 < given[1][0] < 1e9:
+        remedy = "write noise MOTION:FREQUENCY, in Hz: noise test.x:10"
+        raise InputError.of(option, "has no frequency", remedy, format_value(text))
+    written, [frequency] = given
+    motion = signals.parse_output(written, names.signals, option)
+    return [
+        Noise(
+            f"noise {written}:{frequency:g}",
+            f"{motion.unit}/Hz^0.5",
+            names.surroundings,
+            motion,
+            frequency,
+        )
+    ]
+
+
+def parse_rms(text: str, names: Names, option: str) -> Sequence[Quantity]:
+    """Parse ``rms test.x``, ``rms test.x:0.05:10`` and ``rms coil UL:0.05:10``."""
+    if not text.startswith("rms "):
+        return ()
+    rest = text.removeprefix("rms ")
+    given = parse_numbers(rest, 2)
+    written, (low, high) = given or (rest, names.surroundings.band)
+    if not 0 < low < high < 1e9:
+        remedy = "write rms MOTION:LOW:HIGH, in Hz: rms test.x:0.05:10"
+        raise InputError.of(option, "has no band of frequencies", remedy, format_value(text))
+    name = f"rms {written}" + (f":{low:g}:{high:g}" if given else "")
+    around = names.surroundings
+    if written.startswith("coil "):
+        coil = written.removeprefix("coil ")
+        coils = [] if names.design.control is None else names.design.control.osem
+        known = [one.name for one in coils]
+        if coil not in known:
+            remedy = suggest(coil, known) if known else "give [[control.osem]] tables"
+            raise InputError.of(option, "names no OSEM", remedy, format_value(text))
+        motion = signals.parse_output(f"{names.stages[-1]}.x", names.signals, option)
+        return [CoilRms(name, "N", around, coil, motion, low, high)]
+    motion = signals.parse_output(written, names.signals, option)
+    return [Rms(name, motion.unit, around, motion, low, high)]
+
+
+KINDS = (
+    Kind(
+        "noise MOTION:FREQUENCY",
+        "noise test.x:10",
+        "m/Hz^0.5, rad/Hz^0.5",
+        "noise of a motion by all causes of the budget at a frequency in Hz",
+        parse_noise,
+    ),
+    Kind(
+        "rms MOTION, rms MOTION:LOW:HIGH, rms coil OSEM",
+        "rms test.x:0.05:10",
+        "m, rad, N",
+        "RMS by all causes of the budget, of a motion or of the force of a coil, over a band in Hz",
+        parse_rms,
+    ),
+)

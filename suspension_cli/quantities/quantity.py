@@ -1,0 +1,80 @@
+"""A quantity: a scalar result of a design, with a name, a unit and one way to compute it.
+
+Quantities are computed for batches of balanced designs (`solved.Solved`), so that a sweep, a
+tolerance analysis and an optimisation read the same numbers. What several of them need is computed
+once: each says what it `needs`, and the needs of all quantities of a run are merged.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from suspension_cli.quantities.needs import Needs
+from suspension_cli.quantities.solved import Solved
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Inexact
+
+
+@dataclass(frozen=True)
+class Quantity(ABC):
+    """A scalar result of a design.
+
+    Attributes
+    ----------
+    text
+        Its name, as printed: ``thermal test.x:10``.
+    unit
+        SI unit; ``1`` for a number.
+    signed
+        Whether its sign means something (a static rotation); a limit is then one of the magnitude.
+    missing
+        Why a design with an equilibrium may have no value.
+    steady
+        Whether it describes a steady state, which a design whose motion grows does not have.
+    bends
+        Whether it needs wires that bend, as losses act there.
+    wire_mass
+        Whether wires must have mass.
+    """
+
+    text: str
+    unit: str
+
+    signed: ClassVar[bool] = False
+    missing: ClassVar[str] = "has no value"
+    steady: ClassVar[bool] = True
+    bends: ClassVar[bool] = False
+    wire_mass: ClassVar[bool] = False
+
+    @property
+    def needs(self) -> Needs:
+        """What must be solved for it, beside the equilibrium."""
+        return Needs()
+
+    @abstractmethod
+    def read(self, solved: Solved) -> Inexact[np.ndarray, " design"]:
+        """Read the values of a batch, SI; NaN where a design has none.
+
+        Complex values count by their magnitude.
+        """
+
+    def values(self, solved: Solved) -> Float[np.ndarray, " design"]:
+        """Values of a batch, SI; NaN where a design has none, or no equilibrium."""
+        found = self.read(solved)
+        size = np.abs(found) if np.iscomplexobj(found) else found
+        valid = solved.is_steady if self.steady else solved.hangs
+        return np.where(valid, size, np.nan)
+
+
+def evaluate(
+    quantities: Sequence[Quantity], solved: Solved
+) -> Float[np.ndarray, "design quantity"]:
+    """Evaluate quantities of a batch, SI; NaN where a design has none."""
+    columns = [quantity.values(solved) for quantity in quantities]
+    return np.stack(columns, axis=1) if columns else np.zeros((solved.count, 0))

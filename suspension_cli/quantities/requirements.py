@@ -1,0 +1,229 @@
+"""Requirements on quantities: whether values meet them, and by how much.
+
+A requirement is written once, in `[[requirement]]` of a design, `[[tolerance.require]]`,
+``--require`` or a file of goals; every analysis reads it as the same object.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.design.paths import DISPLAYED
+from suspension_cli.design.schema import Design
+from suspension_cli.errors import InputError, format_value, gather
+from suspension_cli.quantities.names import Names
+from suspension_cli.quantities.needs import Needs
+from suspension_cli.quantities.quantity import Quantity, evaluate
+from suspension_cli.quantities.solved import of_designs
+from suspension_cli.quantities.vocabulary import parse_one
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
+
+SYNTAX = "write 'QUANTITY in LEAST:LARGEST', 'QUANTITY < LIMIT' or 'QUANTITY > LIMIT', in SI units"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits on a quantity by name, before it is looked up.
+
+    Attributes
+    ----------
+    low, high
+        Least and largest value, SI; infinite where there is no limit.
+    magnitude
+        Whether they limit the magnitude, and must not be equalled.
+    key
+        Key or option that gave them, for error messages.
+    """
+
+    quantity: str
+    low: float = -math.inf
+    high: float = math.inf
+    magnitude: bool = False
+    note: str = ""
+    key: str = field(default="--require", compare=False)
+
+    @property
+    def text(self) -> str:
+        """Text for ``--require``, exact to the last digit."""
+        if math.isinf(self.low):
+            return f"{self.quantity} < {self.high!r}"
+        if math.isinf(self.high):
+            return f"{self.quantity} > {self.low!r}"
+        return f"{self.quantity} in {self.low!r}:{self.high!r}"
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A quantity of a design and the limits on it."""
+
+    quantity: Quantity
+    limits: Limits
+
+    @property
+    def displayed(self) -> tuple[str, float]:
+        """Unit in which values are shown, "" for ratios, and the factor from SI to it."""
+        return displayed_unit(self.quantity.unit)
+
+    @property
+    def limits_magnitude(self) -> bool:
+        """Whether the sign does not matter: one limit, of a quantity with a sign."""
+        one_sided = math.isinf(self.limits.low) or math.isinf(self.limits.high)
+        return self.limits.magnitude or (self.quantity.signed and one_sided)
+
+    @property
+    def description(self) -> str:
+        """The requirement in usual units: ``|test static pitch| < 2 mrad``."""
+        unit, factor = self.displayed
+        name = self.quantity.text
+        if self.limits_magnitude and self.quantity.signed:
+            name = f"|{name}|"
+        low = self.limits.low * factor
+        high = self.limits.high * factor
+        below, above = ("<", ">") if self.limits.magnitude else ("<=", ">=")
+        if math.isinf(self.limits.low):
+            text = f"{name} {below} {high:g} {unit}"
+        elif math.isinf(self.limits.high):
+            text = f"{name} {above} {low:g} {unit}"
+        else:
+            text = f"{name} in {low:g} to {high:g} {unit}"
+        return text.rstrip()
+
+    def is_met(self, values: Float[np.ndarray, "*design"]) -> Bool[np.ndarray, "*design"]:
+        """Whether designs with these values, SI, meet it; those without a value (NaN) do not."""
+        size = np.abs(values) if self.limits_magnitude else np.asarray(values)
+        if self.limits.magnitude:
+            return (size > self.limits.low) & (size < self.limits.high)
+        return (size >= self.limits.low) & (size <= self.limits.high)
+
+    def margin(self, values: Float[np.ndarray, "*design"]) -> Float[np.ndarray, "*design"]:
+        """Distance from the nearer limit, relative to it: 0.01 means 1 %, negative if exceeded.
+
+        The logarithm of the ratio of value and limit where both are positive; else their
+        difference over the size of the limit (or of the band, if a limit is 0).
+        """
+        size = np.abs(values) if self.limits_magnitude else np.asarray(values, dtype=float)
+        result = np.full(size.shape, np.inf)
+        for limit, sign in ((self.limits.low, 1.0), (self.limits.high, -1.0)):
+            if math.isinf(limit):
+                continue
+            with np.errstate(divide="ignore", invalid="ignore"):
+                if limit > 0:
+                    away = np.where(
+                        size > 0, np.log(np.maximum(size, 0.0) / limit), size / limit - 1
+                    )
+                else:
+                    away = (size - limit) / self._scale
+            result = np.fmin(result, sign * away)
+        return np.where(np.isnan(size), np.nan, result)
+
+    @property
+    def _scale(self) -> float:
+        """Size to which differences from a limit that is not positive are compared."""
+        finite = [abs(one) for one in (self.limits.low, self.limits.high) if math.isfinite(one)]
+        return max(finite) or 1.0
+
+
+def displayed_unit(unit: str) -> tuple[str, float]:
+    """Unit in which values are shown, "" for ratios, and the factor from SI to it."""
+    name, factor = DISPLAYED.get(unit, (unit, 1.0))
+    return ("" if name == "1" else name), factor
+
+
+def of_design(design: Design) -> list[Limits]:
+    """List the limits of the tables `[[requirement]]` of a design."""
+    found = []
+    for number, one in enumerate(design.requirement, 1):
+        low = -math.inf if one.at_least is None else one.at_least
+        high = math.inf if one.at_most is None else one.at_most
+        key = f"requirement.{number}.quantity"
+        found.append(Limits(one.quantity, low, high, note=one.note, key=key))
+    return found
+
+
+def of_tolerance(design: Design) -> list[Limits]:
+    """List the limits of the short form `[[tolerance.require]]`."""
+    found = []
+    for number, one in enumerate(design.tolerance.require if design.tolerance else (), 1):
+        low, high = one.band or (one.above or -math.inf, one.below or math.inf)
+        key = f"tolerance.require.{number}.quantity"
+        found.append(Limits(one.quantity, low, high, one.band is None, key=key))
+    return found
+
+
+def find(limits: Sequence[Limits], names: Names) -> tuple[Requirement, ...]:
+    """Look up the quantities of limits; raises `InputError` with all that a design lacks."""
+    unique = list(dict.fromkeys(limits))
+    return tuple(gather(lambda one: find_one(one, names), unique))
+
+
+def find_one(limits: Limits, names: Names) -> Requirement:
+    """Look up the quantity of limits; raises `InputError` if the design has none of that name."""
+    return Requirement(parse_one(limits.quantity, names, limits.key), limits)
+
+
+def parse(text: str) -> Limits:
+    """Parse limits as ``--require`` takes them."""
+
+    def refused(problem: str, remedy: str = SYNTAX) -> InputError:
+        return InputError.of("--require", problem, remedy, format_value(text))
+
+    found = re.fullmatch(r"\s*(.+?)\s+(in)\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
+    found = found or re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
+    if found is None:
+        raise refused("is no requirement")
+    name, sign, *words = found.groups()
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        raise refused("has a limit that is no number") from None
+    if not np.isfinite(numbers).all():
+        raise refused("has a limit that is not finite")
+    if sign == "in":
+        low, high = numbers
+        if not low < high:
+            raise refused("is a reversed or empty band", "give LEAST:LARGEST")
+        return Limits(name, low, high)
+    [limit] = numbers
+    if not limit > 0:
+        problem = "limits a magnitude to a value that is not positive"
+        raise refused(problem, "give a positive limit")
+    low, high = (-math.inf, limit) if sign == "<" else (limit, math.inf)
+    return Limits(name, low, high, magnitude=True)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A requirement and the value of its quantity in one design, SI; NaN if it has none."""
+
+    requirement: Requirement
+    value: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the value meets it."""
+        return bool(self.requirement.is_met(np.array(self.value)))
+
+    @property
+    def margin(self) -> float:
+        """Distance from the nearer limit, relative to it; negative if exceeded, NaN if unknown."""
+        return float(self.requirement.margin(np.array(self.value)))
+
+
+def judge(requirements: Sequence[Requirement], design: Design, level: str) -> tuple[Verdict, ...]:
+    """Compute the quantities of requirements of one design, in a model by its name.
+
+    Quantities that need a more complete model are computed in that.
+    """
+    quantities = [one.quantity for one in requirements]
+    values = np.full(len(quantities), np.nan)
+    for _, batch in of_designs([design], level, Needs.of(quantities)):
+        values = evaluate(quantities, batch)[0]
+    return tuple(Verdict(*pair) for pair in zip(requirements, values.tolist(), strict=True))

@@ -1,0 +1,270 @@
+"""A batch of balanced designs, of which quantities read what they need.
+
+Each thing is computed once, when it is first read: modes for the whole batch, responses at the
+frequencies of all quantities in one solve. What has no batch form (noise, damped modes, margins)
+is computed design by design.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.design.schema import Design
+from suspension_cli.equilibrium.solve import Equilibrium
+from suspension_cli.errors import InputError
+from suspension_cli.linear import batch_modes, mode_content
+from suspension_cli.linear.batch_modes import Spectrum
+from suspension_cli.linear.signals import Signal, linear_form
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from suspension_cli.models.surroundings import nominal_positions, surrounded
+from suspension_cli.physics import closed_loop
+from suspension_cli.physics.thermal_noise import compute_densities
+from suspension_cli.quantities.needs import Needs
+from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.scene import Scene, select_scenes
+from suspension_cli.studies import builds, variants
+from suspension_cli.studies.builds import Builds
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
+
+    from suspension_cli.physics.closed_loop import DampedModes
+
+Part = tuple["Int[np.ndarray, ' place']", "Solved"]
+"""Places in a batch, and the designs there, solved together."""
+
+
+class Solved:
+    """Balanced designs of one topology in one model, along the first axis of all arrays.
+
+    Attributes
+    ----------
+    designs
+        Of each place; random builds share their nominal design.
+    found
+        Their linear models and status.
+    level
+        Name of the model.
+    needs
+        What the quantities of the run need.
+    """
+
+    def __init__(
+        self,
+        designs: Sequence[Design],
+        found: Builds,
+        level: str,
+        needs: Needs,
+        balance_again: Callable[[str], Iterator[Part]],
+    ) -> None:
+        self.designs = designs
+        self.found = found
+        self.level = level
+        self.needs = needs
+        self._balance_again = balance_again
+        self._in_other_models: dict[str, list[Part]] = {}
+        self._systems: dict[int, LinearSystem] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of designs."""
+        return len(self.designs)
+
+    @property
+    def is_steady(self) -> Bool[np.ndarray, " design"]:
+        """Which designs have a steady state: a stable equilibrium, or one that is allowed."""
+        return self.found.status == builds.GOOD
+
+    @property
+    def hangs(self) -> Bool[np.ndarray, " design"]:
+        """Which designs have an equilibrium on taut wires, stable or not."""
+        return self.is_steady | (self.found.status == builds.UNSTABLE)
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """Undamped modes, ascending, of wires without mass; NaN where a design does not hang."""
+        with np.errstate(all="ignore"):
+            return batch_modes.solve(self.found.model.constant)
+
+    @cached_property
+    def fractions(self) -> Float[np.ndarray, "design mode place"]:
+        """Fractions of the kinetic energy of each mode in each motion."""
+        with np.errstate(all="ignore"):
+            return mode_content.of_spectrum(self.found.model, self.spectrum)
+
+    @cached_property
+    def frequency(self) -> Float[np.ndarray, "design mode"]:
+        """Frequencies of the undamped modes, Hz; NaN of those that grow."""
+        squared = self.spectrum.omega_squared
+        return np.sqrt(np.where(squared >= 0, squared, np.nan)) / (2 * np.pi)
+
+    def response(
+        self, into: Signal, out: Signal, frequency: float
+    ) -> Complex[np.ndarray, " design"]:
+        """Response of a motion to an input at a frequency in Hz that is among the `needs`."""
+        place = (
+            slice(None),
+            self.needs.frequency.index(frequency),
+            self.needs.outputs.index(out),
+            self.needs.inputs.index(into),
+        )
+        return self._responses[place]
+
+    @cached_property
+    def _responses(self) -> Complex[np.ndarray, "design frequency output input"]:
+        needs = self.needs
+        return self.responses(np.array(needs.frequency), needs.inputs, needs.outputs)
+
+    def responses(
+        self, frequency: Array, inputs: Sequence[Signal], outputs: Sequence[Signal]
+    ) -> Complex[np.ndarray, "design frequency output input"]:
+        """Responses of motions to inputs at frequencies in Hz."""
+        with np.errstate(all="ignore"):  # of designs that failed
+            return builds.transfer(self.found, frequency, list(inputs), list(outputs))
+
+    def system(self, number: int) -> LinearSystem:
+        """Linear system of one design, without batch axes.
+
+        Raises `InputError` if it does not balance.
+        """
+        if number not in self._systems:
+            design = self.designs[number]
+            model = registry.by_name(self.level)
+            if self.found.scene is None:
+                made = model.system(design)
+            else:
+                scene = select_scenes(self.found.scene, number)
+                bare = registry.scene_model(self.level).of_scene(scene, design)
+                made = surrounded(bare, design, nominal_positions(design))
+            self._systems[number] = made
+        return self._systems[number]
+
+    def each(
+        self, compute: Callable[[LinearSystem, Design], object], *shape: int
+    ) -> Float[np.ndarray, "design ..."]:
+        """Compute something of each design with a steady state; NaN of others, and of failures."""
+        result = np.full((self.count, *shape), np.nan)
+        for n in np.flatnonzero(self.hangs).tolist():
+            try:
+                result[n] = compute(self.system(n), self.designs[n])
+            except InputError:  # a resonance without loss, a search that found nothing
+                continue
+        return result
+
+    def thermal(self, motion: Signal, frequency: float) -> Float[np.ndarray, " design"]:
+        """Thermal noise of a motion at a frequency in Hz, both among the `needs`, unit/sqrt(Hz)."""
+        needs = self.needs
+        place = needs.warm_motions.index(motion), needs.warm_frequency.index(frequency)
+        return self._thermal[(slice(None), *place)]
+
+    @cached_property
+    def _thermal(self) -> Float[np.ndarray, "design motion frequency"]:
+        motions = self.needs.warm_motions
+        frequency = np.array(self.needs.warm_frequency)
+
+        def compute(model: LinearSystem, design: Design) -> Array:
+            rows = np.array([linear_form(signal, model) for signal in motions])
+            temperature = design.constants.temperature
+            powers = compute_densities(model, frequency, rows, temperature)
+            none = np.zeros(len(frequency))
+            total = np.array([sum(one.values(), none) for one in powers])
+            return np.sqrt(np.where(np.isfinite(total), total, np.nan))
+
+        return self.each(compute, len(motions), len(frequency))
+
+    @cached_property
+    def damped_modes(self) -> list[DampedModes | None]:
+        """Modes of each design with all losses, dampers and loops; None of those that fail."""
+        found: list[DampedModes | None] = [None] * self.count
+        for n in np.flatnonzero(self.hangs).tolist():
+            with contextlib.suppress(InputError):
+                found[n] = closed_loop.solve_modes(self.system(n), self.designs[n])
+        return found
+
+    @cached_property
+    def margins(self) -> Float[np.ndarray, "design loop margin"]:
+        """Margins of each loop (`closed_loop.MARGINS`); NaN if the closed loop is unstable."""
+        control = self.designs[0].control
+        count = 0 if control is None else len(control.loop)
+        return self.each(closed_loop.compute_margins, count, len(closed_loop.MARGINS))
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """Poses and tensions."""
+        assert self.found.equilibrium is not None
+        return self.found.equilibrium
+
+    @property
+    def scene(self) -> Scene:
+        """The designs as arrays."""
+        assert self.found.scene is not None
+        return self.found.scene
+
+    def in_model(
+        self, level: str, read: Callable[[Solved], Inexact[np.ndarray, " design"]]
+    ) -> Inexact[np.ndarray, " design"]:
+        """Read something of these designs in another model; NaN where one has no equilibrium."""
+        if level == self.level:
+            return read(self)
+        if level not in self._in_other_models:
+            self._in_other_models[level] = list(self._balance_again(level))
+        result: Array | None = None
+        for places, part in self._in_other_models[level]:
+            found = read(part)
+            if result is None:
+                result = np.full((self.count, *found.shape[1:]), np.nan, found.dtype)
+            result[places] = found
+        return np.full(self.count, np.nan) if result is None else result
+
+    def with_bending(
+        self, read: Callable[[Solved], Inexact[np.ndarray, " design"]]
+    ) -> Inexact[np.ndarray, " design"]:
+        """Read something where wires bend: losses act where they do."""
+        bends = registry.by_name(self.level).bends_wires
+        return self.in_model(self.level if bends else registry.BEAM.name, read)
+
+    def on_strings(
+        self, read: Callable[[Solved], Inexact[np.ndarray, " design"]]
+    ) -> Inexact[np.ndarray, " design"]:
+        """Read something of the equilibrium: of models without one, that of strings."""
+        known = registry.by_name(self.level).supports_builds
+        return self.in_model(self.level if known else registry.STRING.name, read)
+
+
+def of_designs(
+    designs: Iterable[Design | None], level: str, needs: Needs, *, allow_unstable: bool = False
+) -> Iterator[Part]:
+    """Balance designs in a model, in batches of one topology, with their places.
+
+    Designs that are None, or that the model cannot describe, are in no batch.
+    """
+    known = list(designs)
+    for found, places in variants.balanced(known, level, allow_unstable=allow_unstable):
+        own = [design for n in places.tolist() if (design := known[n]) is not None]
+
+        def again(other: str, own: list[Design] = own) -> Iterator[Part]:
+            return of_designs(own, other, needs, allow_unstable=allow_unstable)
+
+        yield places, Solved(own, found, level, needs, again)
+
+
+def of_builds(
+    scene: Scene, design: Design, level: str, needs: Needs, *, allow_unstable: bool = False
+) -> Solved:
+    """Balance a batch of builds of one design, given as a scene with one batch axis."""
+    found = builds.balance(scene, design, level=level, allow_unstable=allow_unstable)
+    count = len(found.status)
+
+    def again(other: str) -> Iterator[Part]:
+        yield (
+            np.arange(count),
+            of_builds(scene, design, other, needs, allow_unstable=allow_unstable),
+        )
+
+    return Solved([design] * count, found, level, needs, again)

@@ -1,0 +1,54 @@
+"""The names of all quantities: which kinds there are, and what a name means in a design."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Sequence
+from functools import cache
+
+from suspension_cli.design.faults import suggest
+from suspension_cli.errors import InputError, format_value, gather
+from suspension_cli.quantities import kinds
+from suspension_cli.quantities.kind import Kind
+from suspension_cli.quantities.names import Names
+from suspension_cli.quantities.quantity import Quantity
+
+
+@cache
+def every_kind() -> tuple[Kind, ...]:
+    """List the kinds of all files of `quantities/kinds`, in the order of their names."""
+    names = sorted(module.name for module in pkgutil.iter_modules(kinds.__path__))
+    modules = [importlib.import_module(f"{kinds.__name__}.{name}") for name in names]
+    return tuple(kind for module in modules for kind in module.KINDS)
+
+
+def parse(text: str, names: Names, option: str = "--result") -> tuple[Quantity, ...]:
+    """Parse a name of a quantity, or of several (``modes``), of a design.
+
+    Raises `InputError`, which names the `option`, if the design has no such quantity.
+    """
+    plain = " ".join(text.split())
+    for kind in every_kind():
+        found = kind.parse(plain, names, option)
+        if found:
+            return tuple(found)
+    examples = [kind.example for kind in every_kind()]
+    remedy = suggest(plain, [*names.labels, *examples])
+    raise InputError.of(option, "is no quantity of this design", remedy, format_value(text))
+
+
+def parse_all(texts: Sequence[str], names: Names, option: str = "--result") -> tuple[Quantity, ...]:
+    """Parse names of quantities, each quantity once; raises `InputError` with all faults."""
+    found = gather(lambda text: parse(text, names, option), texts)
+    return tuple(dict.fromkeys(quantity for each in found for quantity in each))
+
+
+def parse_one(text: str, names: Names, option: str) -> Quantity:
+    """Parse the name of a single quantity; raises `InputError` if it means several."""
+    found = parse(text, names, option)
+    if len(found) != 1:
+        some = ", ".join(one.text for one in found[:3])
+        problem = f"means {len(found)} quantities"
+        raise InputError.of(option, problem, f"name one: {some}, ...", format_value(text))
+    return found[0]

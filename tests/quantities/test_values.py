@@ -1,0 +1,205 @@
+"""Every kind of quantity against the command that prints the same number, or a closed form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.analyses.named_quantities import names_of
+from suspension_cli.linear import response as responses
+from suspension_cli.linear import signals
+from suspension_cli.models import registry
+from suspension_cli.quantities import solved, vocabulary
+from suspension_cli.quantities.needs import Needs
+from suspension_cli.quantities.quantity import evaluate as evaluate_all
+
+RELATIVE = 1e-9
+LOSSLESS = 1e-6
+"""Modes are listed with their losses, which change frequencies by 1 / (8 Q^2) and with phi."""
+
+
+def evaluate(design: sus.Design, *texts: str, level: str = "beam") -> list[float]:
+    """Values of quantities of one design in a model."""
+    names = names_of(design)
+    wanted = [vocabulary.parse_one(text, names, "--result") for text in texts]
+    [(places, batch)] = solved.of_designs([design.design], level, Needs.of(wanted))
+    assert places.tolist() == [0]
+    return evaluate_all(wanted, batch)[0].tolist()
+
+
+@pytest.fixture(scope="module")
+def triple() -> sus.Design:
+    return sus.example("triple-damped")
+
+
+@pytest.fixture(scope="module")
+def lossy() -> sus.Design:
+    return sus.example("geo-silica-triple")
+
+
+def test_frequencies_are_those_of_modes(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    labels = list(modes.label)
+    pitch, fifth, lowest = evaluate(lossy, "test pitch", "5", "lowest vertical")
+    assert pitch == pytest.approx(modes.frequency[labels.index("test pitch")], rel=LOSSLESS)
+    assert fifth == pytest.approx(modes.frequency[4], rel=LOSSLESS)
+    vertical = [f for f, label in zip(modes.frequency, labels, strict=True) if "vertical" in label]
+    assert lowest == pytest.approx(min(vertical), rel=LOSSLESS)
+
+
+def test_decay_is_that_of_modes(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    n = list(modes.label).index("test longitudinal")
+    q, decay, settling, dilution = evaluate(
+        lossy,
+        "Q of test longitudinal",
+        "decay of test longitudinal",
+        "settling of test longitudinal",
+        "dilution of test longitudinal",
+    )
+    assert q == pytest.approx(modes.q[n], rel=RELATIVE)
+    assert decay == pytest.approx(modes.decay_rate[n], rel=RELATIVE)
+    assert settling == pytest.approx(1 / modes.decay_rate[n], rel=RELATIVE)
+    assert dilution == pytest.approx(modes.dilution[n], rel=RELATIVE)
+    assert decay == pytest.approx(math.pi * modes.frequency[n] / q, rel=1e-6)
+
+
+def test_slowest_mode_with_loops_closed_is_the_slowest_pole(triple):
+    loops = sus.damp(triple)
+    mechanical = np.array([not name.startswith("loop ") for name in loops.closed.state])
+    slowest = -np.real(loops.closed.value[mechanical]).max()
+    [settling] = evaluate(triple, "settling of modes")
+    assert settling == pytest.approx(1 / slowest, rel=RELATIVE)
+
+
+def test_margins_are_those_of_damp(triple):
+    loops = sus.damp(triple)
+    name = loops.loop[1]
+    own = loops.margin[1]
+    values = evaluate(
+        triple, *(f"margin {name}.{w}" for w in ("gain", "phase", "delay", "distance"))
+    )
+    gain = min(own.gain_up_db, -own.gain_down_db)
+    assert values == pytest.approx([gain, own.phase, own.delay, own.distance], rel=1e-6)
+
+
+def test_responses_and_couplings_are_those_of_response(lossy):
+    one, ratio = evaluate(lossy, "test.x/support.x:10", "test.x/test.pitch/support.x:10")
+    asked = {"inputs": ["support.x"], "frequency": [10.0], "fidelity": "beam"}
+    value = sus.response(lossy, outputs=["test.x", "test.pitch"], **asked).value[0, :, 0]
+    assert one == pytest.approx(abs(value[0]), rel=RELATIVE)
+    assert ratio == pytest.approx(abs(value[0] / value[1]), rel=RELATIVE)
+
+
+def test_peak_is_that_of_a_dense_grid_around_the_resonance(lossy):
+    """At a resonance of a single mode the largest magnitude lies within its width."""
+    modes = sus.modes(lossy, fidelity="beam")
+    n = list(modes.label).index("test longitudinal")
+    f = modes.frequency[n]
+    peak, least = evaluate(
+        lossy,
+        f"peak of test.x/support.x:{0.98 * f}:{1.02 * f}",
+        "smallest of test.x/support.x:20:50",
+    )
+    width = f / modes.q[n]
+    model = registry.BEAM.system(lossy.design)
+    known = signals.bodies_with_signals(model)
+    into, out = signals.parse_input("support.x", known), signals.parse_output("test.x", known)
+    dense = f + width * np.linspace(-3, 3, 20001)
+    found = np.abs(responses.solve(model, dense, [into], [out]).value[:, 0, 0])
+    assert peak == pytest.approx(found.max(), rel=1e-6)
+    end = np.abs(responses.solve(model, np.array([50.0]), [into], [out]).value[0, 0, 0])
+    assert least <= end
+
+
+def test_thermal_noise_is_that_of_thermal(lossy):
+    [value] = evaluate(lossy, "thermal test.x:10")
+    found = sus.thermal(lossy, outputs=["test.x"], frequency=[10.0], fidelity="beam")
+    assert value == pytest.approx(found.amplitude[0], rel=RELATIVE)
+
+
+def test_force_noise_of_a_damped_pendulum_is_nyquists():
+    """A body with a viscous damper c along x feels the force sqrt(4 k T c) (Nyquist)."""
+    text = sus.template("single").text.replace(
+        "[stage.wires]", "[stage.damping]\nx = 0.3\n[stage.wires]", 1
+    )
+    design = sus.parse(text)
+    value, motion = evaluate(design, "force noise test.force_x:30", "thermal test.x:30")
+    expected = math.sqrt(4 * 1.380649e-23 * design.constants.temperature * 0.3)
+    assert value == pytest.approx(expected, rel=2e-3)  # wires have losses too
+    assert motion > 0
+
+
+def test_noise_and_rms_are_those_of_budget(triple):
+    found = sus.budget(triple, outputs=["test.x"], frequency="0.05:10:400", fidelity="beam")
+    density, rms = evaluate(triple, "noise test.x:10", "rms test.x:0.05:10")
+    assert density == pytest.approx(found.amplitude[-1], rel=RELATIVE)
+    assert rms == pytest.approx(found.rms[0], rel=1e-3)  # integrals from different points
+
+
+def test_violin_modes_are_those_of_the_table(lossy):
+    modes = sus.modes(lossy, max_frequency=700, fidelity="violin")
+    own = [
+        f
+        for f, label in zip(modes.frequency, modes.label, strict=True)
+        if label.startswith("test violin") and label.endswith(" 1")
+    ]
+    first, lowest = evaluate(lossy, "test violin 1", "lowest violin")
+    assert first == pytest.approx(min(own), rel=1e-8)
+    every = [f for f, order in zip(modes.frequency, modes.order, strict=True) if order]
+    violins = [
+        f for f, label in zip(modes.frequency, modes.label, strict=True) if "violin" in label
+    ]
+    assert len(every) >= len(violins)
+    assert lowest == pytest.approx(min(violins), rel=1e-8)
+
+
+def test_loads_are_those_of_check():
+    design = sus.template("triple")
+    statics = sus.check(design).statics
+    texts = ("tension test.1", "stress test wires", "stress fraction test wires")
+    stage = statics.blades[0].stage
+    tension, stress, fraction, sag = evaluate(
+        design, *texts, f"sag of {stage} blades", level="string"
+    )
+    own = [wire for wire in statics.wires if wire.stage == "test"]
+    assert tension == pytest.approx(own[0].tension, rel=RELATIVE)
+    assert stress == pytest.approx(max(wire.stress for wire in own), rel=RELATIVE)
+    assert fraction == pytest.approx(max(wire.fraction for wire in own), rel=RELATIVE)
+    blades = [blade.sag for blade in statics.blades if blade.stage == stage]
+    assert sag == pytest.approx(max(blades), rel=RELATIVE)
+
+
+def test_poses_are_those_of_check():
+    offset = '[[perturbation]]\nbody = "test"\ncom_offset = [1e-4, 0.0, 0.0]\n'
+    design = sus.parse(sus.template("single").text + offset)
+    statics = sus.check(design).statics
+    turn, height = evaluate(design, "test static pitch", "test height", level="string")
+    assert turn == pytest.approx(statics.bodies[0].rotation[1], rel=1e-6)
+    assert abs(turn) > 1e-5
+    length = sus.template("single").stage[-1].wires.l
+    assert 0.5 * length < height < 1.5 * length
+
+
+def test_distance_and_top_fraction_follow_from_modes(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    labels = list(modes.label)
+    pitch, along = (labels.index(f"test {word}") for word in ("pitch", "longitudinal"))
+    distance, top = evaluate(
+        lossy, "distance test pitch, test longitudinal", "top fraction of test pitch"
+    )
+    ratio = modes.frequency[pitch] / modes.frequency[along]
+    assert distance == pytest.approx(max(ratio, 1 / ratio) - 1, rel=LOSSLESS)
+    assert top == pytest.approx(modes.top_fraction[pitch], rel=LOSSLESS)
+
+
+@pytest.mark.parametrize("kind", vocabulary.every_kind(), ids=lambda kind: kind.pattern)
+def test_each_kind_says_what_is_wrong(kind):
+    """A name of a kind with another ending is refused in one line."""
+    names = names_of(sus.template("triple"))
+    with pytest.raises(sus.InputError) as raised:
+        vocabulary.parse(f"{kind.example} nonsense:", names)
+    assert len(str(raised.value).splitlines()) == 1
