@@ -326,8 +326,10 @@ def killed_while_writing(write):
         child = os.fork()
     if child == 0:
         os.fsync = lambda _handle: os.kill(os.getpid(), signal.SIGKILL)
-        write()
-        os._exit(0)
+        try:
+            write()
+        finally:
+            os._exit(1)  # an exception must not go on with the tests in the copy
     _, status = os.waitpid(child, 0)
     assert os.waitstatus_to_exitcode(status) == -signal.SIGKILL
 
@@ -375,8 +377,11 @@ def test_what_another_process_is_writing_is_no_leftover(tmp_path):
         child = os.fork()
     if child == 0:
         os.fsync = lambda _handle: os.read(read_end, 1)
-        whole_files.replace_file(path, b"slow")
-        os._exit(0)
+        try:
+            whole_files.replace_file(path, b"slow")
+            os._exit(0)
+        finally:
+            os._exit(1)  # an exception must not go on with the tests in the copy
     while not (temporary := [*tmp_path.glob(".x.png.*")]) or not temporary[0].stat().st_size:
         time.sleep(0.002)
     whole_files.replace_file(path, b"quick")
