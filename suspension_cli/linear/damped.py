@@ -1,7 +1,7 @@
 """Modes with dampers, losses and light of any size: poles s = sigma + i omega of a suspension.
 
 Without losses the poles are those of constant matrices, K + s C + s^2 M, with the light of a cavity
-as two coordinates more (`statespace.with_states_of_light`): eigenvalues, none of which can be
+as two coordinates more (`statespace.with_states`): eigenvalues, none of which can be
 missed. Loss angles, phase lags of an oscillation, act at its frequency omega alone. Newton's method
 (`roots`) follows each pole to that with losses, or removes its rounding errors; where it loses one,
 or finds one twice, and where a table gives a stiffness against frequency, the poles are found by
@@ -24,14 +24,7 @@ import numpy as np
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import (
-    EvaluatedWires,
-    LossTerm,
-    is_damper,
-    is_light,
-    is_massive,
-    quadratic_form,
-)
+from suspension_cli.linear.matrix_terms import Damper, StiffnessTable
 from suspension_cli.linear.oscillations import find_oscillations, settle
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.quality import Quality
@@ -42,8 +35,10 @@ from suspension_cli.linear.roots import (
     find_all,
     repeated,
 )
-from suspension_cli.linear.statespace import ROUNDING, with_states_of_light
+from suspension_cli.linear.statespace import ROUNDING, with_states
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import quadratic_form, terms_with_states
+from suspension_cli.linear.wire_term import EvaluatedWires, is_massive
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
@@ -61,7 +56,7 @@ STEEP = 0.1
 TABLES = np.geomspace(1e-5, 1e6, 1101)
 """Frequencies (rad/s) at which changes of stiffness are measured."""
 LIGHT_ENDING = ".light"
-"""Ending of the name of the light of a cavity in `Modes.wire`."""
+"""Ending of the name of the light of a cavity in `Modes.wire`, see `Term.motion_name`."""
 LIGHT = 0.5
 """Fraction of a mode in light above which it is the light's."""
 
@@ -98,7 +93,7 @@ def solve(model: LinearSystem) -> Modes:
     With wire mass these are the modes of bodies alone, each followed from the one without: from a
     start far away a mode of wires may be found instead. Raises `LostModeError` if a pole is lost.
     """
-    states = with_states_of_light(model)
+    states = with_states(model)
     pencil, still, first = Pencil.of(states), eigenmodes.spectrum(states), eigenmodes.solve(states)
     damping, plain = damping_matrix(states), np.ones(len(first.q), dtype=bool)
     loss = np.where(still.omega_squared > 0, 1 / np.maximum(first.q, 1.0), 0.0)
@@ -126,10 +121,10 @@ def solve(model: LinearSystem) -> Modes:
     value = np.concatenate([np.sqrt(-still.omega_squared[plain] + 0j), value])
     motion = np.concatenate([still.motion[plain], motion])
     member = np.append(still.block[plain], member)
-    light = _light_fractions(model, value, motion)
+    light = _state_fractions(model, value, motion)
     found = _evaluate(states, value, motion, light.sum(1) > LIGHT)
     made = eigenmodes.build(model, value, motion[:, : model.size], member, found)
-    return _with_light(made, model, light).ascending()
+    return _with_states_as_motions(made, model, light).ascending()
 
 
 def _evaluate(
@@ -150,33 +145,40 @@ def _evaluate(
     return replace(found, value=np.where(steady, 1j * omega, refined), q=q, dilution=dilution)
 
 
-def _light_fractions(
+def _state_fractions(
     model: LinearSystem,
     value: Complex[np.ndarray, " mode"],
     motion: Complex[np.ndarray, "mode coordinate"],
-) -> Float[np.ndarray, "mode cavity"]:
-    """Fraction of each mode, of unit modal mass, in the light of each cavity.
+) -> Float[np.ndarray, "mode term"]:
+    """Fraction of each mode, of unit modal mass, in the states of each term that has any.
 
-    It is that of the terms of x^T Z'(s) x: 2 s of all bodies, and the squares of both sidebands,
-    which cancel where the light follows at once.
+    It is that of the terms of x^T Z'(s) x: 2 s of all bodies, and q^T (C + 2 s M) q of the states q
+    with their own matrices C and M. Those of light cancel where it follows at once.
     """
-    sidebands = motion[:, model.size :].reshape(len(value), -1, 2)
-    each = np.abs(sidebands[..., 1] ** 2 - sidebands[..., 0] ** 2)
+    terms = terms_with_states(model)
+    each = np.zeros((len(value), len(terms)))
+    start = model.size
+    for n, term in enumerate(terms):
+        states = term.states()
+        own = slice(-states.count, None)
+        slope = states.damping[own, own] + 2 * value[:, None, None] * states.mass[own, own]
+        moved = motion[:, start : start + states.count]
+        each[:, n] = np.abs(np.einsum("mi,mij,mj->m", moved, slope, moved))
+        start += states.count
     whole = each.sum(1) + 2 * np.abs(value)
     return each / np.where(whole > 0, whole, 1.0)[:, None]
 
 
-def _with_light(
-    modes: Modes, model: LinearSystem, fraction: Float[np.ndarray, "mode cavity"]
+def _with_states_as_motions(
+    modes: Modes, model: LinearSystem, fraction: Float[np.ndarray, "mode term"]
 ) -> Modes:
-    """Add the light of detuned cavities, and its fraction of each mode, to the motions."""
+    """Add the motions of states, such as the light of detuned cavities, and their fractions."""
     if not fraction.shape[1]:
         return modes
-    cavities = [term.cause.removesuffix(".cavity") for term in model.terms if is_light(term)]
     bodies = 1 - fraction.sum(1)
     return replace(
         modes,
-        wire=tuple(f"{cavity}{LIGHT_ENDING}" for cavity in cavities),
+        wire=tuple(term.motion_name for term in terms_with_states(model)),
         wire_energy=fraction,
         energy=modes.energy * bodies[:, None, None],
         tip_energy=modes.tip_energy * bodies[:, None],
@@ -199,7 +201,7 @@ def mark_light(modes: Modes) -> Bool[np.ndarray, " mode"]:
 def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordinate"]:
     """Damping matrix C of dampers and of gas around bodies, N s/m."""
     return model.damping + sum(
-        (term.matrix for term in model.terms if isinstance(term, LossTerm) and not term.elastic),
+        (term.matrix for term in model.terms if isinstance(term, Damper)),
         np.zeros(model.damping.shape),
     )
 
@@ -282,7 +284,7 @@ class _Block:
     @cached_property
     def is_lossy(self) -> bool:
         """Whether the stiffness has losses, or depends on frequency."""
-        terms = any(not is_damper(term) for _, term in self.block.terms)
+        terms = any(not term.is_viscous for _, term in self.block.terms)
         return terms or bool(self.block.loss.any())
 
     @property
@@ -426,7 +428,7 @@ def has_steep_tables(
     omega = np.sqrt(squared[moves])
     for n in terms:
         term = model.terms[n]
-        if not isinstance(term, LossTerm) or term.storage is None:
+        if not isinstance(term, StiffnessTable):
             continue
         slope = np.abs(np.diff(term.storage(TABLES)) / np.diff(np.log(TABLES))).max()
         motion = shapes[:, term.columns]
@@ -449,7 +451,7 @@ def change_of_stiffness(
     k = 1j * np.imag(model.k) + np.zeros(len(model.k))
     for n in terms:
         term = model.terms[n]
-        if is_damper(term):
+        if term.is_viscous:
             continue
         here, own = term.at(np.array([omega])), np.ix_(term.columns, term.columns)
         functions = here.functions(np.arange(len(term.compact)))

@@ -38,15 +38,9 @@ from suspension_cli.elimination import (
     multiply_real,
 )
 from suspension_cli.linear.batch_modes import solve_block
-from suspension_cli.linear.frequency_terms import (
-    EvaluatedTerm,
-    EvaluatedWires,
-    Term,
-    WireTerm,
-    distinct,
-    is_damper,
-)
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import EvaluatedTerm, Term
+from suspension_cli.linear.wire_term import EvaluatedWires, WireTerm, distinct
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
@@ -101,7 +95,7 @@ class Block:
 
     @cached_property
     def within(self) -> list[Any]:
-        """See `WireTerm.within` and `LossTerm.within`, of each term."""
+        """See `Term.within`, of each term."""
         return [term.within(self.keep) for _, term in self.terms]
 
     @cached_property
@@ -401,8 +395,8 @@ class Pencil:
         omega, real = -1j * s, np.imag(s).copy() if oscillating is None else oscillating
         terms = [
             term.at(
-                omega if term.dispersive else real,
-                lossy=loss == "all" or (loss == "dampers" and is_damper(term)),
+                omega if term.has_complex_frequency else real,
+                lossy=loss == "all" or (loss == "dampers" and term.is_viscous),
             )
             for term in self.model.terms
         ]

@@ -20,19 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.design.materials import Bulk
 from suspension_cli.elements.dynamic_wire import PARTS
-from suspension_cli.linear.frequency_terms import (
-    EvaluatedWires,
-    LossTerm,
-    Term,
-    WireTerm,
-    is_damper,
-    is_light,
-    is_massive,
-    quadratic_form,
-)
+from suspension_cli.linear.matrix_terms import StiffnessTable
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import TermWithStates, quadratic_form
+from suspension_cli.linear.wire_term import WireTerm, is_massive
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
@@ -43,8 +35,6 @@ SLOW = 1e-4
 """Decay rate over frequency up to which it follows from the dissipation."""
 STEP = 1e-20
 """Relative complex step in frequency, for derivatives of stiffnesses."""
-BESIDE = 1e-5
-"""Relative step of central differences in frequency."""
 UNIT = 1e-9
 """A loss angle in rad, so small that dissipation is proportional to it."""
 
@@ -97,7 +87,10 @@ def evaluate(
     for n, (term, ends) in enumerate(moving):
         energy[n] = _wire_energies(term, ends, np.where(oscillates, omega, 1.0)) * oscillates
     weight, lost = bodily + energy.sum((0, 1)), lost + power
-    inertia = weight + _inertia_of_light(model, np.where(oscillates, omega, 1.0), x)
+    inertia = weight.copy()
+    for term in model.terms:
+        if isinstance(term, TermWithStates):
+            inertia += term.inertia(np.where(oscillates, omega, 1.0), x)
     some = oscillates & (np.abs(lost) > NOTHING * omega**2 * weight)
     sigma = np.where(some, -lost / np.where(some, 2 * omega * inertia, 1.0), 0.0)
     slow = oscillates & (np.abs(np.real(value)) <= SLOW * omega)
@@ -108,7 +101,7 @@ def evaluate(
     dilution = np.abs(value) ** 2 * weight / np.where(stores, elastic, 1.0)
     dilution = np.where(stores, dilution, np.inf)
     # tables against frequency lack the energy in lossy elements
-    known = any(isinstance(term, WireTerm) or term.storage is None for term in model.terms)
+    known = any(not isinstance(term, StiffnessTable) for term in model.terms)
     return Quality(
         refined,
         np.where(~oscillates & (lost > 0), 0.0, q),
@@ -134,32 +127,10 @@ def _dissipation(
     restricted: list[Any] = model.prepared["within"]
     for term, ends in zip(model.terms, restricted, strict=True):
         lost += sum(term.at(omega).dissipated(ends, x).values())
-        if not is_damper(term):
-            elastic += sum(_with_unit_loss(term, omega).dissipated(ends, x).values()) / UNIT
+        alike = term.with_loss_angle(UNIT)
+        if alike is not None:
+            elastic += sum(alike.at(omega).dissipated(ends, x).values()) / UNIT
     return lost if model.active else np.maximum(lost, 0.0), elastic
-
-
-def _inertia_of_light(
-    model: LinearSystem,
-    omega: Float[np.ndarray, " mode"],
-    x: Inexact[np.ndarray, "coordinate mode"],
-) -> Float[np.ndarray, " mode"]:
-    """Compute -x^H d Re(Z) / d(omega^2) x of the light of cavities, kg m^2."""
-    result = np.zeros(len(omega))
-    for term in filter(is_light, model.terms):
-        below, above = (np.real(term.at(omega * (1 + h)).value) for h in (-BESIDE, BESIDE))
-        slope = (above - below) / (4 * BESIDE * omega**2)
-        result -= slope * quadratic_form(term.matrix, x)
-    return result
-
-
-def _with_unit_loss(term: Term, omega: Float[np.ndarray, " mode"]) -> Any:
-    """Evaluate a term with the loss angle `UNIT` in all deformations."""
-    if isinstance(term, LossTerm):
-        return replace(term, angle=lambda at: np.full(np.shape(at), UNIT)).at(omega)
-    fibre, losses = term.strand.fibre, (Bulk(UNIT),)
-    fibre = replace(fibre, sections=tuple(replace(one, losses=losses) for one in fibre.sections))
-    return EvaluatedWires(term, replace(term.strand, fibre=fibre, surrounded=None).at(omega))
 
 
 def end_motions(

@@ -34,9 +34,9 @@ import numpy as np
 
 from suspension_cli.design.foton import Filter, warp
 from suspension_cli.elimination import dense, solve_each
-from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.pencil import Block, Loss, Pencil
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.wire_term import WireTerm
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int

@@ -27,10 +27,10 @@ from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import NOT_STORED, along, in_unit
 from suspension_cli.linear import signals
-from suspension_cli.linear.frequency_terms import LossTerm, is_light
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import TermWithStates, terms_with_states
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
@@ -41,17 +41,6 @@ ROUNDING = 1e-10
 """Real part of a pole, relative to its modulus, that may be a rounding error."""
 RATE, MOMENTUM = " rate", " momentum"
 """Kinds of states besides the coordinates: the ends of their names."""
-LIGHT, RELAXATION, WIRE_MODE = "sqrt(J s)", "sqrt(J)", "m sqrt(kg)"
-"""Units of coordinates that are added: sidebands of the light of a cavity, deformations that relax
-(y^2 / 2 is their energy), modes of wires of unit mass."""
-UNIT_OF_MOMENTUM = {
-    "m": "N s",
-    "rad": "N m s",
-    LIGHT: "sqrt(J s)",
-    RELAXATION: "s sqrt(J)",
-    WIRE_MODE: "m sqrt(kg)/s",
-}
-"""Unit of the momentum of a coordinate: J s over the unit of the coordinate."""
 NAMED = 0.2
 """Fraction of a pole's participation in mechanical states above which it is named after one."""
 
@@ -143,7 +132,7 @@ def assemble(
     forces = np.where(acts[:, None], drives, 0.0).T
     feed = rows[:, :6] @ moves
     damped = model.damping + _equivalent_damping(model.constant)
-    model = with_states_of_light(replace(model, damping=damped)).constant
+    model = with_states(replace(model, damping=damped)).constant
     more = model.size - rows.shape[1]
     rows, forces = np.pad(rows, ((0, 0), (0, more))), np.pad(forces, ((0, more), (0, 0)))
     parts, states, units = [], list[str](), list[str]()
@@ -154,7 +143,7 @@ def assemble(
             feed = feed + part.d
             for kind, coordinates in part.states:
                 states += [f"{model.coordinate[n]}{kind}" for n in coordinates]
-                units += [_unit(kind, model.unit[n]) for n in coordinates]
+                units += [_unit(kind, model, n) for n in coordinates]
     return StateSpace(
         a=np.asarray(block_diag(np.zeros((0, 0)), *(part.a for part in parts))),
         b=np.concatenate([np.zeros((0, len(inputs))), *(part.b for part in parts)]),
@@ -169,44 +158,25 @@ def assemble(
     )
 
 
-def with_states_of_light(model: LinearSystem) -> LinearSystem:
-    """Replace the light of cavities by two massless coordinates each, its sidebands.
+def with_states(model: LinearSystem) -> LinearSystem:
+    """Replace the terms that have states of their own by these, as coordinates with matrices.
 
-    With the optical spring K_0 r r^T, r the row of its elongation, and its pole gamma and detuning
-    Delta, the equations
-
-        (s + gamma) u + Delta v = h r . x,    Delta u - (s + gamma) v = h r . x,
-
-    which are symmetric, give the force h (u + v) r = 2 h^2 Delta / ((s + gamma)^2 + Delta^2) r r.x;
-    h^2 = (gamma^2 + Delta^2) |K_0 / 2 Delta| makes it K(s) of `models.cavity`. They are the last
-    coordinates, cavity by cavity.
+    They are the last coordinates, term by term.
     """
-    while term := next(filter(is_light, model.terms), None):
-        assert term.light is not None
-        pole, detuning = term.light
-        squared, size = pole**2 + detuning**2, model.size
-        spring = term.matrix * (squared / (-2 * pole))
-        lead = int(np.abs(np.diag(spring)).argmax())
-        row = spring[lead] / np.sqrt(np.abs(spring[lead, lead]))
-        force = np.sqrt(squared / np.abs(2 * detuning)) * row
-        light = np.array([[pole, detuning], [detuning, -pole]])
-        both = np.stack([force, force])
-        stiffness = np.block([[-spring, both.T], [both, -light]])
-        damping = np.diag([*np.zeros(size), -1.0, 1.0])
-        others = replace(model, terms=tuple(one for one in model.terms if one is not term))
-        names, units = names_of_light(term), 2 * [LIGHT]
-        model = others.widened(names, units, 0 * damping, stiffness, damping)
-    return model
+    result = model
+    while terms := terms_with_states(result):
+        term = terms[0]
+        others = tuple(one for one in result.terms if one is not term)
+        result = replace(result, terms=others).widened(term.states())
+    return result
 
 
-def names_of_light(term: LossTerm) -> list[str]:
-    """Names of the coordinates of the light of a cavity."""
-    return [f"light-{n}.{term.cause.split('.')[0]}" for n in (1, 2)]
-
-
-def _unit(kind: str, unit: str) -> str:
-    """Unit of a state of a kind, of a coordinate with a unit."""
-    return {"": unit, RATE: f"{unit}/s", MOMENTUM: UNIT_OF_MOMENTUM[unit]}[kind]
+def _unit(kind: str, model: LinearSystem, number: int) -> str:
+    """Unit of a state of a kind, of a coordinate given by its number."""
+    if kind == MOMENTUM:
+        return model.momentum_unit[number]
+    unit = model.unit[number]
+    return f"{unit}/s" if kind == RATE else unit
 
 
 @dataclass(frozen=True)
@@ -333,14 +303,14 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     """Replace terms that depend on frequency by a constant loss that gives every mode its Q.
 
     For a system without batch axes and without wires that have mass. State spaces and closed loops
-    need constant matrices; the light of cavities, which has states, stays. With mode shapes v of
-    unit modal mass, K'' = sum over modes of (omega^2 / Q) (M v) (M v)^T keeps the width of each
-    resonance. Between and far above the resonances the losses differ from the design's.
+    need constant matrices; terms with states, such as the light of cavities, stay. With mode shapes
+    v of unit modal mass, K'' = sum over modes of (omega^2 / Q) (M v) (M v)^T keeps the width of
+    each resonance. Between and far above the resonances the losses differ from the design's.
     """
     if not model.terms:
         return model
-    light = tuple(filter(is_light, model.terms))
-    others = tuple(term for term in model.terms if not is_light(term))
+    stay = terms_with_states(model)
+    others = tuple(term for term in model.terms if not isinstance(term, TermWithStates))
     # dampers are constant already
     undamped = replace(model, damping=0 * model.damping, terms=others)
     squared, per_q, momentum = _undamped_modes(undamped)
@@ -348,7 +318,7 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     relative[:, :6] = 0.0 if model.rigid is None else -model.rigid
     relative[:6, :6] = 0.0
     loss = relative.T @ ((momentum * (squared * per_q)) @ momentum.T) @ relative
-    plain = replace(model.lossless, terms=light)
+    plain = replace(model.lossless, terms=stay)
     return replace(plain, soft=plain.soft + 0.5j * (loss + loss.T)) if per_q.any() else plain
 
 

@@ -9,7 +9,6 @@ to which that of a blade is added.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.elimination import ROUNDING, connected_groups, rounding, sizes
-from suspension_cli.linear.frequency_terms import EvaluatedWires, Term, WireTerm
+from suspension_cli.elimination import connected_groups, rounding
+from suspension_cli.linear.coordinates import AddedCoordinates
+from suspension_cli.linear.terms import Term
+from suspension_cli.linear.wire_term import EvaluatedWires
 from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class Ground:
 
     stiffness: Inexact[np.ndarray, "*#batch coordinate 6"]
     damping: Inexact[np.ndarray, "*#batch coordinate 6"]
-    terms: tuple[Any, ...] = ()
+    terms: tuple[Term, ...] = ()
 
     def widened(self, count: int) -> Ground:
         """Append coordinates on which the ground exerts no force."""
@@ -61,8 +62,8 @@ class LinearSystem:
     ----------
     coordinate
         ``support.x``, ..., ``test.yaw``, ``test.blade1.z``.
-    unit
-        SI unit of each coordinate: m, rad, or what an added one has.
+    unit, momentum_unit
+        SI unit of each coordinate (m, rad, or what an added one has) and of its momentum.
     basis
         The named coordinates (rows) in terms of the system's own (columns).
     massless
@@ -100,6 +101,7 @@ class LinearSystem:
     body: tuple[str, ...]
     coordinate: tuple[str, ...]
     unit: tuple[str, ...]
+    momentum_unit: tuple[str, ...]
     basis: Float[np.ndarray, "coordinate coordinate"]
     massless: Bool[np.ndarray, " coordinate"]
     mass: Inexact[np.ndarray, "*#batch coordinate coordinate"]
@@ -162,35 +164,32 @@ class LinearSystem:
 
     def widened(
         self,
-        names: Sequence[str],
-        units: Sequence[str],
-        mass: Float[np.ndarray, "new new"],
-        stiffness: Inexact[np.ndarray, "new new"],
-        damping: Float[np.ndarray, "new new"],
+        added: AddedCoordinates,
         from_new: Float[np.ndarray, "coordinate new"] | None = None,
-        *,
-        owned: bool = False,
     ) -> LinearSystem:
-        """Append coordinates, which move those so far by `from_new`, and add matrices of all.
-
-        If `owned`, the first parts of their names are their bodies.
-        """
-        size, count = self.size, len(names)
-        basis = np.eye(size + count)
+        """Append coordinates, which move those so far by `from_new` (default: not at all)."""
+        size = self.size
+        wider_size = size + added.count
+        basis = np.eye(wider_size)
         basis[:size, :size] = self.basis
-        by_default = np.eye(size, size + count)
-        old = by_default if from_new is None else from_new
-        wider = self.spread(old, mass, stiffness, damping)
+        old = np.eye(size, wider_size) if from_new is None else from_new
+        wider = self.spread(old, added.mass, added.stiffness, added.damping)
+        coupled = (added.mass != 0) | (added.stiffness != 0) | (added.damping != 0)
+        massless = np.append(self.massless, np.ones(added.count, dtype=bool))
+        unowned = self.unowned
+        if not added.belong_to_bodies:
+            unowned = (*unowned, *range(size, wider_size))
         return replace(
             wider,
-            coordinate=(*self.coordinate, *names),
-            unit=(*self.unit, *units),
+            coordinate=(*self.coordinate, *added.name),
+            unit=(*self.unit, *added.unit),
+            momentum_unit=(*self.momentum_unit, *added.momentum_unit),
             basis=basis,
-            massless=np.append(self.massless, np.ones(count, dtype=bool)) & ~mass.any(1),
-            allowed=wider.allowed | (mass != 0) | (stiffness != 0) | (damping != 0),
-            ground=self.ground and self.ground.widened(count),
-            rigid=None if self.rigid is None else _padded(self.rigid, count),
-            unowned=self.unowned if owned else (*self.unowned, *range(size, size + count)),
+            massless=massless & ~added.mass.any(1),
+            allowed=wider.allowed | coupled,
+            ground=self.ground and self.ground.widened(added.count),
+            rigid=None if self.rigid is None else _padded(self.rigid, added.count),
+            unowned=unowned,
         )
 
     @property
@@ -317,16 +316,9 @@ class LinearSystem:
         """A_n of each term among its columns, without rounding errors."""
         result = []
         for term in self.terms:
-            own = self.place[term.columns]
-            if isinstance(term, WireTerm):
-                forms = {
-                    part: list(sizes(np.array(rows), None, own))
-                    for part, rows in term.resisted.items()
-                }
-                small = ROUNDING * term.products(forms)
-            else:
-                small = rounding(term.compact[0], own)
-            kept = (np.abs(term.compact) > small) & self.allowed[np.ix_(term.columns, term.columns)]
+            small = term.rounding(self.place[term.columns])
+            allowed = self.allowed[np.ix_(term.columns, term.columns)]
+            kept = (np.abs(term.compact) > small) & allowed
             result.append(np.where(kept, term.compact, 0.0))
         return result
 

@@ -19,9 +19,11 @@ from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_
 from suspension_cli.elements.registry import elements_of
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
+from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
 from suspension_cli.linear.symmetry import find_symmetry, no_symmetry
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import Term
+from suspension_cli.linear.wire_term import WireTerm
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
 from suspension_cli.models.string import Assembly
@@ -75,7 +77,7 @@ def lossless(scene: Scene) -> Scene:
     )
 
 
-def _blade_terms(assembly: Assembly) -> Iterator[LossTerm]:
+def _blade_terms(assembly: Assembly) -> Iterator[StructuralLoss]:
     """Losses of blades, those of a stage that are alike together, and of added elements."""
     scene, fibres, size = assembly.scene, assembly.scene.fibres, assembly.numbering.size
     assert fibres is not None
@@ -90,14 +92,14 @@ def _blade_terms(assembly: Assembly) -> Iterator[LossTerm]:
             rows = assembly.numbering.blade[n][axes[n]]
             matrix[..., rows, rows] = stiffness[..., n, axes[n]]
         matrix, angle = assembly.adapted.apply(matrix), partial(loss.blade_angle, own)
-        yield LossTerm(f"{own.label}.blades", own.temperature, matrix, angle)
+        yield StructuralLoss(f"{own.label}.blades", own.temperature, matrix, angle)
     for item in elements_of(scene):
         if item.make is not None and item.add_loss is not None:
             matrix = assembly.sum([item.add_loss])
-            yield LossTerm(item.name, fibres.temperature, matrix, np.ones_like)
+            yield StructuralLoss(item.name, fibres.temperature, matrix, np.ones_like)
 
 
-def _gas_terms(assembly: Assembly, design: Design) -> Iterator[LossTerm]:
+def _gas_terms(assembly: Assembly, design: Design) -> Iterator[Damper]:
     """Losses by the gas around the bodies."""
     scene, size = assembly.scene, assembly.numbering.size
     for n, own in enumerate(_gas_damping(scene.fibres, design), 1):
@@ -110,7 +112,7 @@ def _gas_terms(assembly: Assembly, design: Design) -> Iterator[LossTerm]:
             rows, drag = slice(6 * n + half, 6 * n + half + 3), own[half:, half:][:3, :3]
             matrix[..., rows, rows] = turn @ drag @ np.swapaxes(turn, -1, -2)
         matrix, cause = assembly.adapted.apply(matrix), f"{scene.bodies.name[n - 1]}.gas"
-        yield LossTerm(cause, gas.temperature, matrix, lambda omega: omega, elastic=False)
+        yield Damper(cause, gas.temperature, matrix)
 
 
 def _gas_damping(made: Fibres | None, design: Design) -> list[Array | None]:

@@ -1,4 +1,4 @@
-"""Radiation pressure of the light between two mirrors, as stiffness and a term in frequency.
+"""Radiation pressure of the light between two mirrors: a stiffness, and a term in frequency.
 
 **Geometry.** Light of the power P pushes each mirror with F = 2P/c along the axis of the cavity,
 the line through both centres of curvature, on which the path between the mirrors is stationary. So
@@ -44,19 +44,23 @@ range. Its delay damps as -2 gamma K_0 / (gamma^2 + Delta^2), in N s/m, at low f
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.links import LIGHT, Cavity
-from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.coordinates import AddedCoordinates
+from suspension_cli.linear.matrix_terms import EvaluatedMatrix, MatrixTerm
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import TermWithStates, quadratic_form
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
+
+BESIDE = 1e-5
+"""Relative step of central differences in frequency."""
 
 
 def angular_stiffness(cavity: Cavity) -> Float[np.ndarray, "4 4"]:
@@ -93,15 +97,96 @@ def optical_spring(cavity: Cavity) -> tuple[float, float, float]:
     return slope * detuning / (pole**2 + detuning**2), pole, detuning
 
 
-def retardation(
-    omega: Inexact[np.ndarray, " frequency"], pole: float, detuning: float
-) -> Complex[np.ndarray, " frequency"]:
-    """Compute (K - K_0) / (i C), with the damping C at low frequencies: omega if that is low.
+@dataclass(frozen=True)
+class Light(MatrixTerm, TermWithStates):
+    """The light of a detuned cavity: how far its force lags behind the motion.
 
-    All in rad/s; `omega` may be complex.
+    The static optical spring K_0 is in the stiffness of the system. The `matrix` is the damping
+    C = -2 gamma K_0 / (gamma^2 + Delta^2) at low frequencies (N s/m) along the cavity, and
+    f = (K - K_0) / C. Light at room temperature has no thermal photons: it causes no thermal noise.
+
+    Attributes
+    ----------
+    cavity
+        Its name.
+    pole, detuning
+        gamma and Delta, rad/s.
     """
-    s, squared = 1j * omega, pole**2 + detuning**2
-    return omega * (1 + s / (2 * pole)) * squared / ((s + pole) ** 2 + detuning**2)
+
+    is_viscous: ClassVar[bool] = True
+
+    cavity: str
+    pole: float
+    detuning: float
+
+    @staticmethod
+    def of(cavity: Cavity, along: Float[np.ndarray, "coordinate coordinate"]) -> Light:
+        """Light of a cavity whose elongation squared is x^T `along` x."""
+        spring, pole, detuning = optical_spring(cavity)
+        damping = -2 * pole * spring / (pole**2 + detuning**2)
+        name = f"{cavity.name}.cavity"
+        return Light(name, 0.0, damping * along, cavity.name, pole, detuning)
+
+    def at(
+        self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True
+    ) -> EvaluatedMatrix:
+        """Evaluate at frequencies in rad/s, which may be complex."""
+        if not lossy:
+            none = np.zeros(omega.shape)
+            return EvaluatedMatrix(self, none, none)
+        lag = self._lag(omega)
+        return EvaluatedMatrix(self, lag, 1j * lag)
+
+    def _lag(self, omega: Inexact[np.ndarray, " frequency"]) -> Complex[np.ndarray, " frequency"]:
+        """Compute (K - K_0) / (i C), which is omega at low frequencies."""
+        s = 1j * omega
+        squared = self.pole**2 + self.detuning**2
+        resonance = (s + self.pole) ** 2 + self.detuning**2
+        return omega * (1 + s / (2 * self.pole)) * squared / resonance
+
+    def inertia(
+        self,
+        omega: Float[np.ndarray, " mode"],
+        motion: Inexact[np.ndarray, "coordinate mode"],
+    ) -> Float[np.ndarray, " mode"]:
+        """Compute -x^H d Re(K) / d(omega^2) x, kg m^2, by central differences."""
+        below = np.real(self.at(omega * (1 - BESIDE)).value)
+        above = np.real(self.at(omega * (1 + BESIDE)).value)
+        slope = (above - below) / (4 * BESIDE * omega**2)
+        return -slope * quadratic_form(self.matrix, motion)
+
+    @property
+    def motion_name(self) -> str:
+        """``arm.light``."""
+        return f"{self.cavity}.light"
+
+    def states(self) -> AddedCoordinates:
+        """The two sidebands, which have no mass.
+
+        With the optical spring K_0 r r^T, r the row of its elongation, the equations
+
+            (s + gamma) u + Delta v = h r . x,    Delta u - (s + gamma) v = h r . x,
+
+        which are symmetric, give the force h (u + v) r = 2 h^2 Delta / ((s + gamma)^2 + Delta^2)
+        r r.x; h^2 = (gamma^2 + Delta^2) |K_0 / 2 Delta| makes it K(s).
+        """
+        size = len(self.matrix)
+        squared = self.pole**2 + self.detuning**2
+        spring = self.matrix * (squared / (-2 * self.pole))
+        lead = int(np.abs(np.diag(spring)).argmax())
+        row = spring[lead] / np.sqrt(np.abs(spring[lead, lead]))
+        force = np.sqrt(squared / np.abs(2 * self.detuning)) * row
+        both = np.stack([force, force])
+        follow = np.array([[self.pole, self.detuning], [self.detuning, -self.pole]])
+        damping = np.diag([*np.zeros(size), -1.0, 1.0])
+        return AddedCoordinates(
+            name=(f"light-1.{self.cavity}", f"light-2.{self.cavity}"),
+            unit=("sqrt(J s)", "sqrt(J s)"),
+            momentum_unit=("sqrt(J s)", "sqrt(J s)"),
+            mass=np.zeros_like(damping),
+            stiffness=np.block([[-spring, both.T], [both, -follow]]),
+            damping=damping,
+        )
 
 
 def with_cavity(model: LinearSystem, cavity: Cavity) -> LinearSystem:
@@ -115,17 +200,11 @@ def with_cavity(model: LinearSystem, cavity: Cavity) -> LinearSystem:
         place = [body + DOFS.index(dof) for dof in (shift, turn) for body in (first, second)]
         signs = np.array([1, 1, sign, sign])
         own[np.ix_(place, place)] += angular * np.outer(signs, signs)
-    spring, pole, detuning = optical_spring(cavity)
     stretch = np.zeros(model.size)
-    stretch[first], stretch[second] = -1.0, 1.0
+    stretch[first] = -1.0
+    stretch[second] = 1.0
     along = np.outer(stretch, stretch)
-    terms = model.terms
-    if spring:
-        damping = -2 * pole * spring / (pole**2 + detuning**2)
-        follow = partial(retardation, pole=pole, detuning=detuning)
-        light = (pole, detuning)
-        name = f"{cavity.name}.cavity"
-        # light at room temperature has no thermal photons
-        terms = (*terms, LossTerm(name, 0.0, damping * along, follow, elastic=False, light=light))
+    spring, _, _ = optical_spring(cavity)
+    terms = (*model.terms, Light.of(cavity, along)) if spring else model.terms
     own = own + spring * along
     return replace(model, soft=model.soft + own, allowed=model.allowed | (own != 0), terms=terms)

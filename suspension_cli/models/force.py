@@ -40,6 +40,7 @@ from suspension_cli.design.derive import (
     wire_stiffness,
 )
 from suspension_cli.design.schema import Design, body_inertia, body_mass
+from suspension_cli.linear.coordinates import momentum_units
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
 from suspension_cli.models.surroundings import surroundings_key
@@ -224,6 +225,7 @@ def assembled(
         body=bodies[1:],
         coordinate=tuple(f"{body}.{dof}" for body in bodies for dof in DOFS),
         unit=len(bodies) * DOF_UNITS,
+        momentum_unit=len(bodies) * momentum_units(DOF_UNITS),
         basis=np.eye(size),
         massless=np.zeros(size, dtype=bool),
         mass=mass,

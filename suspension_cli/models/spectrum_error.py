@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.wire_term import WireTerm
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:

@@ -22,7 +22,8 @@ from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve
 from suspension_cli.equilibrium.tree import chain_tops
-from suspension_cli.linear.frequency_terms import LossTerm
+from suspension_cli.linear.coordinates import momentum_units
+from suspension_cli.linear.matrix_terms import StiffnessTable, StructuralLoss
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
@@ -100,6 +101,7 @@ def linear_model(
         body=scene.bodies.name,
         coordinate=numbering.name,
         unit=numbering.unit,
+        momentum_unit=momentum_units(numbering.unit),
         basis=adapted.basis,
         massless=adapted.adapt_flags(tips),
         mass=replace(assembly, scene=heavy).sum(item.add_mass for item in kinds),
@@ -119,7 +121,7 @@ def linear_model(
 
 
 def _on_ground(
-    model: LinearSystem, assembly: Assembly, terms: tuple[LossTerm, ...]
+    model: LinearSystem, assembly: Assembly, terms: tuple[StructuralLoss, ...]
 ) -> LinearSystem:
     """Move the springs and dampers on the ground from the support to the ground.
 
@@ -159,7 +161,7 @@ def _on_ground(
 
 def spring_terms(
     assembly: Assembly, *, tables: bool = False
-) -> tuple[list[LossTerm], tuple[LossTerm, ...]]:
+) -> tuple[list[StructuralLoss], tuple[StructuralLoss, ...]]:
     """Losses of springs and stiffnesses given as tables, or only the latter; any batch axes.
 
     The terms of the springs on the ground, which is at rest, are first. They are also returned
@@ -168,7 +170,7 @@ def spring_terms(
     """
     scene, springs = assembly.scene, assembly.scene.springs
     known = {} if scene.fibres is None else {own.label: own for own in scene.fibres.spring}
-    terms: dict[tuple[object, ...], LossTerm] = {}
+    terms: dict[tuple[object, ...], StructuralLoss] = {}
     for n in np.argsort(~springs.grounded, kind="stable").tolist():
         spectrum, own = springs.spectrum[n], known.get(springs.label[n])
         if spectrum is None and (tables or not (own or springs.loss[n])):
@@ -185,7 +187,10 @@ def spring_terms(
             chosen[n] = axes
             form = builds_last(springs.stiffness * chosen, 3, scene.batch)
             matrix = assembly.sum([partial(spring.add_forms, form=form)])
-            one = LossTerm(cause, own.temperature, matrix, angle, True, storage)
+            if storage is None:
+                one = StructuralLoss(cause, own.temperature, matrix, angle)
+            else:
+                one = StiffnessTable(cause, own.temperature, matrix, angle, storage)
             alone = (n, len(terms)) if spectrum is not None else ()
             key = (bool(springs.grounded[n]), cause, replace(own, label=""), *alone)
             same = terms.get(key)

@@ -10,6 +10,7 @@ import numpy as np
 from suspension_cli.conventions import DOF_UNITS, DOFS, FRAME, SUPPORT
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.schema import Design
+from suspension_cli.linear.coordinates import AddedCoordinates, momentum_units
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.cavity import with_cavity
 from suspension_cli.rotations import cross_matrix
@@ -90,9 +91,11 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
     ]
     if support.loss_angle:
         own[0] = own[0] * (1 + 1j * support.loss_angle)
-    names = [f"{FRAME}.{dof}" for dof in names]
-    units = [DOF_UNITS[dof] for dof in moving]
-    return model.widened(names, units, mass, *own, from_new=from_new)
+    units = tuple(DOF_UNITS[dof] for dof in moving)
+    frame = AddedCoordinates(
+        tuple(f"{FRAME}.{dof}" for dof in names), units, momentum_units(units), mass, own[0], own[1]
+    )
+    return model.widened(frame, from_new)
 
 
 def surroundings_key(design: Design) -> tuple[str, ...]:

@@ -23,7 +23,6 @@ from suspension_cli.linear import (
     statespace,
 )
 from suspension_cli.linear.damped import LostModeError, change_of_stiffness, has_steep_tables
-from suspension_cli.linear.frequency_terms import is_damper
 from suspension_cli.linear.oscillations import find_oscillations, settle
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
@@ -253,7 +252,7 @@ def find_poles(plant: Plant) -> Poles:
 
     Raises `InputError` if one is lost.
     """
-    plant = _with_states_of_light(plant)
+    plant = _with_states(plant)
     fixed = replace(plant, model=with_constant_loss(plant.model))
     found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
     value = np.concatenate([one.value for one in found])
@@ -263,9 +262,9 @@ def find_poles(plant: Plant) -> Poles:
     return Poles(value[order], tuple(states[n] for n in order), motion[order])
 
 
-def _with_states_of_light(plant: Plant) -> Plant:
-    """Give the light of cavities coordinates, in which its poles are as harmless as others."""
-    model = statespace.with_states_of_light(plant.model)
+def _with_states(plant: Plant) -> Plant:
+    """Give terms with states coordinates, in which their poles are as harmless as others."""
+    model = statespace.with_states(plant.model)
     more = ((0, 0), (0, model.size - plant.model.size))
     sensed, pushed = np.pad(plant.sensed, more), np.pad(plant.pushed, more)
     return replace(plant, model=model, sensed=sensed, pushed=pushed)
@@ -405,7 +404,7 @@ class _Within:
     @property
     def is_lossy(self) -> bool:
         """Whether the stiffness has losses, or depends on frequency."""
-        terms = any(not is_damper(term) for _, term in self.block.terms)
+        terms = any(not term.is_viscous for _, term in self.block.terms)
         return terms or bool(self.block.loss.any())
 
     @cached_property
@@ -450,7 +449,7 @@ class _Within:
             soft=np.real(model.soft) + np.real(soft),
             k=np.real(model.k) + np.real(k),
             damping=model.damping + (loss + loss.T) / (2 * omega),
-            terms=tuple(filter(is_damper, model.terms)),
+            terms=tuple(term for term in model.terms if term.is_viscous),
         )
         found = self.solve(with_constant_loss(fixed))
         return found.select(np.imag(found.value) > 0)

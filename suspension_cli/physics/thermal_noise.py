@@ -23,10 +23,10 @@ from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import EACH, derived, in_unit
 from suspension_cli.linear import signals
-from suspension_cli.linear.frequency_terms import quadratic_form
 from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import quadratic_form
 from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import largest_error
 from suspension_cli.physics import model_choice

@@ -20,11 +20,13 @@ from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS
 from suspension_cli.elements.joined_sections import ENDS
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, damped, eigenmodes, quality, roots
+from suspension_cli.linear.coordinates import AddedCoordinates, momentum_units
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.frequency_terms import WireTerm, is_massive
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import terms_with_states
+from suspension_cli.linear.wire_term import WireTerm, is_massive
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Fibre
 
@@ -74,7 +76,7 @@ def solve(
     if not len(omega):
         raise no_mode_error(highest)
     strong = static.select(slice(0))
-    if damping and damped.damping_matrix(model).any():
+    if damping and (damped.damping_matrix(model).any() or terms_with_states(model)):
         static = damped.solve(model)
         of_light = damped.mark_light(static)
         fast = 2 * STRONG * np.abs(static.decay_rate) > np.sqrt(np.abs(static.omega_squared))
@@ -382,7 +384,10 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
         for sign, one in (-1, term), (1, upper), (1, lower):
             added[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
     units = len(names) // PER_WIRE * CUT_UNITS
-    system = model.widened(names, units, none, added, none, owned=True)
+    cuts = AddedCoordinates(
+        tuple(names), units, momentum_units(units), none, added, none, belong_to_bodies=True
+    )
+    system = model.widened(cuts)
     others = [term for term in system.terms if not isinstance(term, WireTerm)]
     return (
         replace(

@@ -17,13 +17,13 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear import batch_modes
-from suspension_cli.linear.frequency_terms import is_light
 from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
-from suspension_cli.linear.statespace import ROUNDING, with_states_of_light
+from suspension_cli.linear.statespace import ROUNDING, with_states
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import TermWithStates, terms_with_states
 from suspension_cli.models import registry
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.rotations import rotation_vector
@@ -171,10 +171,9 @@ def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
         return
     from scipy.linalg import eig
 
-    light = tuple(filter(is_light, model.terms))
-    constant = replace(model, terms=light)
+    constant = replace(model, terms=terms_with_states(model))
     for n in np.flatnonzero(status == GOOD).tolist():
-        system = with_states_of_light(constant.select(n)).constant
+        system = with_states(constant.select(n)).constant
         own = [matrix[6:, 6:] for matrix in (system.mass, system.damping, system.stiffness)]
         inert = system.massless[6:] & ~own[1].any(0)
         to_all = np.eye(len(inert))[:, ~inert]
@@ -207,8 +206,9 @@ def _loss_of(
     """Loss x^H K''(omega) x of modes of one build, without light; `x` lacks the support."""
     if not len(omega):
         return np.zeros(0)
-    dark = replace(model, terms=tuple(term for term in model.terms if not is_light(term)))
-    loss = np.imag(dark.select(np.full(len(omega), build)).at(omega).complete)
+    others = tuple(term for term in model.terms if not isinstance(term, TermWithStates))
+    plain = replace(model, terms=others)
+    loss = np.imag(plain.select(np.full(len(omega), build)).at(omega).complete)
     loss = np.broadcast_to(loss, (len(omega), model.size, model.size))[:, 6:, 6:]
     return np.einsum("ip,pij,jp->p", x.conj(), loss, x).real
 

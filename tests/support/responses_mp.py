@@ -19,8 +19,8 @@ import mpmath
 import numpy as np
 
 from suspension_cli.linear import response, signals
-from suspension_cli.linear.frequency_terms import WireTerm
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.wire_term import WireTerm
 
 MP: Any = mpmath.mp.clone()
 MP.dps = 50

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.linear.frequency_terms import Term, WireTerm
+from suspension_cli.linear.terms import Term
+from suspension_cli.linear.wire_term import WireTerm
 
 
 def stiffness(term: Term, omega: float) -> Any:

@@ -30,9 +30,12 @@ import numpy as np
 
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.linear import eigenmodes, statespace
-from suspension_cli.linear.frequency_terms import LossTerm, is_light
+from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.coordinates import AddedCoordinates
+from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import terms_with_states
+from suspension_cli.linear.wire_term import WireTerm
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -140,7 +143,7 @@ def count_wire_modes(model: LinearSystem, highest: float) -> int:
     omega = np.array([2 * np.pi * highest])
     count = 0
     for term in model.terms:
-        if not isinstance(term, LossTerm) and term.strand.massive:
+        if isinstance(term, WireTerm) and term.strand.massive:
             for part, forms in term.forms.items():
                 count += len(forms) * int(term.strand.resonances_below(omega, (part,))[0])
     return count
@@ -258,15 +261,11 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
     driven: list[Float[np.ndarray, " coordinate"]] = []  # motions that drive wire modes
     about: list[tuple[float, float, str]] = []  # frequency, drag and stage of each
     for term in model.terms:
-        if isinstance(term, LossTerm):
-            if is_light(term):
-                continue
-            if term.elastic:
-                elements.append(
-                    Lossy(_deformations(term.matrix), term.angle, term.storage or np.zeros_like)
-                )
-            else:
-                damping += term.matrix
+        if isinstance(term, StructuralLoss):
+            elements.append(Lossy(_deformations(term.matrix), term.angle, term.stored))
+        elif isinstance(term, Damper):
+            damping += term.matrix
+        if not isinstance(term, WireTerm):
             continue
         for part, forms in term.forms.items():
             wire = _reduce(term.strand, part, highest)
@@ -289,15 +288,17 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
     omega, drag = (np.array([one[n] for one in about]) for n in (0, 1))
     mass, damping = (_framed(part, groups) for part in (mass, damping))
     unit = np.diag(np.ones(len(drives)))
-    names = [f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)]
-    lossless = replace(model.lossless, terms=tuple(filter(is_light, model.terms)), ground=None)
-    system = lossless.widened(
-        names,
-        len(names) * [statespace.WIRE_MODE],
-        np.block([[mass, drives.T], [drives, unit]]),
-        np.diag(np.append(np.zeros(size), omega**2)),
-        np.block([[damping, (drag[:, None] * drives).T], [drag[:, None] * drives, unit * drag]]),
+    resisted = drag[:, None] * drives
+    modes = AddedCoordinates(
+        name=tuple(f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)),
+        unit=("m sqrt(kg)",) * len(about),  # of unit mass
+        momentum_unit=("m sqrt(kg)/s",) * len(about),
+        mass=np.block([[mass, drives.T], [drives, unit]]),
+        stiffness=np.diag(np.append(np.zeros(size), omega**2)),
+        damping=np.block([[damping, resisted.T], [resisted, unit * drag]]),
     )
+    lossless = replace(model.lossless, terms=terms_with_states(model), ground=None)
+    system = lossless.widened(modes)
     padded = [
         replace(one, rows=np.pad(one.rows, ((0, 0), (0, system.size - one.rows.shape[1]))))
         for one in elements
@@ -358,9 +359,15 @@ def _with_relaxation(
     softer = _framed(np.asarray(added), groups)
     whole = np.block([[softer + follow.T @ follow, -follow.T], [-follow, np.eye(len(follow))]])
     damping = np.diag(np.append(np.zeros(size), 1 / own_rates))
-    names = [f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)]
-    units = len(names) * [statespace.RELAXATION]
-    return system.widened(names, units, np.zeros_like(whole), whole, damping)
+    relaxing = AddedCoordinates(
+        name=tuple(f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)),
+        unit=("sqrt(J)",) * len(own_rates),  # y^2 / 2 is their energy
+        momentum_unit=("s sqrt(J)",) * len(own_rates),
+        mass=np.zeros_like(whole),
+        stiffness=whole,
+        damping=damping,
+    )
+    return system.widened(relaxing)
 
 
 def _followers(

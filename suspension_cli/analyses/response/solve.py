@@ -21,9 +21,9 @@ from suspension_cli.errors import Fault, InputError, attribute_faults_to, format
 from suspension_cli.files.declared import INLINE, in_unit
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import damped, signals
-from suspension_cli.linear.frequency_terms import is_light
 from suspension_cli.linear.response import Peaks, Response
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import terms_with_states
 from suspension_cli.measurements import read, resonances
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.choice import Transfer
@@ -300,7 +300,7 @@ def compare(
     """
     known = signals.bodies_with_signals(model)
     # with dampers and light, whose effect on poles losses do not have
-    plain = replace(model, terms=tuple(filter(is_light, model.terms)))
+    plain = replace(model, terms=terms_with_states(model))
     modes = damped.solve(plain)
     squared = np.where(modes.frequency > 0, modes.omega_squared, np.inf)
     result = []
