@@ -55,14 +55,8 @@ class TautWire:
         return all(section.round for section in self.fibre.sections)
 
     def at(self, omega: Inexact[np.ndarray, " frequency"]) -> WireAtFrequencies:
-        """The wire at frequencies (f,), rad/s; kept for further blocks at the same array."""
-        if not self._latest or self._latest[0].omega is not omega:
-            self._latest[:] = [WireAtFrequencies(self, omega)]
-        return self._latest[0]
-
-    @cached_property
-    def _latest(self) -> list[WireAtFrequencies]:
-        return []
+        """The wire at frequencies (f,), rad/s."""
+        return WireAtFrequencies(self, omega)
 
     @cached_property
     def static(self) -> dict[str, Inexact[np.ndarray, "_ _"]]:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.elimination import by_body, connected_groups, solve_each
+from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
 
@@ -64,10 +65,14 @@ class Spectrum:
     block: Int[np.ndarray, "*build mode"]
 
 
-def solve(model: LinearSystem) -> Spectrum:
-    """Solve for the undamped modes of a system, or of a batch with one axis."""
+def solve(model: LinearSystem, blocks: tuple[Index, ...] | None = None) -> Spectrum:
+    """Solve for the undamped modes of a system, or of a batch with one axis.
+
+    The `blocks` of a system may be given, if they are known.
+    """
     if not model.batch:
-        return _solve_blocks(model, model.blocks)
+        known = Structure(model).blocks if blocks is None else blocks
+        return _solve_blocks(model, known)
     (count,), size = model.batch, model.size
     nonzero = np.broadcast_to((model.mass != 0) | (model.stiffness != 0), (count, size, size))
     packed = np.packbits(nonzero, axis=-1).reshape(count, -1)

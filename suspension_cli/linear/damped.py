@@ -26,7 +26,7 @@ from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.matrix_terms import Damper, StiffnessTable
 from suspension_cli.linear.oscillations import find_oscillations, settle
-from suspension_cli.linear.pencil import Block, Pencil
+from suspension_cli.linear.pencil import Block
 from suspension_cli.linear.quality import Quality
 from suspension_cli.linear.roots import (
     NOISE,
@@ -35,9 +35,10 @@ from suspension_cli.linear.roots import (
     find_all,
     repeated,
 )
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.statespace import ROUNDING, with_states
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import quadratic_form, terms_with_states
+from suspension_cli.linear.terms import quadratic_form
 from suspension_cli.linear.wire_term import EvaluatedWires, is_massive
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class LostModeError(InputError):
         return LostModeError([Fault("stage", problem, remedy)])
 
 
-def solve(model: LinearSystem) -> Modes:
+def solve(system: Solvable) -> Modes:
     """Solve for modes with dampers and losses of any size, for a system without batch axes.
 
     Of an unstable mode only the growing pole counts, not the decaying one at about the opposite
@@ -93,13 +94,18 @@ def solve(model: LinearSystem) -> Modes:
     With wire mass these are the modes of bodies alone, each followed from the one without: from a
     start far away a mode of wires may be found instead. Raises `LostModeError` if a pole is lost.
     """
+    given = Solver.of(system)
+    model = given.system
     states = with_states(model)
-    pencil, still, first = Pencil.of(states), eigenmodes.spectrum(states), eigenmodes.solve(states)
-    damping, plain = damping_matrix(states), np.ones(len(first.q), dtype=bool)
+    solver = given if states is model else Solver(states)
+    still = solver.spectrum
+    first = solver.modes
+    damping = damping_matrix(states)
+    plain = np.ones(len(first.q), dtype=bool)
     loss = np.where(still.omega_squared > 0, 1 / np.maximum(first.q, 1.0), 0.0)
     starts: list[Poles] = []
     parts: list[_Block] = []
-    for number, block in enumerate(pencil.blocks):
+    for number, block in enumerate(solver.blocks):
         own = np.flatnonzero(still.block == number)
         part = _Block(block, damping, still.omega_squared[own], still.motion[own])
         parts.append(part)
@@ -116,7 +122,7 @@ def solve(model: LinearSystem) -> Modes:
             starts.append(part.none)
     if plain.all() and not any(len(value) for value, _ in starts):
         return first
-    value, member, motion = _find(pencil, parts, starts, first)
+    value, member, motion = _find(solver, parts, starts, first)
     motion /= np.sqrt(quadratic_form(model.mass, motion.T[: model.size]))[:, None]
     value = np.concatenate([np.sqrt(-still.omega_squared[plain] + 0j), value])
     motion = np.concatenate([still.motion[plain], motion])
@@ -155,7 +161,7 @@ def _state_fractions(
     It is that of the terms of x^T Z'(s) x: 2 s of all bodies, and q^T (C + 2 s M) q of the states q
     with their own matrices C and M. Those of light cancel where it follows at once.
     """
-    terms = terms_with_states(model)
+    terms = model.terms_with_states
     each = np.zeros((len(value), len(terms)))
     start = model.size
     for n, term in enumerate(terms):
@@ -178,7 +184,7 @@ def _with_states_as_motions(
     bodies = 1 - fraction.sum(1)
     return replace(
         modes,
-        wire=tuple(term.motion_name for term in terms_with_states(model)),
+        wire=tuple(term.motion_name for term in model.terms_with_states),
         wire_energy=fraction,
         energy=modes.energy * bodies[:, None, None],
         tip_energy=modes.tip_energy * bodies[:, None],
@@ -207,7 +213,7 @@ def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordin
 
 
 def _find(
-    pencil: Pencil, parts: Sequence[_Block], starts: Sequence[Poles], first: Modes
+    solver: Solver, parts: Sequence[_Block], starts: Sequence[Poles], first: Modes
 ) -> tuple[
     Complex[np.ndarray, " pole"],
     Int[np.ndarray, " pole"],
@@ -217,7 +223,8 @@ def _find(
 
     Raises `LostModeError` if one of wires with mass is lost; others cannot be.
     """
-    blocks, size = pencil.blocks, pencil.model.size
+    pencil = solver.pencil
+    blocks = solver.blocks
     member = np.repeat(np.arange(len(parts)), [len(value) for value, _ in starts])
     start = Roots.starts(
         blocks,
@@ -227,16 +234,17 @@ def _find(
     )
     wires = any(part.is_massive for part in parts)
     found = find_all(pencil, blocks, start, ROUGH if wires else NOISE)
-    values, motions = found.value, found.motions(blocks, size)
+    values = found.value
+    motions = found.motions(blocks, pencil.model.size)
     every: list[Poles] = []
     for number, part in enumerate(parts):
         own = member == number
         lost = found.lost[own]
         if part.is_massive and lost.any():
-            size = float(np.abs(start.value[own][lost][0]))
+            omega = float(np.abs(start.value[own][lost][0]))
             near = np.where(first.block == number, first.omega_squared, np.inf)
-            n = int(np.abs(near - size**2).argmin())
-            raise LostModeError.of_mode(first.label[n], size / (2 * np.pi))
+            n = int(np.abs(near - omega**2).argmin())
+            raise LostModeError.of_mode(first.label[n], omega / (2 * np.pi))
         if part.has_steep_tables and not part.is_massive:
             every.append(part.counted_poles())
         elif not lost.any():
@@ -295,12 +303,7 @@ class _Block:
     @property
     def has_steep_tables(self) -> bool:
         """See `has_steep_tables`."""
-        return has_steep_tables(self.model, self.terms, self.squared, self.shapes)
-
-    @property
-    def terms(self) -> list[int]:
-        """Numbers of the terms in the system."""
-        return [n for n, _ in self.block.terms]
+        return has_steep_tables(self.block, self.squared, self.shapes)
 
     @property
     def none(self) -> Poles:
@@ -395,7 +398,7 @@ class _Block:
         """
         rows, stiffness, resisted = self.massless
         basis, m = np.concatenate([self.shapes, rows]), len(self.squared)
-        soft, k = change_of_stiffness(self.model, self.terms, omega, share)
+        soft, k = change_of_stiffness(self.block, omega, share)
         stretch = basis @ self.model.elongation.T
         matrix = basis @ soft @ basis.T + (stretch * k) @ stretch.T
         matrix[np.arange(m), np.arange(m)] += self.squared
@@ -412,8 +415,7 @@ class _Block:
 
 
 def has_steep_tables(
-    model: LinearSystem,
-    terms: Sequence[int],
+    block: Block,
     squared: Float[np.ndarray, " mode"],
     shapes: Float[np.ndarray, "mode coordinate"],
 ) -> bool:
@@ -421,18 +423,18 @@ def has_steep_tables(
 
     That of a mode follows from the stiffness at its frequency. There is one as long as no stiffness
     changes by much within the factor e of the frequency: not by more than `STEEP` of the static
-    stiffness K in any motion, x^T (dK / d ln omega) x <= STEEP x^T K x. The terms are given by
-    number, the undamped modes by omega^2 and shape.
+    stiffness K in any motion, x^T (dK / d ln omega) x <= STEEP x^T K x. The undamped modes of the
+    block are given by omega^2 and shape.
     """
-    moves, steep = squared > 0, 0.0
+    moves = squared > 0
     omega = np.sqrt(squared[moves])
-    for n in terms:
-        term = model.terms[n]
+    steep = 0.0
+    for n, term in block.terms:
         if not isinstance(term, StiffnessTable):
             continue
         slope = np.abs(np.diff(term.storage(TABLES)) / np.diff(np.log(TABLES))).max()
         motion = shapes[:, term.columns]
-        changed = slope * motion @ model.weights[n].sum(0) @ motion.T
+        changed = slope * motion @ block.pencil.structure.weights[n].sum(0) @ motion.T
         if changed[~moves].any():
             return True
         relative = changed[np.ix_(moves, moves)] / (omega[:, None] * omega)
@@ -441,21 +443,23 @@ def has_steep_tables(
 
 
 def change_of_stiffness(
-    model: LinearSystem, terms: Sequence[int], omega: float, share: float
+    block: Block, omega: float, share: float
 ) -> tuple[Complex[np.ndarray, "coordinate coordinate"], Complex[np.ndarray, " wire"]]:
     """Change from static soft stiffness and k to those at a frequency (rad/s).
 
-    That is by the terms of these numbers that are no dampers, with a share of the losses.
+    That is by the terms of a block that are no dampers, with a share of the losses.
     """
+    model = block.pencil.model
     soft = 1j * np.imag(model.soft) + np.zeros(model.mass.shape)
     k = 1j * np.imag(model.k) + np.zeros(len(model.k))
-    for n in terms:
-        term = model.terms[n]
+    for n, term in block.terms:
         if term.is_viscous:
             continue
-        here, own = term.at(np.array([omega])), np.ix_(term.columns, term.columns)
+        here = term.at(np.array([omega]))
+        own = np.ix_(term.columns, term.columns)
         functions = here.functions(np.arange(len(term.compact)))
-        for function, matrix in zip(functions, model.weights[n], strict=True):
+        weights = block.pencil.structure.weights[n]
+        for function, matrix in zip(functions, weights, strict=True):
             soft[own] += complex(function[0]) * matrix
         if isinstance(here, EvaluatedWires):
             static = np.real(model.k[here.term.number])

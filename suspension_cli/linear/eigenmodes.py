@@ -11,6 +11,7 @@ import numpy as np
 from suspension_cli.conventions import DOF_NAMES, DOFS, WIRE_MODE_NAMES
 from suspension_cli.files.declared import derived, in_unit
 from suspension_cli.linear import batch_modes, mode_content, quality
+from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.quality import Quality
 from suspension_cli.linear.system import LinearSystem
 
@@ -270,31 +271,23 @@ def describe(coordinate: str) -> str:
     return f"{body}{' tip' if '.' in body else ''} {DOF_NAMES.get(dof) or WIRE_MODE_NAMES[dof]}"
 
 
-def solve(model: LinearSystem) -> Modes:
-    """Solve for the undamped modes of a linear system without batch axes, once.
+def solve(model: LinearSystem, known: Spectrum | None = None) -> Modes:
+    """Solve for the undamped modes of a linear system without batch axes.
 
-    Damping and loss enter Q and the decay rate to first order only.
+    Damping and loss enter Q and the decay rate to first order only. The modes may be `known` as
+    arrays.
     """
-    if "modes" not in model.prepared:
-        found = spectrum(model)
-        value = np.sqrt(-found.omega_squared + 0j)
-        first = quality.evaluate(model, value, found.motion, wires=False)
-        decays = np.minimum(np.real(first.value), 0.0) + 1j * np.imag(value)
-        first = replace(first, value=np.where(np.imag(value) > 0, decays, value))
-        model.prepared["modes"] = build(model, value, found.motion, found.block, first)
-    return model.prepared["modes"]
+    found = spectrum(model) if known is None else known
+    value = np.sqrt(-found.omega_squared + 0j)
+    first = quality.evaluate(model, value, found.motion, wires=False)
+    decays = np.minimum(np.real(first.value), 0.0) + 1j * np.imag(value)
+    first = replace(first, value=np.where(np.imag(value) > 0, decays, value))
+    return build(model, value, found.motion, found.block, first)
 
 
-def spectrum(model: LinearSystem) -> batch_modes.Spectrum:
-    """Solve for the undamped modes of a linear system without batch axes, once, as arrays.
-
-    Systems that differ only in their terms in frequency share them.
-    """
-    same = all(map(np.array_equal, model.constant.blocks, model.blocks))
-    prepared = (model.constant if same else model).prepared
-    if "spectrum" not in prepared:
-        prepared["spectrum"] = batch_modes.solve(model)
-    return prepared["spectrum"]
+def spectrum(model: LinearSystem) -> Spectrum:
+    """Solve for the undamped modes of a linear system without batch axes, as arrays."""
+    return batch_modes.solve(model)
 
 
 def build(

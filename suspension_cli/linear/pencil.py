@@ -38,6 +38,7 @@ from suspension_cli.elimination import (
     multiply_real,
 )
 from suspension_cli.linear.batch_modes import solve_block
+from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.terms import EvaluatedTerm, Term
 from suspension_cli.linear.wire_term import EvaluatedWires, WireTerm, distinct
@@ -79,8 +80,9 @@ class Block:
     @cached_property
     def terms(self) -> list[tuple[int, Term]]:
         """Terms that act on these coordinates, with their numbers in the system."""
-        result, model = [], self.pencil.model
-        for n, (term, weights) in enumerate(zip(model.terms, model.weights, strict=True)):
+        result = []
+        terms, every = self.pencil.model.terms, self.pencil.structure.weights
+        for n, (term, weights) in enumerate(zip(terms, every, strict=True)):
             own = np.isin(term.columns, self.keep)
             if weights[:, own].any() or (isinstance(term, WireTerm) and own.any()):
                 result.append((n, term))
@@ -90,7 +92,7 @@ class Block:
     def used(self) -> list[Int[np.ndarray, " _"]]:
         """Functions f_n of each term that are needed."""
         own = (np.isin(term.columns, self.keep) for _, term in self.terms)
-        weights = (self.pencil.model.weights[n] for n, _ in self.terms)
+        weights = (self.pencil.structure.weights[n] for n, _ in self.terms)
         return [np.flatnonzero(w[:, o].any((1, 2))) for w, o in zip(weights, own, strict=True)]
 
     @cached_property
@@ -179,7 +181,7 @@ class Block:
         first = len(pencil.matrices)
         for n, ((m, term), used) in enumerate(zip(self.terms, self.used, strict=True)):
             place = number[term.columns]
-            weights = pencil.model.weights[m][used] * ((place >= 6)[:, None] & (place >= 0))
+            weights = pencil.structure.weights[m][used] * ((place >= 6)[:, None] & (place >= 0))
             i, j = np.nonzero(weights.any(0))
             result.append((place[i] - 6, place[j], first, weights[:, i, j].T))
             first += len(used)
@@ -216,7 +218,7 @@ class Block:
         joint[6:, :6] *= self.pull
         whole = np.eye(size)
         whole[:own, :own] = joint
-        place = np.append(self.pencil.model.place[columns], model.size + np.arange(size - own))
+        place = np.append(self.pencil.structure.place[columns], model.size + np.arange(size - own))
         # forces that are not balanced turn with the bodies, which looks like a stiffness of yaw
         yaw = np.zeros(size, dtype=bool)
         yaw[:own] = (columns % 6 == 5) & (columns < 6 * (len(model.body) + 1))
@@ -362,7 +364,7 @@ class Pencil:
     Those of builds have no terms in frequency (`LinearSystem.at`).
     """
 
-    model: LinearSystem
+    structure: Structure
     omega: Float[np.ndarray, " build"] | None = None
 
     @property
@@ -370,12 +372,10 @@ class Pencil:
         """Whether there are many builds."""
         return self.omega is not None
 
-    @staticmethod
-    def of(model: LinearSystem) -> Pencil:
-        """Build the pencil of a system, once."""
-        if "pencil" not in model.prepared:
-            model.prepared["pencil"] = Pencil(model)
-        return model.prepared["pencil"]
+    @property
+    def model(self) -> LinearSystem:
+        """The system."""
+        return self.structure.system
 
     def at(self, omega: Float[np.ndarray, " frequency"], *, lossy: bool = True) -> AtFrequencies:
         """Evaluate at frequencies in rad/s."""
@@ -407,10 +407,9 @@ class Pencil:
         keep = group[np.argsort(self.owner[group], kind="stable")]
         return Block(self, keep, np.asarray(self.coupled[keep, :6].any(0)))
 
-    @cached_property
-    def blocks(self) -> list[Block]:
-        """The blocks of the system."""
-        return [self.block(group) for group in self.model.blocks]
+    def make_blocks(self) -> list[Block]:
+        """Make the blocks of the system."""
+        return [self.block(group) for group in self.structure.blocks]
 
     @cached_property
     def matrices(self) -> list[Inexact[np.ndarray, "#build coordinate coordinate"]]:
@@ -433,8 +432,8 @@ class Pencil:
 
     @property
     def coupled(self) -> Bool[np.ndarray, "coordinate coordinate"]:
-        """Whether coordinates couple, see `LinearSystem.coupled`."""
-        return self.model.coupled
+        """Whether coordinates couple, see `Structure.coupled`."""
+        return self.structure.coupled
 
     @property
     def unbalanced(self) -> float:

@@ -16,7 +16,7 @@ The dilution factor is the total energy over that in lossy elements (bending, st
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -122,10 +122,9 @@ def _dissipation(
     if model.is_lossy:
         lost += quadratic_form(np.imag(model.soft), x)
         lost += np.imag(model.k) @ np.abs(model.elongation @ x) ** 2
-    if "within" not in model.prepared:
-        model.prepared["within"] = [term.within(np.arange(model.size)) for term in model.terms]
-    restricted: list[Any] = model.prepared["within"]
-    for term, ends in zip(model.terms, restricted, strict=True):
+    every = np.arange(model.size)
+    for term in model.terms:
+        ends = term.within(every)
         lost += sum(term.at(omega).dissipated(ends, x).values())
         alike = term.with_loss_angle(UNIT)
         if alike is not None:

@@ -1,5 +1,13 @@
 """Frequency responses: solve (K + i omega C - omega^2 M) x = f, never sum modes.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
+>>> motions = [signals.parse(text, "", ("support", "test")) for text in ("support.x", "test.x")]
+>>> found = solve(model, np.array([0.0, 10.0]), motions[:1], motions[1:])
+>>> np.abs(found.value[:, 0, 0]).round(4)
+array([1.   , 0.009])
+
 Only blocks that inputs drive and outputs sense are solved (`pencil`), at many frequencies at once,
 in real arithmetic if nothing is lossy or damped. Errors are at most 1e-8 of a response; of those
 below 1e-6 of what the body moves by, 1e-14 of that.
@@ -18,6 +26,8 @@ from suspension_cli.files.declared import NOT_STORED, along, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.solver import Solvable, Solver
+from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -75,7 +85,7 @@ class Response:
 
 
 def solve(
-    model: LinearSystem,
+    system: Solvable,
     frequency: Float[np.ndarray, " frequency"],
     inputs: list[Signal],
     outputs: list[Signal],
@@ -85,23 +95,31 @@ def solve(
     Inputs are motions of the support, or forces and torques on bodies. Raises `InputError` at a
     frequency that equals a lossless resonance to the last bit.
     """
-    rows = np.array([signals.linear_form(signal, model) for signal in outputs])
-    drives = np.array([signals.linear_form(signal, model) for signal in inputs])
-    omega, acts = 2 * np.pi * np.asarray(frequency, dtype=float), [s.acts for s in inputs]
-    ground = [s.is_ground for s in inputs]
-    value, count = transfer(model, omega, drives, acts, rows, ground=ground)
-    into, out = (tuple(signal.text for signal in group) for group in (inputs, outputs))
-    return Response(np.asarray(frequency), into, out, units(inputs, outputs), value, count)
+    solver = Solver.of(system)
+    frequency = np.asarray(frequency, dtype=float)
+    rows = np.array([signals.linear_form(signal, solver.system) for signal in outputs])
+    drives = np.array([signals.linear_form(signal, solver.system) for signal in inputs])
+    acts = [signal.acts for signal in inputs]
+    ground = [signal.is_ground for signal in inputs]
+    value, count = transfer(solver, 2 * np.pi * frequency, drives, acts, rows, ground=ground)
+    return Response(
+        frequency=frequency,
+        input=tuple(signal.text for signal in inputs),
+        output=tuple(signal.text for signal in outputs),
+        unit=units(inputs, outputs),
+        value=value,
+        blocks=count,
+    )
 
 
 def units(inputs: list[Signal], outputs: list[Signal]) -> tuple[tuple[str, ...], ...]:
     """Units of each output over each input, [output][input]."""
-    per = ["/" + into.unit.replace("N m", "(N m)") for into in inputs]
-    return tuple(tuple(out + into for into in per) for out in (signal.unit for signal in outputs))
+    per_input = ["/" + into.unit.replace("N m", "(N m)") for into in inputs]
+    return tuple(tuple(out.unit + per for per in per_input) for out in outputs)
 
 
 def transfer(
-    model: LinearSystem,
+    system: Solvable,
     omega: Float[np.ndarray, " frequency"],
     drives: Float[np.ndarray, "input coordinate"],
     acts: list[bool],
@@ -116,37 +134,67 @@ def transfer(
     the support's coordinates, or of the ground's (`ground`). Raises `InputError` where a response
     is not finite, if asked. Also returns the number of blocks solved.
     """
+    solver = Solver.of(system)
     if ground is not None and any(ground):
-        result, count = np.zeros((len(omega), len(rows), len(drives)), dtype=complex), 0
-        at_rest = np.where(np.arange(model.size) < 6, 0.0, rows)  # the support
-        for system, sensed, moved in (
-            (model, rows, np.flatnonzero(~np.array(ground))),
-            (model.driven_by_ground, at_rest, np.flatnonzero(ground)),
-        ):
-            if len(moved):
-                own = drives[moved], [acts[n] for n in moved]
-                result[..., moved], blocks = transfer(system, omega, *own, sensed, finite=finite)
-                count += blocks
-        return result, count
-    moves, forces = np.where(acts, 0.0, drives[:, :6].T), np.where(acts, drives.T, 0.0)
-    pencil = Pencil.of(model)
-    chosen = _choose(pencil, moves, forces, rows)
+        return _transfer_with_ground(solver, omega, drives, acts, rows, ground, finite=finite)
+    moves = np.where(acts, 0.0, drives[:, :6].T)
+    forces = np.where(acts, drives.T, 0.0)
+    chosen = _choose(solver.blocks, moves, forces, rows)
     result = np.empty((len(omega), len(rows), len(drives)), dtype=complex)
     largest = max((len(block.owner) for block in chosen), default=1)
     step = max(CHUNK // (largest * max(len(drives), 1)), 64)
     for start in range(0, len(omega), step):
         span = slice(start, start + step)
-        own = (part[..., None] for part in (rows, moves, forces))
-        result[span] = np.moveaxis(_respond(pencil, chosen, omega[span], *own), -1, 0)
-        good = np.isfinite(result[span]).all((1, 2))
-        if finite and not good.all():
-            raise InputError.of(
-                "--frequency",
-                "is a resonance without loss, where the response is infinite",
-                "move it, or give the design a loss_angle or damping",
-                f"{float(omega[span][~good][0]) / (2 * np.pi)!r}",
-            )
+        value = _respond(
+            solver.pencil, chosen, omega[span], rows[..., None], moves[..., None], forces[..., None]
+        )
+        result[span] = np.moveaxis(value, -1, 0)
+        if finite:
+            _demand_finite(result[span], omega[span])
     return result, len(chosen)
+
+
+def _transfer_with_ground(
+    solver: Solver,
+    omega: Float[np.ndarray, " frequency"],
+    drives: Float[np.ndarray, "input coordinate"],
+    acts: list[bool],
+    rows: Float[np.ndarray, "output coordinate"],
+    ground: list[bool],
+    *,
+    finite: bool,
+) -> tuple[Complex[np.ndarray, "frequency output input"], int]:
+    """Solve for the transfer matrix from inputs some of which are motions of the ground."""
+    result = np.zeros((len(omega), len(rows), len(drives)), dtype=complex)
+    count = 0
+    of_support = np.arange(solver.system.size) < 6
+    at_rest = np.where(of_support, 0.0, rows)
+    of_ground = np.array(ground)
+    for driven, sensed, inputs in (
+        (solver, rows, np.flatnonzero(~of_ground)),
+        (solver.driven_by_ground, at_rest, np.flatnonzero(of_ground)),
+    ):
+        if len(inputs):
+            own = [acts[n] for n in inputs]
+            result[..., inputs], blocks = transfer(
+                driven, omega, drives[inputs], own, sensed, finite=finite
+            )
+            count += blocks
+    return result, count
+
+
+def _demand_finite(
+    value: Complex[np.ndarray, "frequency output input"], omega: Float[np.ndarray, " frequency"]
+) -> None:
+    """Raise `InputError` at a resonance without loss."""
+    good = np.isfinite(value).all((1, 2))
+    if not good.all():
+        raise InputError.of(
+            "--frequency",
+            "is a resonance without loss, where the response is infinite",
+            "move it, or give the design a loss_angle or damping",
+            f"{float(omega[~good][0]) / (2 * np.pi)!r}",
+        )
 
 
 def transfer_builds(
@@ -167,17 +215,17 @@ def transfer_builds(
     for start in range(0, count, BUILDS):
         build, frequency = np.divmod(np.arange(start, min(start + BUILDS, count)), len(omega))
         here: Any = as_slice(which[build]) if len(omega) == 1 else which[build]
-        w = omega[frequency]
-        pencil = Pencil(model.select(here).at(w), w)
-        own = [np.moveaxis(part[here], 0, -1) for part in (rows, moves, forces)]
-        chosen = _choose(pencil, own[1], own[2], own[0])
-        value = _respond(pencil, chosen, w, *own)
-        result[start : start + len(w)] = np.moveaxis(value, -1, 0)
+        at = omega[frequency]
+        pencil = Pencil(Structure(model.select(here).at(at)), at)
+        sensed, moved, pushed = (np.moveaxis(part[here], 0, -1) for part in (rows, moves, forces))
+        chosen = _choose(pencil.make_blocks(), moved, pushed, sensed)
+        value = _respond(pencil, chosen, at, sensed, moved, pushed)
+        result[start : start + len(at)] = np.moveaxis(value, -1, 0)
     return result.reshape(len(which), len(omega), *result.shape[1:])
 
 
 def _choose(
-    pencil: Pencil,
+    blocks: list[Block],
     moves: Float[np.ndarray, "6 input *#system"],
     forces: Float[np.ndarray, "coordinate input *#system"],
     rows: Float[np.ndarray, "output coordinate *#system"],
@@ -185,7 +233,7 @@ def _choose(
     """Choose the blocks that inputs drive and outputs sense."""
     return [
         block
-        for block in pencil.blocks
+        for block in blocks
         if rows[:, block.keep].any() and block.is_driven(moves, forces).any()
     ]
 
@@ -199,7 +247,8 @@ def _respond(
     forces: Float[np.ndarray, "coordinate input #system"],
 ) -> Inexact[np.ndarray, "output input system"]:
     """Sum the responses of blocks and those of outputs to the support's own motion."""
-    direct, there = np.einsum("ocs,cis->ois", rows[:, :6], moves), pencil.at(omega)
+    there = pencil.at(omega)
+    direct = np.einsum("ocs,cis->ois", rows[:, :6], moves)
     result = np.broadcast_to(direct, (*direct.shape[:2], len(omega))).astype(complex)
     reached = np.zeros(direct.shape[:2], dtype=bool)
     for block in chosen:

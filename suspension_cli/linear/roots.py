@@ -35,7 +35,7 @@ import numpy as np
 from suspension_cli.design.foton import Filter, warp
 from suspension_cli.elimination import dense, solve_each
 from suspension_cli.linear.pencil import Block, Loss, Pencil
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.wire_term import WireTerm
 
 if TYPE_CHECKING:
@@ -394,7 +394,7 @@ def _diagonalise(
 
 
 def modes_below(
-    model: LinearSystem,
+    system: Solvable,
     omega: Float[np.ndarray, " frequency"],
     step: Callable[[int], None] = lambda _: None,
 ) -> Int[np.ndarray, " frequency"]:
@@ -402,15 +402,17 @@ def modes_below(
 
     `step` is called with the number of frequencies done since the last call.
     """
-    total, pencil = np.zeros(len(omega), dtype=int), Pencil.of(model)
-    for term in model.terms:
+    solver = Solver.of(system)
+    total = np.zeros(len(omega), dtype=int)
+    for term in solver.system.terms:
         if isinstance(term, WireTerm):
             total += len(term.forms["twist"]) * term.strand.resonances_below(omega)
     for start in range(0, len(omega), GRID):
         span = slice(start, start + GRID)
-        there = pencil.at(omega[span], lossy=False)
-        for block in pencil.blocks:
-            matrix, tensions = np.moveaxis(block.at(there).matrix[:, 6:], -1, 0), len(block.keep)
+        there = solver.pencil.at(omega[span], lossy=False)
+        for block in solver.blocks:
+            matrix = np.moveaxis(block.at(there).matrix[:, 6:], -1, 0)
+            tensions = len(block.keep)
             # scaling does not change the signs of eigenvalues (Sylvester)
             for _ in range(BALANCED):
                 size = np.abs(matrix).max(-1)
@@ -423,14 +425,15 @@ def modes_below(
 
 
 def mode_frequencies(
-    model: LinearSystem, highest: float, lowest: float, progress: Progress = silent
+    system: Solvable, highest: float, lowest: float, progress: Progress = silent
 ) -> Float[np.ndarray, " mode"]:
     """Find all modes between two frequencies > 0 by bisection to the last bit, in rad/s.
 
     Ascending; a degenerate frequency is repeated. For a system with massive wires (violin model).
     """
+    solver = Solver.of(system)
     grid = np.geomspace(lowest, highest, GRID)
-    counts = np.maximum.accumulate(modes_below(model, grid))
+    counts = np.maximum.accumulate(modes_below(solver, grid))
     number = np.arange(counts[0] + 1, counts[-1] + 1)
     upper = np.searchsorted(counts, number)
     low, high = grid[upper - 1], grid[upper]
@@ -449,6 +452,6 @@ def mode_frequencies(
             return high
         unique, where = np.unique(middle[unresolved], return_inverse=True)
         repeats = len(where) / len(unique)
-        is_reached = modes_below(model, unique, step)[where] >= number[unresolved]
+        is_reached = modes_below(solver, unique, step)[where] >= number[unresolved]
         high[unresolved] = np.where(is_reached, middle[unresolved], high[unresolved])
         low[unresolved] = np.where(is_reached, low[unresolved], middle[unresolved])

@@ -27,10 +27,11 @@ from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import NOT_STORED, along, in_unit
 from suspension_cli.linear import signals
-from suspension_cli.linear.pencil import Block, Pencil
+from suspension_cli.linear.pencil import Block
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.solver import Solver
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import TermWithStates, terms_with_states
+from suspension_cli.linear.terms import TermWithStates
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
@@ -136,7 +137,7 @@ def assemble(
     more = model.size - rows.shape[1]
     rows, forces = np.pad(rows, ((0, 0), (0, more))), np.pad(forces, ((0, more), (0, 0)))
     parts, states, units = [], list[str](), list[str]()
-    for block in Pencil.of(model.constant).blocks:
+    for block in Solver(model).blocks:
         if rows[:, block.keep].any() and (undriven or block.is_driven(moves, forces).any()):
             part = _block(block, model.damping, moves, forces, rows)
             parts.append(part)
@@ -164,7 +165,7 @@ def with_states(model: LinearSystem) -> LinearSystem:
     They are the last coordinates, term by term.
     """
     result = model
-    while terms := terms_with_states(result):
+    while terms := result.terms_with_states:
         term = terms[0]
         others = tuple(one for one in result.terms if one is not term)
         result = replace(result, terms=others).widened(term.states())
@@ -291,12 +292,11 @@ def _undamped_modes(
     Float[np.ndarray, " mode"], Float[np.ndarray, " mode"], Float[np.ndarray, "coordinate mode"]
 ]:
     """omega^2, 1/Q (0 for an unstable mode) and momenta M v of modes v of unit modal mass."""
-    from suspension_cli.linear import batch_modes, eigenmodes
-
-    modes = eigenmodes.solve(model)
+    solver = Solver(model)
+    modes = solver.modes
     lossy = np.isfinite(modes.q) & (modes.omega_squared > 0)
     per_q = np.where(lossy, 1 / np.where(lossy, modes.q, 1.0), 0.0)
-    return modes.omega_squared, per_q, model.mass @ batch_modes.solve(model).motion.T
+    return modes.omega_squared, per_q, model.mass @ solver.spectrum.motion.T
 
 
 def with_constant_loss(model: LinearSystem) -> LinearSystem:
@@ -309,7 +309,7 @@ def with_constant_loss(model: LinearSystem) -> LinearSystem:
     """
     if not model.terms:
         return model
-    stay = terms_with_states(model)
+    stay = model.terms_with_states
     others = tuple(term for term in model.terms if not isinstance(term, TermWithStates))
     # dampers are constant already
     undamped = replace(model, damping=0 * model.damping, terms=others)

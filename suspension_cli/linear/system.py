@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.elimination import connected_groups, rounding
 from suspension_cli.linear.coordinates import AddedCoordinates
-from suspension_cli.linear.terms import Term
+from suspension_cli.linear.terms import Term, TermWithStates
 from suspension_cli.linear.wire_term import EvaluatedWires
-from suspension_cli.scene.arrays import Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
@@ -125,19 +123,17 @@ class LinearSystem:
         """System with the motion of the ground in place of that of the support."""
         ground = self.ground
         assert ground is not None
-        if "ground" not in self.prepared:
-            at_rest = np.diag(np.arange(self.size) >= 6).astype(float)
-            moved = []
-            for columns in (ground.stiffness, ground.damping):
-                whole = np.zeros((*columns.shape[:-1], self.size), columns.dtype)
-                whole[..., :6] += columns
-                whole[..., :6, :] += np.swapaxes(columns, -1, -2)
-                moved.append(whole)
-            rest = replace(self, terms=self.terms[len(ground.terms) :], rigid=None, ground=None)
-            made = rest.spread(at_rest, 0.0, *moved)
-            terms = (*ground.terms, *made.terms)
-            self.prepared["ground"] = replace(made, terms=terms, allowed=self.allowed)
-        return self.prepared["ground"]
+        at_rest = np.diag(np.arange(self.size) >= 6).astype(float)
+        moved = []
+        for columns in (ground.stiffness, ground.damping):
+            whole = np.zeros((*columns.shape[:-1], self.size), columns.dtype)
+            whole[..., :6] += columns
+            whole[..., :6, :] += np.swapaxes(columns, -1, -2)
+            moved.append(whole)
+        rest = replace(self, terms=self.terms[len(ground.terms) :], rigid=None, ground=None)
+        stiffness, damping = moved
+        driven = rest.spread(at_rest, 0.0, stiffness, damping)
+        return replace(driven, terms=(*ground.terms, *driven.terms), allowed=self.allowed)
 
     def spread(
         self,
@@ -193,11 +189,14 @@ class LinearSystem:
         )
 
     @property
+    def terms_with_states(self) -> tuple[TermWithStates, ...]:
+        """The terms that coordinates of their own can replace."""
+        return tuple(term for term in self.terms if isinstance(term, TermWithStates))
+
+    @property
     def constant(self) -> LinearSystem:
         """System without its terms in frequency."""
-        if self.terms and "constant" not in self.prepared:
-            self.prepared["constant"] = replace(self, terms=())
-        return self.prepared["constant"] if self.terms else self
+        return replace(self, terms=()) if self.terms else self
 
     def select(self, which: Int[np.ndarray, " system"] | slice | int) -> LinearSystem:
         """Select some of many builds, any more than once; by number, one without its axis."""
@@ -299,55 +298,3 @@ class LinearSystem:
     def index(self, body: str, dof: str) -> int:
         """Return the number of a coordinate of a body."""
         return 6 * (self.body.index(body) + 1) + DOFS.index(dof)
-
-    @cached_property
-    def prepared(self) -> dict[Any, Any]:
-        """Cache of the solvers, by block."""
-        return {}
-
-    @cached_property
-    def place(self) -> Int[np.ndarray, " coordinate"]:
-        """Place of each coordinate, see `elimination.sizes`."""
-        number = np.arange(self.size)
-        return np.where(number < 6 * (len(self.body) + 1), number // 3, number)
-
-    @cached_property
-    def weights(self) -> list[Float[np.ndarray, "function column column"]]:
-        """A_n of each term among its columns, without rounding errors."""
-        result = []
-        for term in self.terms:
-            small = term.rounding(self.place[term.columns])
-            allowed = self.allowed[np.ix_(term.columns, term.columns)]
-            kept = (np.abs(term.compact) > small) & allowed
-            result.append(np.where(kept, term.compact, 0.0))
-        return result
-
-    @cached_property
-    def coupled(self) -> Bool[np.ndarray, "coordinate coordinate"]:
-        """Whether coordinates couple by more than rounding errors; in any of many builds, at all.
-
-        What one wire exerts, an equal one may cancel, so equal wires of one design are taken
-        together.
-        """
-        matrices = [self.mass, self.damping, np.real(self.soft), np.imag(self.soft)]
-        if self.batch:
-            moved, *used = (
-                (matrix != 0).any(tuple(range(matrix.ndim - 2)))
-                for matrix in (self.elongation, *matrices)
-            )
-            return (self.allowed & (moved.T @ moved)) | np.any(used, axis=0)
-        for k in dict.fromkeys(self.k.tolist()):
-            some = self.elongation[self.k == k]
-            matrices.append(np.where(self.allowed, some.T @ some, 0.0))
-        result = np.any([np.abs(m) > rounding(m, self.place) for m in matrices], axis=0)
-        for term, weights in zip(self.terms, self.weights, strict=True):
-            result[np.ix_(term.columns, term.columns)] |= (weights != 0).any(0)
-        return np.asarray(result)
-
-    @cached_property
-    def blocks(self) -> tuple[Index, ...]:
-        """Groups of coordinates that do not couple, without the support's, by first coordinate.
-
-        A damper may sense one body and push another.
-        """
-        return tuple(6 + group for group in connected_groups(self.coupled[6:, 6:]))

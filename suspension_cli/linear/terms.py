@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
 
     from suspension_cli.linear.coordinates import AddedCoordinates
-    from suspension_cli.linear.system import LinearSystem
 
     Selection: TypeAlias = "Int[np.ndarray, ' system'] | slice | int"
 
@@ -112,11 +111,6 @@ class TermWithStates(Term):
         motion: Inexact[np.ndarray, "coordinate mode"],
     ) -> Float[np.ndarray, " mode"]:
         """Compute -x^H d Re(f A) / d(omega^2) x, kg m^2, which adds to the inertia x^H M x."""
-
-
-def terms_with_states(model: LinearSystem) -> tuple[TermWithStates, ...]:
-    """The terms of a system that have states."""
-    return tuple(term for term in model.terms if isinstance(term, TermWithStates))
 
 
 class EvaluatedTerm(ABC):

@@ -24,6 +24,7 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.solver import Solvable
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import BLADE_TIPS, Model
@@ -215,12 +216,12 @@ class Transfer:
     frequency: Array
 
     def values(
-        self, model: LinearSystem, frequency: Array
+        self, system: Solvable, frequency: Array
     ) -> Complex[np.ndarray, "frequency output input"]:
         """Solve for the responses at frequencies in Hz."""
         from suspension_cli.linear import response
 
-        return response.solve(model, frequency, self.inputs, self.outputs).value
+        return response.solve(system, frequency, self.inputs, self.outputs).value
 
     def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
         """Compute the largest change, see `spectrum_error`."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.solver import Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.wire_term import WireTerm
 from suspension_cli.scene.arrays import Array
@@ -23,8 +24,8 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
-    Solve = Callable[[LinearSystem, Array], Inexact[np.ndarray, "frequency ..."]]
-    """From a linear system and frequencies in Hz to values there."""
+    Solve = Callable[[Solver, Array], Inexact[np.ndarray, "frequency ..."]]
+    """From the solver of a linear system and frequencies in Hz to values there."""
 
 NEAR = 0.05
 """Relative distance from a mode within which models are not compared, and that of the magnitudes
@@ -55,9 +56,11 @@ def largest_error(
 
     They are the frequencies of a response or noise; `refined` is the more complete model.
     """
+    complete = Solver(refined)
     at = away_from_modes(frequency, simple, refined)
     at = at[np.linspace(0, len(at) - 1, min(MOST, len(at))).astype(int)]
-    old, new = (solve(model, at) for model in (simple, refined))
+    old = solve(Solver(simple), at)
+    new = solve(complete, at)
     change = _relative(np.abs(old - new), np.abs(new))
     bound = change.reshape(len(at), -1).max(1)  # what magnitudes beside a zero can only reduce
     order, found = np.argsort(-bound, kind="stable"), SpectrumError(-1.0, math.nan, ())
@@ -65,7 +68,8 @@ def largest_error(
         some = order[start : start + TOGETHER]
         if bound[some[0]] <= found.value:
             break
-        low, high = (np.abs(solve(refined, at[some] * by)) for by in (1 / (1 + NEAR), 1 + NEAR))
+        low = np.abs(solve(complete, at[some] / (1 + NEAR)))
+        high = np.abs(solve(complete, at[some] * (1 + NEAR)))
         least = AT_ZERO * np.sqrt(low) * np.sqrt(high)
         error = _relative(np.abs(old - new)[some], np.maximum(np.abs(new)[some], least))
         top = np.unravel_index(int(np.argmax(error)), error.shape)

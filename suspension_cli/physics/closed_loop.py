@@ -15,7 +15,6 @@ from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.linear import (
     damped,
-    eigenmodes,
     mode_content,
     quality,
     roots,
@@ -24,9 +23,9 @@ from suspension_cli.linear import (
 )
 from suspension_cli.linear.damped import LostModeError, change_of_stiffness, has_steep_tables
 from suspension_cli.linear.oscillations import find_oscillations, settle
-from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.roots import ClosedBlock, Feedback, Roots
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.statespace import Poles, StateSpace, with_constant_loss
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
@@ -110,7 +109,7 @@ def _find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, "
 
 def find_steady_poles(
     design: Design,
-    model: LinearSystem,
+    system: Solvable,
     kind: Model,
     motion: str,
     log: Log | None = None,
@@ -121,7 +120,7 @@ def find_steady_poles(
     Raises `InputError` if one grows, as there is no steady `motion` then ("response", ...); with
     `allow_unstable` warns of it. This is None if the command has no such option.
     """
-    massless = registry.BEAM.system(design) if kind.has_wire_mass else model
+    massless = registry.BEAM.system(design) if kind.has_wire_mass else system
     found = find_poles(local_control.build_plant(design, massless))
     if not found.stable:
         where, remedy = describe_growth(found)
@@ -253,7 +252,7 @@ def find_poles(plant: Plant) -> Poles:
     Raises `InputError` if one is lost.
     """
     plant = _with_states(plant)
-    fixed = replace(plant, model=with_constant_loss(plant.model))
+    fixed = plant.with_model(with_constant_loss(plant.model))
     found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
     value = np.concatenate([one.value for one in found])
     states = [state for one in found for state in one.state]
@@ -265,14 +264,16 @@ def find_poles(plant: Plant) -> Poles:
 def _with_states(plant: Plant) -> Plant:
     """Give terms with states coordinates, in which their poles are as harmless as others."""
     model = statespace.with_states(plant.model)
+    if model is plant.model:
+        return plant
     more = ((0, 0), (0, model.size - plant.model.size))
     sensed, pushed = np.pad(plant.sensed, more), np.pad(plant.pushed, more)
-    return replace(plant, model=model, sensed=sensed, pushed=pushed)
+    return replace(plant.with_model(model), sensed=sensed, pushed=pushed)
 
 
 def _build_blocks(plant: Plant) -> list[tuple[ClosedBlock, list[int]]]:
     """Coordinates that couple to no others, with the numbers of the loops that act on them."""
-    pencil = Pencil.of(plant.model)
+    pencil = plant.solver.pencil
     linked = pencil.coupled | ((plant.pushed != 0).T.astype(float) @ (plant.sensed != 0) > 0)
     blocks = []
     for group in connected_groups(linked[6:, 6:]):
@@ -407,23 +408,16 @@ class _Within:
         terms = any(not term.is_viscous for _, term in self.block.terms)
         return terms or bool(self.block.loss.any())
 
-    @cached_property
-    def terms(self) -> list[int]:
-        """Numbers of the terms that act on the block."""
-        return [n for n, _ in self.block.terms]
-
     @property
     def has_steep_tables(self) -> bool:
         """See `linear.damped.has_steep_tables`."""
-        still = eigenmodes.spectrum(self.plant.model)
+        still = self.plant.solver.spectrum
         own = still.motion[:, self.block.keep].any(1)
-        return has_steep_tables(
-            self.plant.model, self.terms, still.omega_squared[own], still.motion[own]
-        )
+        return has_steep_tables(self.block, still.omega_squared[own], still.motion[own])
 
     def solve(self, model: LinearSystem) -> _Starts:
         """Solve for the poles with constant matrices; those of free coordinates are 0."""
-        own = replace(self.plant, model=model).with_loops(list(self.numbers))
+        own = self.plant.with_model(model).with_loops(list(self.numbers))
         body = model.body
         motions = [
             Signal("", body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False)
@@ -442,7 +436,7 @@ class _Within:
         Losses are dampers that dissipate as much.
         """
         model = self.plant.model
-        soft, k = change_of_stiffness(model, self.terms, omega, share)
+        soft, k = change_of_stiffness(self.block, omega, share)
         loss = np.imag(soft) + (model.elongation.T * np.imag(k)) @ model.elongation
         fixed = replace(
             model,
@@ -497,7 +491,7 @@ class _Within:
         # of the approximated delay, or a delay of samples, z = 0
         lost = ~(-np.real(value) * self.delay <= FAR)
         value[lost] = 0.0
-        pencil = Pencil.of(self.plant.model)
+        pencil = self.plant.solver.pencil
         for chosen in (np.imag(value) > 0, (np.imag(value) == 0) & (value != 0)):
             some = np.flatnonzero(chosen)
             if not len(some):
@@ -592,17 +586,19 @@ class DampedModes:
     fraction: Float[np.ndarray, "mode place"]
 
 
-def solve_modes(model: LinearSystem, design: Design) -> DampedModes:
+def solve_modes(system: Solvable, design: Design) -> DampedModes:
     """Solve for the modes of a design's bodies, on wires without mass, with its loops closed.
 
     Poles of filters, in which mostly these move, are no modes.
     """
+    solver = Solver.of(system)
+    model = solver.system
     if design.control is None or not design.control.loop:
-        found = damped.solve(model)
+        found = damped.solve(solver)
         frequency = np.nan_to_num(found.frequency)
         decay = np.where(found.growth_rate > 0, -found.growth_rate, found.decay_rate)
         return DampedModes(frequency, found.q, decay, found.dilution, found.fractions)
-    poles = find_poles(local_control.build_plant(design, model))
+    poles = find_poles(local_control.build_plant(design, solver))
     assert poles.motion is not None
     bodily = np.array([not name.startswith("loop ") for name in poles.state], dtype=bool)
     value = poles.value[bodily]
@@ -618,12 +614,12 @@ MARGINS = {"gain": "dB", "phase": "deg", "delay": "s", "distance": "1"}
 """Margins of a loop, with their units."""
 
 
-def compute_margins(model: LinearSystem, design: Design) -> Float[np.ndarray, "loop margin"]:
+def compute_margins(system: Solvable, design: Design) -> Float[np.ndarray, "loop margin"]:
     """Compute the `MARGINS` of all loops of a design, the smaller one of the gain; NaN if unstable.
 
     An infinite one means that nothing limits.
     """
-    plant = local_control.build_plant(design, model)
+    plant = local_control.build_plant(design, system)
     closed = find_poles(plant)
     if not closed.stable:
         return np.full((len(plant.loops), len(MARGINS)), np.nan)

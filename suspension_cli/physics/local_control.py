@@ -31,6 +31,7 @@ from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import derived, in_unit
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
@@ -52,13 +53,22 @@ class Plant:
     loops.
     """
 
-    model: LinearSystem
+    solver: Solver
     loops: Sequence[Loop]
     sensed: Float[np.ndarray, "loop coordinate"]
     pushed: Float[np.ndarray, "loop coordinate"]
     osems: Sequence[Osem]
     reading: Float[np.ndarray, "loop osem"]
     driving: Float[np.ndarray, "osem loop"]
+
+    @property
+    def model(self) -> LinearSystem:
+        """The linear system."""
+        return self.solver.system
+
+    def with_model(self, model: LinearSystem) -> Plant:
+        """The plant with another system of the same coordinates."""
+        return replace(self, solver=Solver(model))
 
     @property
     def parts(self) -> list[Loop | Osem]:
@@ -94,21 +104,26 @@ def demand_loops(design: Design) -> None:
         raise InputError.of("control", "missing", remedy)
 
 
-def build_plant(design: Design, model: LinearSystem) -> Plant:
+def build_plant(design: Design, system: Solvable) -> Plant:
     """Build the plant of a design's loops, if it has any, on its model.
 
     Raises `InputError` if a sensor or actuator names no signal of the model.
     """
-    known, control = signals.bodies_with_signals(model), design.control
-    loops, given = (control.loop, control.osem) if control is not None else ((), ())
-    forms, weights = [], []
+    solver = Solver.of(system)
+    model = solver.system
+    known = signals.bodies_with_signals(model)
+    control = design.control
+    loops = () if control is None else control.loop
+    given = () if control is None else control.osem
+    forms = []
+    weights = []
     for end in ("sensor", "actuator"):
         parsed = [parse_end(loop, end, given, model.body, known) for loop in loops]
         rows = [signals.linear_form(signal, model) for signal, _ in parsed]
         forms.append(np.array(rows).reshape(len(loops), model.size))
         weights.append(np.reshape([own for _, own in parsed], (len(loops), len(given))))
     (sensed, pushed), (reading, driving) = forms, weights
-    return Plant(model, loops, sensed, pushed, given, reading, driving.T)
+    return Plant(solver, loops, sensed, pushed, given, reading, driving.T)
 
 
 def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
@@ -240,24 +255,41 @@ def evaluate_noise(
 
 
 @dataclass(frozen=True)
-class ClosedLoopResponse:
-    """Closed-loop responses, and noise at the outputs.
+class LoopResponses:
+    """Responses of some outputs with all loops closed: of motions, or of forces of coils.
 
     Attributes
     ----------
-    value
+    external
         Outputs over external inputs.
     sensing
         Outputs over noise of the sensor of each loop.
-    noise, actuator_noise
-        Amplitude spectral densities at each output from the noise of the sensor and actuator of
-        each of `Plant.parts`, m/sqrt(Hz) or rad/sqrt(Hz); of coils N/sqrt(Hz).
+    pushing
+        Outputs over noise forces at the actuator of each of `Plant.parts`.
     """
 
-    value: Complex[np.ndarray, "frequency output input"]
+    plant: Plant
+    frequency: Float[np.ndarray, " frequency"]
+    external: Complex[np.ndarray, "frequency output input"]
     sensing: Complex[np.ndarray, "frequency output loop"]
-    noise: Float[np.ndarray, "frequency output part"]
-    actuator_noise: Float[np.ndarray, "frequency output part"]
+    pushing: Complex[np.ndarray, "frequency output part"]
+
+    @property
+    def sensor_noise(self) -> Float[np.ndarray, "frequency output part"]:
+        """Amplitude spectral density at each output from the sensor of each of `Plant.parts`.
+
+        Unit of the output over sqrt(Hz).
+        """
+        parts = self.plant.parts
+        of_parts = np.hstack([np.eye(len(self.plant.loops)), self.plant.reading])
+        noise = np.array([evaluate_noise(part, self.frequency) for part in parts])
+        noise = noise.reshape(len(parts), len(self.frequency)).T
+        return np.abs(self.sensing @ of_parts) * noise[:, None]
+
+    @property
+    def actuator_noise(self) -> Float[np.ndarray, "frequency output part"]:
+        """Amplitude spectral density at each output from the actuator of each of `Plant.parts`."""
+        return np.abs(self.pushing) * np.array([part.actuator_noise for part in self.plant.parts])
 
 
 def solve_responses(
@@ -265,42 +297,60 @@ def solve_responses(
     frequency: Float[np.ndarray, " frequency"],
     inputs: list[Signal],
     outputs: list[Signal],
-    *,
-    drives: bool = False,
-) -> ClosedLoopResponse:
-    """Solve for closed-loop responses to external inputs, and noise, at frequencies in Hz.
+) -> Complex[np.ndarray, "frequency output input"]:
+    """Solve for closed-loop responses of motions to external inputs at frequencies in Hz."""
+    motions, _ = solve_loops(plant, frequency, inputs, outputs)
+    return motions.external
 
-    If `drives`, the forces that the loops demand of the coils of OSEMs are further outputs.
+
+def solve_sensor_noise(
+    plant: Plant, frequency: Float[np.ndarray, " frequency"], output: Signal
+) -> Float[np.ndarray, "frequency part"]:
+    """Solve for the noise of a motion from the sensor of each of `Plant.parts`.
+
+    It is an amplitude spectral density, m/sqrt(Hz) or rad/sqrt(Hz), at frequencies in Hz.
     """
-    model, i, o, count = plant.model, len(inputs), len(outputs), len(plant.loops)
-    given, seen = (
-        np.array([signals.linear_form(s, model) for s in some]).reshape(-1, model.size)
-        for some in (inputs, outputs)
-    )
-    pushes = len(plant.parts)
-    g, _ = response.transfer(
-        model,
+    motions, _ = solve_loops(plant, frequency, [], [output])
+    return motions.sensor_noise[:, 0]
+
+
+def solve_loops(
+    plant: Plant,
+    frequency: Float[np.ndarray, " frequency"],
+    inputs: list[Signal],
+    outputs: list[Signal],
+) -> tuple[LoopResponses, LoopResponses]:
+    """Solve for closed-loop responses of motions, and of the forces demanded of coils of OSEMs.
+
+    At frequencies in Hz, to external inputs and to the noise of sensors and actuators.
+    """
+    model = plant.model
+    driven = np.array([signals.linear_form(signal, model) for signal in inputs])
+    observed = np.array([signals.linear_form(signal, model) for signal in outputs])
+    parts = len(plant.parts)
+    opened, _ = response.transfer(
+        plant.solver,
         2 * np.pi * frequency,
-        np.concatenate([given, plant.pushed, plant.coils]),
-        [*(s.acts for s in inputs), *[True] * pushes],
-        np.concatenate([seen, plant.sensed]),
-        ground=[*(s.is_ground for s in inputs), *[False] * pushes],
+        np.concatenate([driven.reshape(-1, model.size), plant.pushed, plant.coils]),
+        [*(signal.acts for signal in inputs), *[True] * parts],
+        np.concatenate([observed.reshape(-1, model.size), plant.sensed]),
+        ground=[*(signal.is_ground for signal in inputs), *[False] * parts],
     )
-    h, one = evaluate_filters(plant, frequency)[:, :, None], np.eye(count)
-    opened, read, through = g[:, :o], g[:, o:], g[:, :o, i : i + count]
-    if drives:
-        coils = np.broadcast_to(plant.driving, (len(g), *plant.driving.shape))
-        opened = np.concatenate([opened, np.zeros((*coils.shape[:2], g.shape[2]))], axis=1)
-        through = np.concatenate([through, coils], axis=1)
-    sensing = -through @ np.linalg.solve(one + h * read[:, :, i : i + count], h * one)
-    value = opened + sensing @ read
-    asd = np.array([evaluate_noise(part, frequency) for part in plant.parts])
-    return ClosedLoopResponse(
-        value[:, :, :i],
-        sensing,
-        np.abs(sensing @ np.hstack([one, plant.reading])) * asd.reshape(pushes, len(g)).T[:, None],
-        np.abs(value[:, :, i:]) * np.array([part.actuator_noise for part in plant.parts]),
-    )
+    moved = opened[:, : len(outputs)]
+    read = opened[:, len(outputs) :]
+    forces = slice(len(inputs), len(inputs) + len(plant.loops))
+    # u = U (y_open + n), see the start of this module
+    h = evaluate_filters(plant, frequency)[:, :, None]
+    one = np.eye(len(plant.loops))
+    controller = -np.linalg.solve(one + h * read[:, :, forces], h * one)
+    results = []
+    for direct, through in ((moved, moved[:, :, forces]), (0.0, plant.driving[None])):
+        sensing = through @ controller
+        value = direct + sensing @ read
+        external, pushing = np.split(value, [len(inputs)], axis=2)
+        results.append(LoopResponses(plant, frequency, external, sensing, pushing))
+    motions, coils = results
+    return motions, coils
 
 
 def compute_loop_gains(
@@ -333,7 +383,9 @@ def compute_open_loop(
 
     def solve(at: Float[np.ndarray, " point"]) -> Complex[np.ndarray, "point loop loop"]:
         omega = 2 * np.pi * at
-        g, _ = response.transfer(plant.model, omega, plant.pushed, acts, plant.sensed, finite=False)
+        g, _ = response.transfer(
+            plant.solver, omega, plant.pushed, acts, plant.sensed, finite=False
+        )
         return evaluate_filters(plant, at)[:, :, None] * g
 
     with np.errstate(all="ignore"):

@@ -22,7 +22,7 @@ from suspension_cli.design.control import Osem
 from suspension_cli.files.declared import EACH, along, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.physics import local_control, wire_modes
 from suspension_cli.physics.ground import Spectrum
 from suspension_cli.physics.local_control import Plant
@@ -115,25 +115,29 @@ class Noises:
 
         Behind those of the outputs are those of the forces that loops demand of coils, N^2/Hz.
         """
-        plant, count = self.plant, len(self.motion)
+        plant = self.plant
+        count = len(self.motion)
         known = signals.bodies_with_signals(plant.model)
         # the ground under the support and beside it moves as one
         moved = (SUPPORT,) if plant.model.ground is None else (SUPPORT, GROUND)
         texts = [f"{body}.{dof}" for body in moved for dof in self.motion]
         inputs = [signals.parse_input(text, known) for text in texts]
-        found = local_control.solve_responses(plant, frequency, inputs, self.output, drives=True)
-        value = found.value.reshape(*found.value.shape[:2], len(moved), count).sum(2)
+        both = local_control.solve_loops(plant, frequency, inputs, self.output)
+        external = np.concatenate([one.external for one in both], axis=1)
+        value = external.reshape(*external.shape[:2], len(moved), count).sum(2)
         asd = np.array([motion.at(frequency) for motion in self.motion.values()])
         sensing, pushing = self._noisy
         parts = [np.abs(value) * asd.reshape(count, len(frequency)).T[:, None]]
-        parts += [found.noise[..., sensing], found.actuator_noise[..., pushing]]
+        parts.append(np.concatenate([one.sensor_noise for one in both], axis=1)[..., sensing])
+        parts.append(np.concatenate([one.actuator_noise for one in both], axis=1)[..., pushing])
         if self.temperature is not None:
             # thermal motion of what is observed, and of what sensors read with the loops open
             rows = [signals.linear_form(signal, plant.model) for signal in self.output]
-            direct = np.eye(found.value.shape[1], len(rows))
-            weights = [np.broadcast_to(direct, (len(frequency), *direct.shape)), found.sensing]
+            direct = np.eye(value.shape[1], len(rows))
+            closed = np.concatenate([one.sensing for one in both], axis=1)
+            weights = [np.broadcast_to(direct, (len(frequency), *direct.shape)), closed]
             powers = compute_densities(
-                plant.model,
+                plant.solver,
                 frequency,
                 np.concatenate([rows, plant.sensed]),
                 self.temperature,
@@ -147,11 +151,12 @@ class Noises:
         return result
 
 
-def find_wire_modes(model: LinearSystem, highest: float) -> Complex[np.ndarray, " pole"]:
+def find_wire_modes(system: Solvable, highest: float) -> Complex[np.ndarray, " pole"]:
     """Poles (rad/s) of modes up to a frequency in Hz, of a model with wire mass."""
-    if not 0 < wire_modes.count_modes(model, highest) <= MOST:
+    solver = Solver.of(system)
+    if not 0 < wire_modes.count_modes(solver, highest) <= MOST:
         return np.zeros(0, dtype=complex)
-    found = wire_modes.solve(model, highest)
+    found = wire_modes.solve(solver, highest)
     return -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared, 0.0))
 
 

@@ -23,8 +23,8 @@ from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import EACH, derived, in_unit
 from suspension_cli.linear import signals
-from suspension_cli.linear.pencil import Pencil
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.terms import quadratic_form
 from suspension_cli.models import registry
@@ -98,7 +98,7 @@ class Thermal:
 
 
 def solve(
-    model: LinearSystem,
+    system: Solvable,
     frequency: Float[np.ndarray, " frequency"],
     outputs: Sequence[Signal],
     temperature: float,
@@ -118,9 +118,10 @@ def solve(
     >>> noise.unit, noise.density.shape[1]
     ('m', 1)
     """
+    solver = Solver.of(system)
     frequency = np.asarray(frequency, dtype=float)
-    rows = np.array([signals.linear_form(signal, model) for signal in outputs])
-    found = compute_densities(model, frequency, rows, temperature)
+    rows = np.array([signals.linear_form(signal, solver.system) for signal in outputs])
+    found = compute_densities(solver, frequency, rows, temperature)
     names: list[str] = []
     for powers in found:
         _check_powers(powers, frequency)
@@ -138,7 +139,7 @@ def solve(
 
 
 def compute_densities(
-    model: LinearSystem,
+    system: Solvable,
     frequency: Float[np.ndarray, " frequency"],
     rows: Float[np.ndarray, "output coordinate"],
     temperature: float,
@@ -148,14 +149,15 @@ def compute_densities(
 
     With `weights`, those of sums of the forms.
     """
-    omega, pencil = 2 * np.pi * frequency, Pencil.of(model)
+    solver = Solver.of(system)
+    omega = 2 * np.pi * frequency
     found: list[dict[str, Array]] = [{} for _ in (rows if weights is None else weights[0])]
-    blocks = [block for block in pencil.blocks if rows[:, block.keep].any()]
+    blocks = [block for block in solver.blocks if rows[:, block.keep].any()]
     largest = max((len(block.owner) for block in blocks), default=1)
     step = max(CHUNK // largest**2, 64)
     for start in range(0, len(omega), step):
         now = slice(start, start + step)
-        there = pencil.at(omega[now])
+        there = solver.pencil.at(omega[now])
         for block in blocks:
             here, forces = block.at(there), rows[:, block.keep].T
             driven = np.flatnonzero(forces.any(0))
@@ -249,10 +251,11 @@ class Noise:
         return found.value, f"the noise of {self.outputs[output]}"
 
     def amplitude(
-        self, model: LinearSystem, frequency: Float[np.ndarray, " sample"]
+        self, solver: Solver, frequency: Float[np.ndarray, " sample"]
     ) -> Float[np.ndarray, "sample output"]:
         """Solve for the noise of all outputs at frequencies in Hz."""
-        noises = solve(model, frequency, parse_outputs(model, self.outputs, self.arm), 1.0)
+        motions = parse_outputs(solver.system, self.outputs, self.arm)
+        noises = solve(solver, frequency, motions, 1.0)
         return np.stack([noise.amplitude for noise in noises], axis=1)
 
 

@@ -24,8 +24,9 @@ from suspension_cli.linear.coordinates import AddedCoordinates, momentum_units
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
+from suspension_cli.linear.solver import Solvable, Solver
+from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import terms_with_states
 from suspension_cli.linear.wire_term import WireTerm, is_massive
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Fibre
@@ -63,7 +64,7 @@ NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twis
 
 
 def solve(
-    model: LinearSystem, highest: float, *, damping: bool = False, progress: Progress = silent
+    system: Solvable, highest: float, *, damping: bool = False, progress: Progress = silent
 ) -> Modes:
     """Solve for all modes of the violin model up to a frequency (Hz).
 
@@ -71,13 +72,16 @@ def solve(
     order in the losses. Modes that do not oscillate are first; for undamped modes these neglect
     wire mass. Raises `InputError` if no mode lies below `highest`, or if one is lost.
     """
-    static = eigenmodes.solve(model.constant)
-    omega = roots.mode_frequencies(model, 2 * np.pi * highest, _lowest_frequency(static), progress)
+    prepared = Solver.of(system)
+    model = prepared.system
+    static = prepared.constant.modes
+    lowest = _lowest_frequency(static)
+    omega = roots.mode_frequencies(prepared, 2 * np.pi * highest, lowest, progress)
     if not len(omega):
         raise no_mode_error(highest)
     strong = static.select(slice(0))
-    if damping and (damped.damping_matrix(model).any() or terms_with_states(model)):
-        static = damped.solve(model)
+    if damping and (damped.damping_matrix(model).any() or model.terms_with_states):
+        static = damped.solve(prepared)
         of_light = damped.mark_light(static)
         fast = 2 * STRONG * np.abs(static.decay_rate) > np.sqrt(np.abs(static.omega_squared))
         below = static.omega_squared <= (2 * np.pi * highest) ** 2
@@ -91,7 +95,7 @@ def solve(
     found: list[Modes] = []
     others: list[Modes] = []
     for fraction in CUTS:
-        solver, others, missed = _Solver.of(model, fraction, strong), [], []
+        solver, others, missed = _WiresCut.of(prepared, fraction, strong), [], []
         done = len(omega) - len(left)
         if fraction == CUTS[0] and len(strong.q):
             found.append(solver.describe(solver.strong))
@@ -122,28 +126,30 @@ def solve(
     return replace(still, wire=names, wire_energy=energy).followed_by(modes).ascending()
 
 
-def solve_between(model: LinearSystem, low: float, high: float) -> Modes:
+def solve_between(system: Solvable, low: float, high: float) -> Modes:
     """Solve for the undamped modes of the violin model between two frequencies, Hz.
 
     Raises `InputError` if there is none.
     """
-    omega = roots.mode_frequencies(model, 2 * np.pi * high, 2 * np.pi * low)
+    prepared = Solver.of(system)
+    omega = roots.mode_frequencies(prepared, 2 * np.pi * high, 2 * np.pi * low)
     if not len(omega):
         raise no_mode_error(high)
-    none = eigenmodes.solve(model.constant).select(slice(0))
-    solver = _Solver.of(model, CUTS[0], none)
+    none = prepared.constant.modes.select(slice(0))
+    solver = _WiresCut.of(prepared, CUTS[0], none)
     found = [solver.solve(part, damping=False)[0] for part in _split(omega)]
     return found[0].followed_by(*found[1:]).ascending()
 
 
-def lowest_violin_mode(model: LinearSystem, stage: str, order: int) -> float:
+def lowest_violin_mode(system: Solvable, stage: str, order: int) -> float:
     """Find the lowest violin mode of some order, Hz, of the wires of a stage ("": of all wires).
 
     It lies near the resonance of a wire between fixed ends, from which the recoil of the bodies
     moves it. If there are other modes nearby, their shapes tell which is of these wires.
     Raises `InputError` if there is none.
     """
-    wires = [term for term in model.terms if isinstance(term, WireTerm)]
+    solver = Solver.of(system)
+    wires = [term for term in solver.system.terms if isinstance(term, WireTerm)]
     own = [term for term in wires if stage in ("", term.stage)]
     held = np.array([_held_bending(term, order) for term in own])
     if not held.size:
@@ -152,11 +158,11 @@ def lowest_violin_mode(model: LinearSystem, stage: str, order: int) -> float:
     inside = (held >= window[0]) & (held <= window[1])
     count = np.array([len(term.forms["twist"]) for term in own])
     expected = int((inside * count[:, None]).sum())
-    below = roots.modes_below(model, window)
+    below = roots.modes_below(solver, window)
     others = any(_resonates(term, window) for term in wires if term not in own)
     if below[1] - below[0] == expected and not others:
-        return _bisect(model, int(below[0]) + 1, *window.tolist()) / (2 * np.pi)
-    found = solve_between(model, *(window / (2 * np.pi)).tolist())
+        return _bisect(solver, int(below[0]) + 1, *window.tolist()) / (2 * np.pi)
+    found = solve_between(solver, *(window / (2 * np.pi)).tolist())
     rows = zip(found.frequency, found.order, found.home, strict=True)
     known = [
         float(frequency)
@@ -184,17 +190,17 @@ def _resonates(term: WireTerm, window: Float[np.ndarray, " end"]) -> bool:
     return bool(below[1] > below[0])
 
 
-def _bisect(model: LinearSystem, number: int, low: float, high: float) -> float:
+def _bisect(solver: Solver, number: int, low: float, high: float) -> float:
     """Find mode number `number`, from 1, between two frequencies in rad/s."""
     while high - low > PRECISE * high:
         inner = np.linspace(low, high, DIVIDED + 2)
-        place = int(np.searchsorted(roots.modes_below(model, inner), number))
+        place = int(np.searchsorted(roots.modes_below(solver, inner), number))
         low, high = float(inner[max(place - 1, 0)]), float(inner[min(place, DIVIDED + 1)])
     return high
 
 
 def solve_bodies(
-    model: LinearSystem,
+    system: Solvable,
     admit: Callable[[int, float], None] = lambda _number, _top: None,
     progress: Progress = silent,
 ) -> Modes:
@@ -204,20 +210,21 @@ def solve_bodies(
     or one is found twice, all modes up to the highest without wire mass are solved for; before,
     `admit` is called with their number and that frequency, Hz.
     """
-    massive = any(map(is_massive, model.terms))
+    solver = Solver.of(system)
+    massive = any(map(is_massive, solver.system.terms))
     try:
-        found = damped.solve(model)
+        found = damped.solve(solver)
     except damped.LostModeError:
         if not massive:
             raise
     else:
         share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
         bodily = (share > BODILY) | damped.mark_light(found)
-        if not massive or (bodily.all() and not _repeated(model, found)):
+        if not massive or (bodily.all() and not _repeated(solver.system, found)):
             return found
-    top = float(np.nanmax(eigenmodes.solve(model).frequency))  # wire mass lowers all frequencies
-    admit(count_modes(model, top), top)
-    found = solve(model, top, damping=True, progress=progress)
+    top = float(np.nanmax(solver.modes.frequency))  # wire mass lowers all frequencies
+    admit(count_modes(solver, top), top)
+    found = solve(solver, top, damping=True, progress=progress)
     of_bodies = found.order == 0
     return found.select(of_bodies) if of_bodies.any() else found
 
@@ -239,33 +246,34 @@ def _split(omega: Float[np.ndarray, " mode"]) -> list[Float[np.ndarray, " _"]]:
 
 
 @dataclass(frozen=True)
-class _Solver:
+class _WiresCut:
     """Solver for modes near given frequencies, with wires of several kinds cut at one place.
 
-    `strong` are the poles of modes that are strongly damped.
+    `whole` is that of the system with whole wires, `strong` are the poles of strongly damped modes.
     """
 
-    model: LinearSystem
+    whole: Solver
     pencil: Pencil
     block: Block
     kinds: list[WireTerm]
     strong: Roots
 
     @staticmethod
-    def of(model: LinearSystem, fraction: float, strong: Modes) -> _Solver:
+    def of(whole: Solver, fraction: float, strong: Modes) -> _WiresCut:
         """Cut the wires of a system; find the poles of modes that are strongly damped."""
-        cut, kinds = cut_all(model, fraction)
-        pencil = Pencil.of(cut)
+        cut, kinds = cut_all(whole.system, fraction)
+        pencil = Pencil(Structure(cut))
         order = np.argsort(pencil.owner[6:], kind="stable")
         blocks = [Block(pencil, 6 + order, np.ones(6, dtype=bool))]
         omega = np.sqrt(np.maximum(strong.omega_squared - strong.decay_rate**2, 0.0))
         shapes = np.zeros((len(omega), cut.size))
+        model = whole.system
         shapes[:, : model.size] = np.pad(strong.shape, ((0, 0), (6, 0))) @ model.basis
         member = np.zeros(len(omega), dtype=int)
         start = Roots.starts(blocks, -strong.decay_rate + 1j * omega, member, shapes)
         found = roots.find_roots(pencil, blocks, start, strong.decay_rate)
         known = found.select(~(found.lost | roots.repeated(found)))
-        return _Solver(model, pencil, blocks[0], kinds, known)
+        return _WiresCut(whole, pencil, blocks[0], kinds, known)
 
     def solve(
         self, omega: Float[np.ndarray, " mode"], *, damping: bool
@@ -302,13 +310,15 @@ class _Solver:
         """Build the modes of roots, in their order."""
         value, cut = found.value, self.pencil.model
         motion = found.motions([self.block], cut.size)
-        own = motion[:, : self.model.size]
+        own = motion[:, : self.whole.system.size]
         quantities = quality.evaluate(cut, value, motion)
         # of both pieces
         energy = quantities.wires.reshape(len(self.kinds), 2, len(PARTS), len(value)).sum(1)
         shape = own / np.sqrt(quantities.weight)[:, None]
-        block = np.argmax([np.abs(own[:, some]).sum(1) for some in self.model.blocks], axis=0)
-        modes = eigenmodes.build(self.model, value, shape, block, quantities)
+        block = np.argmax(
+            [np.abs(own[:, some]).sum(1) for some in self.whole.structure.blocks], axis=0
+        )
+        modes = eigenmodes.build(self.whole.system, value, shape, block, quantities)
         wire: dict[str, Array] = {}
         for term, parts in zip(self.kinds, energy, strict=True):
             for part, fraction in zip(PARTS, parts, strict=True):
@@ -342,10 +352,11 @@ class _Solver:
         return result
 
 
-def count_modes(model: LinearSystem, highest: float) -> int:
+def count_modes(system: Solvable, highest: float) -> int:
     """Count the modes that oscillate below a frequency (Hz), without solving for them."""
-    lowest = _lowest_frequency(eigenmodes.solve(model.constant))
-    low, high = roots.modes_below(model, np.array([lowest, max(2 * np.pi * highest, lowest)]))
+    solver = Solver.of(system)
+    lowest = _lowest_frequency(solver.constant.modes)
+    low, high = roots.modes_below(solver, np.array([lowest, max(2 * np.pi * highest, lowest)]))
     return int(high - low)
 
 

@@ -20,7 +20,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, mode_content
 from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.signals import Signal, linear_form
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.models.surroundings import nominal_positions, surrounded
 from suspension_cli.physics import closed_loop
@@ -69,7 +69,7 @@ class Solved:
         self.needs = needs
         self._balance_again = balance_again
         self._in_other_models: dict[str, list[Part]] = {}
-        self._systems: dict[int, LinearSystem] = {}
+        self._solvers: dict[int, Solver] = {}
 
     @property
     def count(self) -> int:
@@ -128,12 +128,12 @@ class Solved:
         with np.errstate(all="ignore"):  # of designs that failed
             return builds.transfer(self.found, frequency, list(inputs), list(outputs))
 
-    def system(self, number: int) -> LinearSystem:
-        """Linear system of one design, without batch axes.
+    def solver(self, number: int) -> Solver:
+        """Solver of the linear system of one design, without batch axes.
 
         Raises `InputError` if it does not balance.
         """
-        if number not in self._systems:
+        if number not in self._solvers:
             design = self.designs[number]
             model = registry.by_name(self.level)
             if self.found.scene is None:
@@ -142,17 +142,17 @@ class Solved:
                 scene = select_scenes(self.found.scene, number)
                 bare = registry.scene_model(self.level).of_scene(scene, design)
                 made = surrounded(bare, design, nominal_positions(design))
-            self._systems[number] = made
-        return self._systems[number]
+            self._solvers[number] = Solver(made)
+        return self._solvers[number]
 
     def each(
-        self, compute: Callable[[LinearSystem, Design], object], *shape: int
+        self, compute: Callable[[Solver, Design], object], *shape: int
     ) -> Float[np.ndarray, "design ..."]:
         """Compute something of each design with a steady state; NaN of others, and of failures."""
         result = np.full((self.count, *shape), np.nan)
         for n in np.flatnonzero(self.hangs).tolist():
             try:
-                result[n] = compute(self.system(n), self.designs[n])
+                result[n] = compute(self.solver(n), self.designs[n])
             except InputError:  # a resonance without loss, a search that found nothing
                 continue
         return result
@@ -168,10 +168,10 @@ class Solved:
         motions = self.needs.warm_motions
         frequency = np.array(self.needs.warm_frequency)
 
-        def compute(model: LinearSystem, design: Design) -> Array:
-            rows = np.array([linear_form(signal, model) for signal in motions])
+        def compute(solver: Solver, design: Design) -> Array:
+            rows = np.array([linear_form(signal, solver.system) for signal in motions])
             temperature = design.constants.temperature
-            powers = compute_densities(model, frequency, rows, temperature)
+            powers = compute_densities(solver, frequency, rows, temperature)
             none = np.zeros(len(frequency))
             total = np.array([sum(one.values(), none) for one in powers])
             return np.sqrt(np.where(np.isfinite(total), total, np.nan))
@@ -184,7 +184,7 @@ class Solved:
         found: list[DampedModes | None] = [None] * self.count
         for n in np.flatnonzero(self.hangs).tolist():
             with contextlib.suppress(InputError):
-                found[n] = closed_loop.solve_modes(self.system(n), self.designs[n])
+                found[n] = closed_loop.solve_modes(self.solver(n), self.designs[n])
         return found
 
     @cached_property

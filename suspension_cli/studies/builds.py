@@ -23,7 +23,7 @@ from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.statespace import ROUNDING, with_states
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import TermWithStates, terms_with_states
+from suspension_cli.linear.terms import TermWithStates
 from suspension_cli.models import registry
 from suspension_cli.models.surroundings import surrounded
 from suspension_cli.rotations import rotation_vector
@@ -171,7 +171,7 @@ def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
         return
     from scipy.linalg import eig
 
-    constant = replace(model, terms=terms_with_states(model))
+    constant = replace(model, terms=model.terms_with_states)
     for n in np.flatnonzero(status == GOOD).tolist():
         system = with_states(constant.select(n)).constant
         own = [matrix[6:, 6:] for matrix in (system.mass, system.damping, system.stiffness)]

@@ -11,7 +11,6 @@ again after an interruption. At last the results file is written.
 from __future__ import annotations
 
 import contextlib
-import gc
 import hashlib
 import itertools
 import os
@@ -297,11 +296,7 @@ def _share(
 
 
 def _compute(job: Job, part: Range) -> tuple[int, Columns]:
-    values = job.compute(*part)
-    # systems and what is prepared for them refer to each other: without this their matrices stay
-    # until the collector counts enough objects, gigabytes later
-    gc.collect(0)
-    return part[0], values
+    return part[0], job.compute(*part)
 
 
 def _compute_or_error(job: Job, part: Range) -> tuple[int, Columns] | Exception:

@@ -11,6 +11,7 @@ import pytest
 from suspension_cli.design.reader import read
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.statespace import with_constant_loss
+from suspension_cli.linear.structure import Structure
 from suspension_cli.models import registry
 from tests.support.commandline import run, strict_json
 from tests.support.paths import CONFIGS
@@ -39,8 +40,8 @@ def test_every_mode_keeps_its_q(name):
         assert np.linalg.eigvalsh(loss).min() > -1e-12 * np.abs(loss).max()
         size = np.abs(loss).max() * np.abs(model.rigid).max()
         assert np.abs(loss @ model.rigid).max() < 1e-12 * size
-        assert [group.tolist() for group in made.blocks] == [
-            group.tolist() for group in model.blocks
+        assert [group.tolist() for group in Structure(made).blocks] == [
+            group.tolist() for group in Structure(model).blocks
         ]
 
 

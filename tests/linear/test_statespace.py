@@ -7,6 +7,7 @@ import pytest
 
 from suspension_cli.analyses.export import solve as export
 from suspension_cli.linear import eigenmodes, response, signals, statespace
+from suspension_cli.linear.structure import Structure
 from suspension_cli.models import registry
 from tests.support import plants, responses_mp, scenes
 
@@ -175,7 +176,7 @@ def test_names_and_units():
     assert system.output_unit == ("m", "rad", "m", "m")
     assert system.d[3].tolist() == [1.0, 0.0, 0.0]
     assert len(system.state) == len(set(system.state)) == len(system.a)
-    blocks = [{model.coordinate[n] for n in block} for block in model.blocks]
+    blocks = [{model.coordinate[n] for n in block} for block in Structure(model).blocks]
     touched = set().union(*(block for block in blocks if block & {"test.x", "test.z", "test.yaw"}))
     assert {name.removesuffix(" rate") for name in system.state} == touched
     for name, unit in zip(system.state, system.state_unit, strict=True):

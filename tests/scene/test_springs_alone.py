@@ -15,6 +15,7 @@ from suspension_cli.design import reader
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.structure import Structure
 from suspension_cli.models import registry
 from suspension_cli.scene import imperfections
 from suspension_cli.studies import variants
@@ -213,7 +214,7 @@ def test_symmetric_springs_keep_the_symmetry():
         for y in (0.217, -0.217)
     ]
     system = registry.STRING.system(reader.parse(CORNERS + "\n".join(springs)))
-    coupled = {frozenset(block.tolist()) for block in system.blocks}
+    coupled = {frozenset(block.tolist()) for block in Structure(system).blocks}
     assert coupled == {frozenset({6, 10}), frozenset({7, 9}), frozenset({8}), frozenset({11})}
 
 

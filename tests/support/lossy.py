@@ -12,7 +12,7 @@ import numpy as np
 from suspension_cli.conventions import BOLTZMANN
 from suspension_cli.design.reader import template
 from suspension_cli.linear import signals
-from suspension_cli.linear.pencil import Pencil
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.physics import thermal_noise
 from tests.support import plants, scenes
@@ -107,9 +107,9 @@ def form(model: Any, text: str) -> np.ndarray:
 def from_susceptibility(model: Any, frequency: Any, row: np.ndarray) -> np.ndarray:
     """-(4 k T / omega) Im(r . Z^-1 r) at 290 K, unit^2/Hz; it loses the digits of a high Q."""
     omega = 2 * np.pi * np.asarray(frequency)
-    total, pencil = np.zeros(len(omega)), Pencil.of(model)
-    there = pencil.at(omega)
-    for block in pencil.blocks:
+    total, solver = np.zeros(len(omega)), Solver(model)
+    there = solver.pencil.at(omega)
+    for block in solver.blocks:
         force = row[block.keep]
         if force.any():
             found = block.at(there).respond(force[None], np.zeros((6, 1)), force[:, None])

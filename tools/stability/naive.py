@@ -11,6 +11,7 @@ from scipy import linalg
 from suspension_cli import elimination
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.statespace import StateSpace
+from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 
 
@@ -70,7 +71,7 @@ def upward(model: LinearSystem, frequency: Any, into: Signal, out: Signal) -> An
     square = (2 * np.pi * np.asarray(frequency)) ** 2
     push, sensed = -model.stiffness[:, :6] @ linear_form(into, model)[:6], linear_form(out, model)
     total = np.zeros(len(square))
-    for block in model.blocks:
+    for block in Structure(model).blocks:
         owner = np.array([model.body.index(model.coordinate[n].split(".")[0]) for n in block])
         order = np.argsort(owner, kind="stable")
         own, rows = block[order], np.ix_(block[order], block[order])

@@ -13,6 +13,7 @@ import numpy as np
 
 from suspension_cli.design import reader
 from suspension_cli.design.schema import Design
+from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 from tests.support import imperfect_stage_mp, responses_mp, soft_blades_mp
 
@@ -72,7 +73,7 @@ def given_omega_squared(model: LinearSystem) -> Any:
     """All omega^2 of given matrices without massless coordinates, ascending, in 50 digits."""
     m = responses_mp.MP
     values = []
-    for block in model.blocks:
+    for block in Structure(model).blocks:
         mass, stiffness = (
             m.matrix(matrix[np.ix_(block, block)].tolist())
             for matrix in (model.mass, model.stiffness)

@@ -119,6 +119,7 @@ class BudgetAnalysis(Analysis):
         import numpy as np
 
         from suspension_cli.design.derive import mirror
+        from suspension_cli.linear.solver import Solver
         from suspension_cli.physics import local_control, noise_budget, thermal_noise
         from suspension_cli.physics.closed_loop import find_steady_poles
 
@@ -129,11 +130,12 @@ class BudgetAnalysis(Analysis):
         requirements = _requirements(setting, outputs, folder, grid)
         choice, model, warm = _model(run, grid, outputs, notes)
         parsed = thermal_noise.parse_outputs(model, outputs, setting["arm"])
-        poles = find_steady_poles(design, model, choice.model, "motion").value
+        solver = Solver(model)
+        poles = find_steady_poles(design, solver, choice.model, "motion").value
         if choice.model.has_wire_mass:
-            poles = np.append(poles, noise_budget.find_wire_modes(model, float(grid[-1])))
+            poles = np.append(poles, noise_budget.find_wire_modes(solver, float(grid[-1])))
         temperature = design.constants.temperature if warm else None
-        plant = local_control.build_plant(design, model)
+        plant = local_control.build_plant(design, solver)
         noises = noise_budget.Noises(plant, parsed, motions, temperature, setting["mirrors"])
         if not noises.cause:
             problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"

@@ -10,7 +10,7 @@ poles of a closed loop with delay, those near poles of the state space are found
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -132,7 +132,7 @@ def solve(
     observed = signals.parse_output(output, known)
     driven = signals.parse_input(drive, known, "--impulse")
     margin, peak = closed_loop.find_margins(plant, closed) if closed.stable else (None, None)
-    constant = replace(plant, model=with_constant_loss(model))
+    constant = plant.with_model(with_constant_loss(model))
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (
         statespace.impulse(closed_loop.build_closed_loop(fixed, [driven], [observed]), time)[
@@ -152,7 +152,7 @@ def solve(
         undamped=undamped,
         frequency=frequency,
         sensor=tuple(one.name for one in plant.parts),
-        noise=local_control.solve_responses(plant, frequency, [], [observed]).noise[:, 0],
+        noise=local_control.solve_sensor_noise(plant, frequency, observed),
         gain=local_control.compute_loop_gains(plant, frequency),
         sensitivity=peak,
         osems=local_control.compute_matrices(plant.osems) or None,

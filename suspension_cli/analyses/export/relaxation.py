@@ -33,8 +33,8 @@ from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.coordinates import AddedCoordinates
 from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
+from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import terms_with_states
 from suspension_cli.linear.wire_term import WireTerm
 
 if TYPE_CHECKING:
@@ -297,7 +297,7 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
         stiffness=np.diag(np.append(np.zeros(size), omega**2)),
         damping=np.block([[damping, resisted.T], [resisted, unit * drag]]),
     )
-    lossless = replace(model.lossless, terms=terms_with_states(model), ground=None)
+    lossless = replace(model.lossless, terms=model.terms_with_states, ground=None)
     system = lossless.widened(modes)
     padded = [
         replace(one, rows=np.pad(one.rows, ((0, 0), (0, system.size - one.rows.shape[1]))))
@@ -417,7 +417,9 @@ def _deformations(
 def _groups(model: LinearSystem) -> list[Index]:
     """Groups of coordinates that do not couple, each with the support's that drive it."""
     drive = model.allowed[:, :6]
-    return [np.append(np.flatnonzero(drive[block].any(0)), block) for block in model.blocks]
+    return [
+        np.append(np.flatnonzero(drive[block].any(0)), block) for block in Structure(model).blocks
+    ]
 
 
 def _framed(

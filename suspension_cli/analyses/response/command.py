@@ -102,8 +102,8 @@ class ResponseAnalysis(Analysis):
     def solve(self, run: Run) -> Result:
         """Solve for every input at every frequency."""
         from suspension_cli.analyses.response import solve as responses
-        from suspension_cli.linear import eigenmodes
         from suspension_cli.linear.response import units
+        from suspension_cli.linear.solver import Solver
         from suspension_cli.physics import model_choice, near_limits
         from suspension_cli.physics.closed_loop import find_steady_poles
 
@@ -118,6 +118,7 @@ class ResponseAnalysis(Analysis):
         allowed = unstable or setting["closed_loop"]
         model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
         wanted, closed = request(model), None
+        solver = Solver(model)
         near_limits.warn_of_tables(run.design, wanted.frequency, run.log)
         if isinstance(wanted, responses.ClosedTransfer):
             poles = find_steady_poles(
@@ -125,17 +126,17 @@ class ResponseAnalysis(Analysis):
             )
             resonances, closed = poles.frequency, (wanted, poles)
         else:
-            resonances = eigenmodes.solve(model.constant).frequency
+            resonances = solver.constant.modes.frequency
         found = responses.ComparedResponse(
             wanted.frequency,
             tuple(signal.text for signal in wanted.inputs),
             tuple(signal.text for signal in wanted.outputs),
             units(wanted.inputs, wanted.outputs),
-            wanted.values(model, wanted.frequency),
+            wanted.values(solver, wanted.frequency),
             closed_loop=closed is not None,
         )
         if not items:
-            largest = responses.find_peaks(found, partial(wanted.values, model), resonances)
+            largest = responses.find_peaks(found, partial(wanted.values, solver), resonances)
             found = replace(found, largest=largest)
             return Result(self, run.source, choice, found, command=run.command, linear_system=model)
         found = replace(found, measured=responses.compare(model, items, found, closed))

@@ -15,8 +15,8 @@ from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import PALETTE, LineLook, stage_colours
-from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.response import Response
+from suspension_cli.linear.solver import Solver
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Result
@@ -90,8 +90,9 @@ def refine(result: Result) -> Response:
         model = result.linear_system or result.choice.model.system(result.given.design)
         names, closed = (data.input, data.output), data.closed_loop
         wanted = make_transfer(result.given.design, model, names, data.frequency, closed=closed)
-        modes = np.empty(0) if closed else eigenmodes.solve(model.constant).frequency
-        return partial(wanted.values, model), modes
+        solver = Solver(model)
+        modes = np.empty(0) if closed else solver.constant.modes.frequency
+        return partial(wanted.values, solver), modes
 
     few = data.value[0].size <= MANY
     frequency, value = add_from_model(build, data.frequency, data.value, few=few)

@@ -22,8 +22,8 @@ from suspension_cli.files.declared import INLINE, in_unit
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import damped, signals
 from suspension_cli.linear.response import Peaks, Response
+from suspension_cli.linear.solver import Solvable
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import terms_with_states
 from suspension_cli.measurements import read, resonances
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.choice import Transfer
@@ -59,11 +59,12 @@ class ClosedTransfer(Transfer):
     design: Design
 
     def values(
-        self, model: LinearSystem, frequency: Array
+        self, system: Solvable, frequency: Array
     ) -> Complex[np.ndarray, "frequency output input"]:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
-        plant, at = local_control.build_plant(self.design, model), np.asarray(frequency)
-        return local_control.solve_responses(plant, at, self.inputs, self.outputs).value
+        plant = local_control.build_plant(self.design, system)
+        at = np.asarray(frequency)
+        return local_control.solve_responses(plant, at, self.inputs, self.outputs)
 
 
 def make_transfer(
@@ -300,7 +301,7 @@ def compare(
     """
     known = signals.bodies_with_signals(model)
     # with dampers and light, whose effect on poles losses do not have
-    plain = replace(model, terms=terms_with_states(model))
+    plain = replace(model, terms=model.terms_with_states)
     modes = damped.solve(plain)
     squared = np.where(modes.frequency > 0, modes.omega_squared, np.inf)
     result = []

@@ -13,7 +13,7 @@ from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Line, Panel
 from suspension_cli.drawing.style import INK, NOTE, LineLook, single_line, stage_colours
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear.solver import Solver
 from suspension_cli.physics import thermal_noise
 from suspension_cli.physics.thermal_noise import Thermal
 
@@ -108,11 +108,12 @@ def refine(result: Result) -> list[Thermal]:
         model = result.linear_system or result.choice.model.system(result.given.design)
         motions = [thermal_noise.parse_motion(model, noise.output, noise.tilt) for noise in noises]
         warmth = result.given.design.constants.temperature
-        modes = eigenmodes.solve(model.constant).frequency
+        solver = Solver(model)
+        modes = solver.constant.modes.frequency
         root = result.extra.get("mirrors", 1.0) ** 0.5
 
         def solve(at: Array) -> Float[np.ndarray, "frequency motion source"]:
-            parts = [noise.parts for noise in thermal_noise.solve(model, at, motions, warmth)]
+            parts = [noise.parts for noise in thermal_noise.solve(solver, at, motions, warmth)]
             every = [[own.get(name, 0 * at) for name in noises[0].source] for own in parts]
             return root * np.moveaxis(np.array(every), -1, 0)
 

@@ -32,6 +32,7 @@ from suspension_cli.linear import response, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.named_results import Mode
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.choice import TOLERANCE, percent, relative_change
@@ -227,16 +228,18 @@ def _spectrum(design: Design, quantity: str, words: str, low: float, high: float
     """Response of the mirror to the support along x, or its thermal noise, over frequencies."""
     frequency, observed = np.geomspace(low, high, FREQUENCIES), f"{mirror(design)}.x"
 
-    def values(system: LinearSystem, at: Array) -> Array:
+    def values(given: Solvable, at: Array) -> Array:
+        solver = Solver.of(given)
+        system = solver.system
         if quantity == "thermal":
             motion, warmth = (
                 thermal_noise.parse_motion(system, observed),
                 design.constants.temperature,
             )
-            return thermal_noise.solve(system, at, [motion], warmth)[0].amplitude
+            return thermal_noise.solve(solver, at, [motion], warmth)[0].amplitude
         known = signals.bodies_with_signals(system)
         into, out = signals.parse_input("support.x", known), signals.parse_output(observed, known)
-        return response.solve(system, at, [into], [out]).value[:, 0, 0]
+        return response.solve(solver, at, [into], [out]).value[:, 0, 0]
 
     def solve(model: Model) -> LinearSystem:
         if quantity == "thermal" and not model.bends_wires:

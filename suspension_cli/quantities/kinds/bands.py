@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.linear import eigenmodes, response
+from suspension_cli.linear import response
 from suspension_cli.linear.signals import Signal, linear_form
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solver
 from suspension_cli.quantities.kind import Kind
 from suspension_cli.quantities.kinds.responses import (
     parse_numbers,
@@ -60,16 +60,16 @@ class OverBand(Quantity):
         """Search each design."""
         return solved.with_bending(lambda bent: bent.each(self._search))
 
-    def _search(self, model: LinearSystem, design: Design) -> float:
+    def _search(self, solver: Solver, design: Design) -> float:
         del design
         outputs = [self.over] if self.under is None else [self.over, self.under]
-        drive = np.array([linear_form(self.input, model)])
-        rows = np.array([linear_form(signal, model) for signal in outputs])
+        drive = np.array([linear_form(self.input, solver.system)])
+        rows = np.array([linear_form(signal, solver.system) for signal in outputs])
         sign = 1.0 if self.extreme == "smallest" else -1.0
 
         def height(frequency: Float[np.ndarray, " point"]) -> Float[np.ndarray, " point"]:
             value, _ = response.transfer(
-                model,
+                solver,
                 2 * np.pi * frequency,
                 drive,
                 [self.input.acts],
@@ -83,11 +83,11 @@ class OverBand(Quantity):
             return sign * size[:, 0]
 
         with np.errstate(all="ignore"):
-            return sign * _minimise(height, self._samples(model))
+            return sign * _minimise(height, self._samples(solver))
 
-    def _samples(self, model: LinearSystem) -> Float[np.ndarray, " point"]:
+    def _samples(self, solver: Solver) -> Float[np.ndarray, " point"]:
         count = max(int(PER_DECADE * np.log10(self.high / self.low)), 2)
-        modes = eigenmodes.solve(model)
+        modes = solver.modes
         known = np.isfinite(modes.frequency) & (modes.frequency > 0)
         width = modes.frequency[known] / (2 * np.maximum(modes.q[known], 1.0))
         beside = (modes.frequency[known, None] + BESIDE * width[:, None]).ravel()

@@ -15,7 +15,7 @@ import numpy as np
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.physics import closed_loop, local_control, noise_budget
 from suspension_cli.physics.noise_budget import Noises, Surroundings
@@ -49,8 +49,8 @@ class _FromBudget(Quantity):
             return solved.each(self._compute)
         return solved.with_bending(lambda bent: bent.each(self._compute))
 
-    def _compute(self, model: LinearSystem, design: Design) -> float:
-        plant = local_control.build_plant(design, model)
+    def _compute(self, solver: Solver, design: Design) -> float:
+        plant = local_control.build_plant(design, solver)
         poles = np.zeros(0, dtype=complex)
         if plant.loops or self.needs_poles:
             found = closed_loop.find_poles(plant)

@@ -16,7 +16,7 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import FORCES, Signal, linear_form
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.quantities.kind import Kind
 from suspension_cli.quantities.kinds.responses import parse_numbers
@@ -82,11 +82,11 @@ class ForceNoise(Quantity):
         moved = solved.thermal(self.motion, self.frequency)
         return moved / solved.each(self._susceptibility)
 
-    def _susceptibility(self, model: LinearSystem, design: Design) -> float:
+    def _susceptibility(self, solver: Solver, design: Design) -> float:
         del design
-        row = linear_form(self.motion, model)[None]
+        row = linear_form(self.motion, solver.system)[None]
         omega = np.array([2 * np.pi * self.frequency])
-        value, _ = response.transfer(model, omega, row, [True], row)
+        value, _ = response.transfer(solver, omega, row, [True], row)
         return float(np.abs(value[0, 0, 0]))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from suspension_cli.errors import InputError, format_value, suggest
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.physics import wire_modes
 from suspension_cli.quantities.kind import Kind
@@ -37,9 +37,9 @@ class ViolinMode(Quantity):
         """Search each design with wire mass."""
         return solved.in_model(registry.VIOLIN.name, lambda massive: massive.each(self._find))
 
-    def _find(self, model: LinearSystem, design: Design) -> float:
+    def _find(self, solver: Solver, design: Design) -> float:
         del design
-        return wire_modes.lowest_violin_mode(model, self.stage, self.order)
+        return wire_modes.lowest_violin_mode(solver, self.stage, self.order)
 
 
 def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:

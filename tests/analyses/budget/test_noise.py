@@ -105,7 +105,7 @@ def test_thermal_noise_of_chains(how, reference):
 def test_rms_under_a_white_force(damper):
     """S / (4 k c) and, of the velocity, S / (4 m c): Q from 4 to 2e7, over six decades."""
     closed = pendulum(damper=damper, actuator_noise=1e-6)
-    closed = replace(closed, model=replace(closed.model, damping=0 * closed.model.damping))
+    closed = closed.with_model(replace(closed.model, damping=0 * closed.model.damping))
     [x] = plants.motions(closed.model, "test.x")
     poles = np.roots([MASS, damper, SPRING])
     [found] = solve.solve(
@@ -123,7 +123,7 @@ def test_rms_under_a_white_force(damper):
 
 def test_a_resonance_without_loss_has_no_rms():
     closed = pendulum(damper=0.0).with_loops([])
-    closed = replace(closed, model=replace(closed.model, damping=0 * closed.model.damping))
+    closed = closed.with_model(replace(closed.model, damping=0 * closed.model.damping))
     outputs = plants.motions(closed.model, "test.x", "test.y")
     found = solve.solve(
         Noises(closed, outputs, {"x": WHITE}, None),

@@ -119,7 +119,7 @@ def test_state_space_is_the_direct_solution(name):
     closed = built(name)
     inputs, outputs = ends(closed.model)
     direct, system = (
-        local_control.solve_responses(closed, GRID, inputs, outputs).value,
+        local_control.solve_responses(closed, GRID, inputs, outputs),
         build_closed_loop(closed, inputs, outputs).at(GRID),
     )
     size = np.abs(direct)
@@ -151,7 +151,7 @@ def test_impulse_response_is_the_inverse_transform():
     duration, highest = 400.0, 25.0
     count = int(2 * duration * highest)
     frequency = np.arange(count // 2 + 1) / duration
-    value = local_control.solve_responses(closed, frequency, inputs, outputs).value[:, :, 0]
+    value = local_control.solve_responses(closed, frequency, inputs, outputs)[:, :, 0]
     expected = np.fft.irfft(value, axis=0) * count / duration
     found = statespace.impulse(
         build_closed_loop(closed, inputs, outputs),

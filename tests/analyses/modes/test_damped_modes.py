@@ -12,6 +12,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.design.reader import template
 from suspension_cli.linear import damped
+from suspension_cli.linear.structure import Structure
 from suspension_cli.models import registry
 from suspension_cli.physics import wire_modes
 from tests.support import scenes
@@ -74,7 +75,9 @@ def determinant_roots(model, starts, block):
 
 
 def block_of(model, coordinate):
-    return next(group for group in model.blocks if model.coordinate.index(coordinate) in group)
+    return next(
+        group for group in Structure(model).blocks if model.coordinate.index(coordinate) in group
+    )
 
 
 def on_springs(name="test", mass=3.0, **spring):
@@ -372,7 +375,7 @@ def test_random_chains_with_dampers_in_fifty_digits(seed, count):
         -found.decay_rate + 0j,
         -found.decay_rate + 1j * np.sqrt(np.maximum(found.omega_squared - found.decay_rate**2, 0)),
     )
-    for number, group in enumerate(model.blocks):
+    for number, group in enumerate(Structure(model).blocks):
         own = poles[found.block == number]
         assert (2 * (own.imag > 0) + (own.imag == 0)).sum() == 2 * len(group)
         roots = determinant_roots(model, own[:2], block=group)
