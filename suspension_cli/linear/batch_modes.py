@@ -73,7 +73,8 @@ def solve(model: LinearSystem, blocks: tuple[Index, ...] | None = None) -> Spect
     if not model.batch:
         known = Structure(model).blocks if blocks is None else blocks
         return _solve_blocks(model, known)
-    (count,), size = model.batch, model.size
+    (count,) = model.batch
+    size = model.size
     nonzero = np.broadcast_to((model.mass != 0) | (model.stiffness != 0), (count, size, size))
     packed = np.packbits(nonzero, axis=-1).reshape(count, -1)
     groups: dict[bytes, list[int]] = {}  # systems of one pattern have the same blocks
@@ -138,11 +139,13 @@ def solve_block(
     form = np.broadcast_to(form, (*model.batch, *form.shape[-2:]))
     form = np.asarray(np.linalg.qr(form, mode="r"))
     soft = np.real(model.soft)[..., block[:, None], block]
-    own, wires = len(block), form.shape[-2]
+    own = len(block)
+    wires = form.shape[-2]
     mass = model.mass[..., block[:, None], block]
     matrix = np.zeros((*soft.shape[:-2], own + wires, own + wires))
     matrix[..., :own, :own] = soft + SHIFT * mass
-    matrix[..., own:, :own], matrix[..., :own, own:] = form, np.swapaxes(form, -1, -2)
+    matrix[..., own:, :own] = form
+    matrix[..., :own, own:] = np.swapaxes(form, -1, -2)
     matrix[..., own:, own:] = -np.eye(wires)
     good = np.isfinite(matrix).all((-2, -1))
     matrix[~good] = np.eye(own + wires)
@@ -200,7 +203,8 @@ def localise(
     leave it at rest, which does not depend on rounding. `values` are omega^2, ascending; the
     columns of `vectors` are orthonormal.
     """
-    result, start = vectors.copy(), 0
+    result = vectors.copy()
+    start = 0
     while start < len(values):
         stop = start + 1
         while stop < len(values) and values[stop] - values[start] <= DEGENERATE * abs(values[stop]):

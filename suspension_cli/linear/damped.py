@@ -141,7 +141,8 @@ def _evaluate(
 ) -> Quality:
     """Evaluate decay and energies; modes `of_light`, whose energy is not in bodies, keep theirs."""
     found = quality.evaluate(states, value, motion)
-    omega, rate = np.imag(value), np.real(value)
+    omega = np.imag(value)
+    rate = np.real(value)
     decays = of_light & (omega > 0) & (rate < 0)
     q = np.where(decays, omega / np.where(decays, -2 * rate, 1.0), found.q)
     refined = np.where(of_light, value, found.value)
@@ -194,7 +195,8 @@ def _with_states_as_motions(
 def mark_light(modes: Modes) -> Bool[np.ndarray, " mode"]:
     """Mark the modes of the light of cavities: two poles each, with the largest fractions in it."""
     of_light = np.array([name.endswith(LIGHT_ENDING) for name in modes.wire], dtype=bool)
-    fraction, poles = modes.wire_energy[:, of_light].sum(1), 2 * int(of_light.sum())
+    fraction = modes.wire_energy[:, of_light].sum(1)
+    poles = 2 * int(of_light.sum())
     result = np.zeros(len(fraction), dtype=bool)
     for n in np.argsort(-fraction, kind="stable"):
         own = 2 if modes.omega_squared[n] > 0 else 1
@@ -335,8 +337,10 @@ class _Block:
         Loss angles are damping that gives each mode its `loss`, 1/Q to first order.
         """
         rows, stiffness, resisted = self.massless
-        basis, m = np.concatenate([self.shapes, rows[:resisted]]), len(self.squared)
-        c, w = basis @ self.damping @ basis.T, np.sqrt(np.abs(self.squared))
+        basis = np.concatenate([self.shapes, rows[:resisted]])
+        m = len(self.squared)
+        c = basis @ self.damping @ basis.T
+        w = np.sqrt(np.abs(self.squared))
         own = np.arange(m)
         c[own, own] += np.where(loss > 0, np.maximum(w * loss - c[own, own], 0.0), 0.0)
         k = np.zeros_like(c)
@@ -365,7 +369,8 @@ class _Block:
 
         Newton's method loses some to rounding errors, of which eigenvalues have less.
         """
-        value, motion = poles[0].copy(), poles[1].copy()
+        value = poles[0].copy()
+        motion = poles[1].copy()
         for n in np.flatnonzero(lost):
             start = complex(value[n])
             found = settle(self.poles_at if start.imag else self._real_at, start, motion[n])
@@ -380,7 +385,8 @@ class _Block:
         """Poles and shapes: those that oscillate by counting, and real ones if dampers act."""
         value, motion = self.real_poles if self.is_damped else self.none
         found, shapes = find_oscillations(self.poles_at)
-        value, motion = np.append(value, found), np.concatenate([motion, shapes])
+        value = np.append(value, found)
+        motion = np.concatenate([motion, shapes])
         blocks = [self.block]
         start = Roots.starts(blocks, value, np.zeros(len(value), dtype=int), motion)
         refined = find_all(self.block.pencil, blocks, start, NOISE)
@@ -397,14 +403,16 @@ class _Block:
         Of its losses a share acts.
         """
         rows, stiffness, resisted = self.massless
-        basis, m = np.concatenate([self.shapes, rows]), len(self.squared)
+        basis = np.concatenate([self.shapes, rows])
+        m = len(self.squared)
         soft, k = change_of_stiffness(self.block, omega, share)
         stretch = basis @ self.model.elongation.T
         matrix = basis @ soft @ basis.T + (stretch * k) @ stretch.T
         matrix[np.arange(m), np.arange(m)] += self.squared
         matrix[m:, m:] += stiffness
         # directions that no damper resists follow
-        left, follows = np.arange(m + resisted), np.arange(m + resisted, len(matrix))
+        left = np.arange(m + resisted)
+        follows = np.arange(m + resisted, len(matrix))
         follow = -np.linalg.solve(matrix[np.ix_(follows, follows)], matrix[np.ix_(follows, left)])
         reduced = matrix[np.ix_(left, left)] + matrix[np.ix_(left, follows)] @ follow
         c = (basis @ self.damping @ basis.T)[np.ix_(left, left)]
@@ -483,7 +491,8 @@ def _eigenvalues(
     """
     m = len(omega)
     moving = np.flatnonzero(omega)
-    rows, e = omega[moving, None] * np.eye(m)[moving], len(stiffness) - m
+    rows = omega[moving, None] * np.eye(m)[moving]
+    e = len(stiffness) - m
     per_state = stiffness[:, moving] / omega[moving]
     held = np.concatenate([per_state[m:], damping[m:, :m], stiffness[m:, m:]], axis=1)
     follow = -np.linalg.solve(damping[m:, m:], held)  # e'
@@ -496,7 +505,8 @@ def _eigenvalues(
         ]
     )
     found: Any = np.linalg.eig(states)
-    value, vectors = found.eigenvalues + 0j, found.eigenvectors[len(moving) :] + 0j
+    value = found.eigenvalues + 0j
+    vectors = found.eigenvectors[len(moving) :] + 0j
     still = value == 0
     vectors[:m] /= np.where(still, 1.0, value)  # v = s q
     return value, vectors

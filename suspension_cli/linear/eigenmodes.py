@@ -298,7 +298,8 @@ def build(
     found: Quality,
 ) -> Modes:
     """Build modes from their poles s (rad/s; 0: rigid), shapes of unit modal mass and quality."""
-    oscillates, rate = np.imag(value) > 0, np.real(found.value)
+    oscillates = np.imag(value) > 0
+    rate = np.real(found.value)
     squared = np.where(oscillates, np.abs(value) ** 2, -(np.maximum(rate, 0.0) ** 2))
     decay = np.where(oscillates, -rate, np.maximum(-rate, 0.0)) + 0.0
     body, tips = (
@@ -333,5 +334,6 @@ def real_shapes(
         return motion
     turn = np.angle((motion**2).sum(1)) / 2
     shape = (motion * np.exp(-1j * turn)[:, None]).real
-    size, whole = np.sqrt((shape**2).sum(1)), np.sqrt((np.abs(motion) ** 2).sum(1))
+    size = np.sqrt((shape**2).sum(1))
+    whole = np.sqrt((np.abs(motion) ** 2).sum(1))
     return shape * (whole / np.where(size > 0, size, 1.0))[:, None]

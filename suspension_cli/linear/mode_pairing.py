@@ -98,7 +98,8 @@ def follow(
     overlap = np.full((*good.shape, len(nominal)), np.nan)
     left = np.ones(good.shape, dtype=bool)
     left[start] = False
-    queue, beyond_gaps = deque([(start, np.asarray(nominal, dtype=float))]), deque[Any]()
+    queue = deque([(start, np.asarray(nominal, dtype=float))])
+    beyond_gaps = deque[Any]()
     while queue or beyond_gaps:
         here, known = (queue or beyond_gaps).popleft()
         if good[here]:

@@ -75,7 +75,8 @@ def find_oscillations(poles_at: PolesAt) -> Poles:
     size = len(count(1.0).motion.T)
     if not len(spread):
         return np.zeros(0, dtype=complex), np.zeros((0, size), dtype=complex)
-    low, high = 0.9 * float(spread.min()), 1.1 * float(spread.max())
+    low = 0.9 * float(spread.min())
+    high = 1.1 * float(spread.max())
     low = max(low, PROBES[0] * min(high, 1.0))
     decades = max(np.log10(high / low), 0.1)
     grid = [count(omega) for omega in np.geomspace(low, high, int(DECADE * decades) + 2)]
@@ -117,7 +118,8 @@ def settle(
         if not len(found):
             break
         best = int(np.abs(found - last).argmin())
-        value, motion = complex(found[best]), shapes[best]
+        value = complex(found[best])
+        motion = shapes[best]
         if abs(value - last) <= SETTLED * abs(value):
             return [(value, motion)]
     return []

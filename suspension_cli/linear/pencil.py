@@ -1,5 +1,11 @@
 """The pencil: equations of small motions at any frequency, in plain doubles.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
+>>> [len(block.owner) for block in Pencil(Structure(model)).make_blocks()]  # with tensions
+[3, 3, 2, 2]
+
 The tensions t of wires are unknowns beside the coordinates x, so that a stiff wire costs soft parts
 no digits (mixed formulation: Zienkiewicz and Taylor, The Finite Element Method, 5th ed., vol. 1,
 chapter 11):
@@ -24,9 +30,10 @@ removed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -46,8 +53,12 @@ from suspension_cli.linear.wire_term import EvaluatedWires, WireTerm, distinct
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+Piece: TypeAlias = tuple[Any, Any, int, Any]
+"""Rows and columns of some elements, the first function that they have weights of, and these."""
 Loss = Literal["all", "dampers", "none"]
 """Losses that act; loss angles, which are phase lags, act on oscillations alone."""
+ROUNDED = 1e-14
+"""Fraction of the largest element of forms below which an element is a rounding error."""
 FAR = 0.5
 """Fraction of the lowest mode below which coordinates are relative: at it they gain nothing yet."""
 
@@ -80,20 +91,22 @@ class Block:
     @cached_property
     def terms(self) -> list[tuple[int, Term]]:
         """Terms that act on these coordinates, with their numbers in the system."""
-        result = []
-        terms, every = self.pencil.model.terms, self.pencil.structure.weights
-        for n, (term, weights) in enumerate(zip(terms, every, strict=True)):
-            own = np.isin(term.columns, self.keep)
-            if weights[:, own].any() or (isinstance(term, WireTerm) and own.any()):
-                result.append((n, term))
-        return result
+        return [
+            (n, term)
+            for n, term in enumerate(self.pencil.model.terms)
+            if self._weights_here(n).any()
+            or (isinstance(term, WireTerm) and np.isin(term.columns, self.keep).any())
+        ]
 
     @cached_property
     def used(self) -> list[Int[np.ndarray, " _"]]:
         """Functions f_n of each term that are needed."""
-        own = (np.isin(term.columns, self.keep) for _, term in self.terms)
-        weights = (self.pencil.structure.weights[n] for n, _ in self.terms)
-        return [np.flatnonzero(w[:, o].any((1, 2))) for w, o in zip(weights, own, strict=True)]
+        return [np.flatnonzero(self._weights_here(n).any((1, 2))) for n, _ in self.terms]
+
+    def _weights_here(self, number: int) -> Float[np.ndarray, "function own column"]:
+        """A_n of a term of the system, with its columns that are among these coordinates."""
+        here = np.isin(self.pencil.model.terms[number].columns, self.keep)
+        return self.pencil.structure.weights[number][:, here]
 
     @cached_property
     def within(self) -> list[Any]:
@@ -127,29 +140,39 @@ class Block:
     def rows(self) -> Rows:
         """Elongations of the wires that move with these coordinates."""
         model = self.pencil.model
-        wires = [(n, term) for n, (_, term) in enumerate(self.terms) if isinstance(term, WireTerm)]
-        if any(isinstance(own, WireTerm) for own in model.terms):
-            forms = [2 * own.forms["stretch"][:, 1] for _, own in wires]
-            form = np.concatenate([np.zeros((0, model.size)), *forms])[None]
-            term = np.repeat([n for n, _ in wires], [len(one) for one in forms]).astype(int)
-            c, kinds = np.zeros((1, len(term))), [np.flatnonzero(term == n) for n, _ in wires]
-        else:
-            form, c = as_builds(model.elongation), 1 / as_builds(model.k, 1)
-            term, kind = np.full(form.shape[1], -1), [k.tobytes() for k in c.T]
-            kinds = [np.flatnonzero([k == one for k in kind]) for one in dict.fromkeys(kind)]
-        form = form[..., self._columns] * (self._number[self._columns] >= 0)
+        of_terms = any(isinstance(term, WireTerm) for term in model.terms)
+        every, kinds = self._rows_of_terms() if of_terms else self._rows_of_constants()
+        form = every.form[..., self._columns] * (self._number[self._columns] >= 0)
         if self.pencil.many and model.allowed[6:, 6:].all():
             # builds without a common symmetry may differ from one by as little as rounding
-            members = np.arange(len(term))[:, None].tolist()
+            members = [[n] for n in range(form.shape[1])]
         else:
-            for some in kinds:
-                small = 1e-14 * np.abs(form[:, some]).max((1, 2), keepdims=True, initial=0.0)
-                form[:, some] *= np.abs(form[:, some]) > small
-            flat = np.moveaxis(form, 1, 0).reshape(len(term), len(form) * form.shape[2])
-            members = [some[group].tolist() for some in kinds for group in distinct(flat[some])[1]]
+            members = _find_equal_rows(form, kinds)
         members = [group for group in members if form[:, group[0], 6:].any()]
-        first, count = [group[0] for group in members], [float(len(group)) for group in members]
-        return Rows(form[:, first], np.array(count), c[:, first], term[first])
+        first = [group[0] for group in members]
+        count = np.array([float(len(group)) for group in members])
+        return Rows(form[:, first], count, every.compliance[:, first], every.term[first])
+
+    def _rows_of_terms(self) -> tuple[Rows, list[Int[np.ndarray, " _"]]]:
+        """One row per wire whose compliance is that of a term; also the rows of each term."""
+        wires = [(n, term) for n, (_, term) in enumerate(self.terms) if isinstance(term, WireTerm)]
+        forms = [2 * term.forms["stretch"][:, 1] for _, term in wires]
+        form = np.concatenate([np.zeros((0, self.pencil.model.size)), *forms])
+        number = np.repeat([n for n, _ in wires], [len(rows) for rows in forms]).astype(int)
+        rows = Rows(form[None], np.ones(len(form)), np.zeros((1, len(form))), number)
+        return rows, [np.flatnonzero(number == n) for n, _ in wires]
+
+    def _rows_of_constants(self) -> tuple[Rows, list[Int[np.ndarray, " _"]]]:
+        """One row per wire of constant stiffness; also the rows of each stiffness."""
+        form = as_builds(self.pencil.model.elongation)
+        compliance = 1 / as_builds(self.pencil.model.k, 1)
+        count = form.shape[1]
+        rows = Rows(form, np.ones(count), compliance, np.full(count, -1))
+        stiffness = [own.tobytes() for own in compliance.T]
+        kinds = [
+            np.flatnonzero([own == kind for own in stiffness]) for kind in dict.fromkeys(stiffness)
+        ]
+        return rows, kinds
 
     @cached_property
     def owner(self) -> list[int]:
@@ -159,38 +182,61 @@ class Block:
         return [*own.tolist(), *lowest.tolist()]
 
     @cached_property
-    def pieces(self) -> list[tuple[Any, Any, int, Any]]:
+    def pieces(self) -> list[Piece]:
         """Pieces of `elements`."""
-        pencil, rows, number = self.pencil, self.rows, self._number
-        columns = self._columns[number[self._columns] >= 0]
-        result = []
-        for n, (matrix, used) in enumerate(zip(pencil.matrices, pencil.used, strict=True)):
+        constant = len(self.pencil.matrices)
+        return [
+            *self._pieces_of_matrices(),
+            *self._pieces_of_tensions(),
+            *self._pieces_of_terms(constant),
+        ]
+
+    def _pieces_of_matrices(self) -> Iterator[Piece]:
+        """Elements of the matrices of the system."""
+        columns = self._columns[self._number[self._columns] >= 0]
+        both = zip(self.pencil.matrices, self.pencil.used, strict=True)
+        for function, (matrix, used) in enumerate(both):
             i, j = np.nonzero(used[np.ix_(self.keep, columns)])
-            result.append((i, number[columns[j]], n, matrix[:, self.keep[i], columns[j]].T))
-        tension = len(self.keep) + np.arange(len(rows.count))
+            values = matrix[:, self.keep[i], columns[j]].T
+            yield i, self._number[columns[j]], function, values
+
+    @property
+    def _tension(self) -> Int[np.ndarray, " row"]:
+        """Number of the tension of each row among the unknowns."""
+        return len(self.keep) + np.arange(len(self.rows.count))
+
+    def _pieces_of_tensions(self) -> Iterator[Piece]:
+        """Elongations, and the compliances that are constant."""
+        rows = self.rows
+        tension = self._tension
         i, j = np.nonzero((rows.form != 0).any(0))
-        form, below = rows.form[:, i, j].T, j >= 6
-        result.append((tension[i], j, 0, form))
-        result.append((j[below] - 6, 6 + tension[i[below]], 0, form[below]))
-        some = np.flatnonzero(rows.term < 0)
-        c, at = -(rows.compliance / rows.count)[:, some].T, (tension[some], 6 + tension[some])
-        if np.iscomplexobj(c) and not pencil.many:
-            result.append((*at, 1, np.imag(c)))
-            c = np.real(c)
-        result.append((*at, 0, c))
-        first = len(pencil.matrices)
-        for n, ((m, term), used) in enumerate(zip(self.terms, self.used, strict=True)):
-            place = number[term.columns]
-            weights = pencil.structure.weights[m][used] * ((place >= 6)[:, None] & (place >= 0))
+        form = rows.form[:, i, j].T
+        own = j >= 6
+        yield tension[i], j, 0, form
+        yield j[own] - 6, 6 + tension[i[own]], 0, form[own]
+        constant = np.flatnonzero(rows.term < 0)
+        place = tension[constant]
+        compliance = -(rows.compliance / rows.count)[:, constant].T
+        if np.iscomplexobj(compliance) and not self.pencil.many:
+            yield place, 6 + place, 1, np.imag(compliance)
+            compliance = np.real(compliance)
+        yield place, 6 + place, 0, compliance
+
+    def _pieces_of_terms(self, first: int) -> Iterator[Piece]:
+        """Matrices of the terms, and the compliances of wires, from the function `first` on."""
+        rows = self.rows
+        for n, ((number, term), used) in enumerate(zip(self.terms, self.used, strict=True)):
+            place = self._number[term.columns]
+            here = (place >= 6)[:, None] & (place >= 0)
+            weights = self.pencil.structure.weights[number][used] * here
             i, j = np.nonzero(weights.any(0))
-            result.append((place[i] - 6, place[j], first, weights[:, i, j].T))
+            yield place[i] - 6, place[j], first, weights[:, i, j].T
             first += len(used)
             if isinstance(term, WireTerm):
                 own = np.flatnonzero(rows.term == n)
-                weights = (1 / rows.count[own])[:, None]
-                result.append((tension[own], 6 + tension[own], first, weights))
+                tension = self._tension[own]
+                yield tension, 6 + tension, first, (1 / rows.count[own])[:, None]
                 first += 1
-        return result
 
     @cached_property
     def elements(self) -> Elements:
@@ -198,12 +244,15 @@ class Block:
 
         The last of a term of wires is -1/k. Those of many builds are evaluated already.
         """
-        pieces, omega = self.pieces, self.pencil.omega
+        pieces = self.pieces
+        omega = self.pencil.omega
         if omega is not None:
             pieces = [
-                (*at, n, np.broadcast_to(own, (len(own), len(omega)))) for *at, n, own in pieces
+                (row, column, first, np.broadcast_to(values, (len(values), len(omega))))
+                for row, column, first, values in pieces
             ]
-        return Elements.of(pieces, max(n + own.shape[1] for _, _, n, own in pieces))
+        functions = max(first + values.shape[1] for _, _, first, values in pieces)
+        return Elements.of(pieces, functions)
 
     @cached_property
     def absolute(self) -> Equations:
@@ -213,15 +262,18 @@ class Block:
     @cached_property
     def relative(self) -> Equations:
         """Equations in coordinates relative to the body above."""
-        model, columns, size = self.pencil.model, self._columns, 6 + len(self.owner)
-        joint, own = self.pencil.joint(columns), len(columns)
+        model = self.pencil.model
+        columns = self._columns
+        count = len(columns)
+        tensions = len(self.owner) - len(self.keep)
+        joint = self.pencil.joint(columns)
         joint[6:, :6] *= self.pull
-        whole = np.eye(size)
-        whole[:own, :own] = joint
-        place = np.append(self.pencil.structure.place[columns], model.size + np.arange(size - own))
+        whole = np.eye(count + tensions)
+        whole[:count, :count] = joint
+        place = np.append(self.pencil.structure.place[columns], model.size + np.arange(tensions))
         # forces that are not balanced turn with the bodies, which looks like a stiffness of yaw
-        yaw = np.zeros(size, dtype=bool)
-        yaw[:own] = (columns % 6 == 5) & (columns < 6 * (len(model.body) + 1))
+        yaw = np.zeros(count + tensions, dtype=bool)
+        yaw[:count] = (columns % 6 == 5) & (columns < 6 * (len(model.body) + 1))
         unbalanced = self.pencil.unbalanced * (yaw[6:, None] | yaw)
         return Equations(self.elements.transformed(whole, place, unbalanced), self.owner, joint)
 
@@ -237,7 +289,8 @@ class Block:
         self, functions: Inexact[np.ndarray, "function frequency"]
     ) -> Inexact[np.ndarray, "unknown all frequency"]:
         """All elements of one design from the functions of `elements`."""
-        values, size = self.elements.at(functions), len(self.owner)
+        values = self.elements.at(functions)
+        size = len(self.owner)
         result = np.zeros((size, 6 + size, values.shape[1]), dtype=values.dtype)
         result[self.elements.row, self.elements.column] = values
         return result
@@ -278,10 +331,14 @@ class EvaluatedBlock:
         """Functions of frequency of `Block.elements`; none of many builds."""
         if self.block.pencil.many:
             return np.zeros((0, len(self.omega)))
-        here, used = np.ones(len(self.omega)), np.any(self.block.elements.weights, axis=0)
-        result = [here, 1j * here if self.there.lossy and used[1] else 0 * here]
-        result.append(1j * self.omega if self.there.damped and used[2] else 0 * here)
-        result.append(-(self.omega**2))
+        one = np.ones(len(self.omega))
+        used = np.any(self.block.elements.weights, axis=0)
+        result = [
+            one,
+            1j * one if self.there.lossy and used[1] else 0 * one,
+            1j * self.omega if self.there.damped and used[2] else 0 * one,
+            -(self.omega**2),
+        ]
         for term, own in zip(self.terms, self.block.used, strict=True):
             result += term.functions(own)
             if isinstance(term, EvaluatedWires):
@@ -320,26 +377,51 @@ class EvaluatedBlock:
         )
         result = np.empty((len(outputs), moves.shape[1], len(self.omega)), dtype=complex)
         below = self.omega < FAR * self.block.lowest
-        for relative, where in ((True, below), (False, ~below)):
-            if not where.any():
-                continue
-            equations = self.block.relative if relative else self.block.absolute
-            some = self.functions if where.all() else self.functions[:, where]
-            form, own, joint = outputs, offset, equations.to_absolute
-            if joint is not None:
-                rows, moved, own = outputs[..., 0], moves[..., 0], offset[..., 0]
-                terms = np.abs(own) + np.abs(rows) @ np.abs(joint[6:, :6]) @ np.abs(moved)
-                own = own + rows @ joint[6:, :6] @ moved
-                own = np.where(np.abs(own) > ROUNDING * terms, own, 0.0)[..., None]
-                form = (rows @ joint[6:, 6:])[..., None]
-            q = equations.solve(some, moves, forces)
-            if form.shape[-1] == 1:
-                value = multiply_real(form[..., 0], q.reshape(len(q), -1))
-                value = value.reshape(len(form), *q.shape[1:])
-            else:
-                value = np.einsum("ocs,cis->ois", form, q)
-            result[..., where] = value + own
+        for equations, where in (("relative", below), ("absolute", ~below)):
+            if where.any():
+                chosen: Equations = getattr(self.block, equations)
+                functions = self.functions if where.all() else self.functions[:, where]
+                result[..., where] = _solve(chosen, functions, outputs, moves, forces, offset)
         return result
+
+
+def _solve(
+    equations: Equations,
+    functions: Inexact[np.ndarray, "function system"],
+    outputs: Float[np.ndarray, "output own #system"],
+    moves: Float[np.ndarray, "6 input #system"],
+    forces: Float[np.ndarray, "own input #system"],
+    direct: Float[np.ndarray, "output input #system"],
+) -> Inexact[np.ndarray, "output input system"]:
+    """Solve equations for linear forms of the coordinates, see `EvaluatedBlock.respond`."""
+    joint = equations.to_absolute
+    if joint is not None:  # of one design: x = T q, with the support among the q
+        rows = outputs[..., 0]
+        moved = moves[..., 0]
+        of_support = rows @ joint[6:, :6] @ moved
+        terms = np.abs(direct[..., 0])
+        terms = terms + np.abs(rows) @ np.abs(joint[6:, :6]) @ np.abs(moved)
+        total = direct[..., 0] + of_support
+        direct = np.where(np.abs(total) > ROUNDING * terms, total, 0.0)[..., None]
+        outputs = (rows @ joint[6:, 6:])[..., None]
+    q = equations.solve(functions, moves, forces)
+    if outputs.shape[-1] > 1:
+        return np.einsum("ocs,cis->ois", outputs, q) + direct
+    value = multiply_real(outputs[..., 0], q.reshape(len(q), -1))
+    return value.reshape(len(outputs), *q.shape[1:]) + direct
+
+
+def _find_equal_rows(
+    form: Inexact[np.ndarray, "#build row coordinate"], kinds: list[Int[np.ndarray, " _"]]
+) -> list[list[int]]:
+    """Group rows of one kind that are equal but for their sign; rounding becomes 0, in place."""
+    members = []
+    for rows in kinds:
+        small = ROUNDED * np.abs(form[:, rows]).max((1, 2), keepdims=True, initial=0.0)
+        form[:, rows] *= np.abs(form[:, rows]) > small
+        flat = np.moveaxis(form[:, rows], 1, 0).reshape(len(rows), len(form) * form.shape[2])
+        members += [rows[group].tolist() for group in distinct(flat)[1]]
+    return members
 
 
 def as_builds(matrix: Any, axes: int = 2) -> Any:
@@ -392,7 +474,8 @@ class Pencil:
 
         Losses that are phase lags are taken at the frequency of oscillation, by default Im s.
         """
-        omega, real = -1j * s, np.imag(s).copy() if oscillating is None else oscillating
+        omega = -1j * s
+        real = np.imag(s).copy() if oscillating is None else oscillating
         terms = [
             term.at(
                 omega if term.has_complex_frequency else real,
@@ -455,7 +538,8 @@ class Pencil:
         What hangs does not follow roll and pitch. `columns` are the coordinates: those of the
         support, then the block's.
         """
-        model, bodies = self.model, len(self.model.body) + 1
+        model = self.model
+        bodies = len(self.model.body) + 1
         assert model.rigid is not None
         follow = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
         rigid = model.rigid @ follow

@@ -79,14 +79,17 @@ def evaluate(
 
     `power` is Im x^H f of further forces -f. Without `wires` their mass is neglected.
     """
-    oscillates, omega, x = np.imag(value) > 0, np.maximum(np.imag(value), 0.0), motion.T
+    oscillates = np.imag(value) > 0
+    omega = np.maximum(np.imag(value), 0.0)
+    x = motion.T
     lost, elastic = _dissipation(model, omega, x)
     bodily = quadratic_form(model.mass, x)
     moving = end_motions(model, motion) if wires and any(map(is_massive, model.terms)) else []
     energy = np.zeros((len(moving), len(PARTS), len(omega)))
     for n, (term, ends) in enumerate(moving):
         energy[n] = _wire_energies(term, ends, np.where(oscillates, omega, 1.0)) * oscillates
-    weight, lost = bodily + energy.sum((0, 1)), lost + power
+    weight = bodily + energy.sum((0, 1))
+    lost = lost + power
     inertia = weight.copy()
     for term in model.terms:
         if isinstance(term, TermWithStates):
@@ -118,7 +121,8 @@ def _dissipation(
     x: Inexact[np.ndarray, "coordinate mode"],
 ) -> tuple[Float[np.ndarray, " mode"], Float[np.ndarray, " mode"]]:
     """Compute the dissipation x^H Im(Z) x, and twice the energy in lossy elements."""
-    lost, elastic = omega * quadratic_form(model.damping, x), np.zeros(len(omega))
+    lost = omega * quadratic_form(model.damping, x)
+    elastic = np.zeros(len(omega))
     if model.is_lossy:
         lost += quadratic_form(np.imag(model.soft), x)
         lost += np.imag(model.k) @ np.abs(model.elongation @ x) ** 2
@@ -158,7 +162,8 @@ def _wire_energies(
     result = []
     for part in PARTS:
         # omega dF/domega = 2 omega^2 dF/d(omega^2)
-        slope, motion = np.imag(moving[part].stiffness) / STEP, ends[part]
+        slope = np.imag(moving[part].stiffness) / STEP
+        motion = ends[part]
         pushed = np.einsum("abm,bwm->awm", slope, motion)
         result.append(-np.real(motion.conj() * pushed).sum((0, 1)) / (2 * omega**2))
     return np.array(result)

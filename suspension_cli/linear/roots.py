@@ -1,5 +1,11 @@
 """Roots s of a pencil, Z(s) x = 0: their number, and each by Newton's method at its own shift.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.VIOLIN.system(reader.parse(reader.template("single", "single")))
+>>> mode_frequencies(model, highest=10.0, lowest=0.1).round(3)  # rad/s
+array([5.941, 5.944, 9.827])
+
 A step of inverse iteration from a shape x at s solves Z(s) y = Z'(s) x, and the stationary value of
 y^T Z y gives the next s (Rayleigh quotient iteration for matrices that depend on s; Lancaster,
 Lambda-matrices and Vibrating Systems, 1966, chapter 6),
@@ -34,7 +40,7 @@ import numpy as np
 
 from suspension_cli.design.foton import Filter, warp
 from suspension_cli.elimination import dense, solve_each
-from suspension_cli.linear.pencil import Block, Loss, Pencil
+from suspension_cli.linear.pencil import Block, Loss, Pencil, Piece
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.wire_term import WireTerm
 
@@ -185,17 +191,21 @@ class ClosedBlock(Block):
         return [*Block(self.pencil, self.keep, self.pull).owner, *(0 for _ in self.loops)]
 
     @cached_property
-    def pieces(self) -> list[tuple[Any, Any, int, Any]]:
+    def pieces(self) -> list[Piece]:
         """Pieces of the elements of a `Block`, then those of the functions of each `Feedback`."""
-        keep, plain = self.keep, Block(self.pencil, self.keep, self.pull)
-        result, first = list(plain.pieces), plain.elements.weights.shape[1]
+        keep = self.keep
+        plain = Block(self.pencil, self.keep, self.pull)
+        result = list(plain.pieces)
+        first = plain.elements.weights.shape[1]
         for n, loop in enumerate(self.loops, len(self.owner) - len(self.loops)):
-            for form, place in ((loop.pushed, 0), (loop.sensed, 1)):
-                own = np.flatnonzero(form[keep])
-                unknown = np.full(len(own), n)
-                row, column = (unknown, own) if place else (own, unknown)
-                result.append((row, 6 + column, first + place, form[keep[own], None]))
-            result.append((np.array([n]), np.array([6 + n]), first + 2, -np.ones((1, 1))))
+            force = np.array([n])
+            pushed = np.flatnonzero(loop.pushed[keep])
+            sensed = np.flatnonzero(loop.sensed[keep])
+            forces = loop.pushed[keep[pushed], None]
+            readings = loop.sensed[keep[sensed], None]
+            result.append((pushed, np.full_like(pushed, 6 + n), first, forces))
+            result.append((np.full_like(sensed, n), 6 + sensed, first + 1, readings))
+            result.append((force, 6 + force, first + 2, -np.ones((1, 1))))
             first += 3
         return result
 
@@ -218,7 +228,8 @@ def find_roots(
     """
     if not len(start.value):
         return start
-    found, width = start, np.broadcast_to(width, start.value.shape)
+    found = start
+    width = np.broadcast_to(width, start.value.shape)
     if (np.imag(start.value) > 0).all():
         groups = [g for g in group_roots(start, close, width) if known or len(g) > 1]
         found = _iterate(pencil, blocks, start, groups, known + TOGETHER, loss, known)
@@ -226,9 +237,8 @@ def find_roots(
     found = _iterate(pencil, blocks, found, each, STEPS, loss, noise=noise)
     far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)
     lost = found.lost | far | ~np.isfinite(found.motion).all(0)
-    value, motion = (
-        np.where(lost, getattr(start, name), getattr(found, name)) for name in ("value", "motion")
-    )
+    value = np.where(lost, start.value, found.value)
+    motion = np.where(lost, start.motion, found.motion)
     return Roots(value, start.block, motion, lost)
 
 
@@ -237,12 +247,15 @@ def find_all(pencil: Pencil, blocks: Sequence[Block], start: Roots, noise: float
 
     Those that are found twice, and those with relative rounding errors above `noise`, are lost.
     """
-    value, motion, lost = start.value.copy(), start.motion.copy(), start.lost.copy()
+    value = start.value.copy()
+    motion = start.motion.copy()
+    lost = start.lost.copy()
     for oscillates in (True, False):
         some = (np.imag(start.value) > 0) == oscillates
         acting: Loss = "all" if oscillates else "dampers"
         found = find_roots(pencil, blocks, start.select(some), loss=acting, noise=noise)
-        value[some], motion[:, some] = found.value, found.motion
+        value[some] = found.value
+        motion[:, some] = found.motion
         lost[some] = found.lost | repeated(found)
     return Roots(value, start.block, motion, lost)
 
@@ -288,56 +301,104 @@ def _iterate(
     noise: float = ROUGH,
 ) -> Roots:
     """Iterate groups of roots of one block, each at one shift, until they converge."""
-    value, motion, lost = roots.value.copy(), roots.motion.copy(), roots.lost.copy()
-    real, moving = bool((np.imag(value) == 0).all()), groups
+    value = roots.value.copy()
+    motion = roots.motion.copy()
+    lost = roots.lost.copy()
+    real = bool((np.imag(value) == 0).all())
+    moving = groups
     last = np.full(len(groups), np.inf)
     for step in range(steps):
         if not moving:
             break
-        old, shift = value.copy(), np.array([value[group].mean() for group in moving])
-        spread = [np.abs(value[g] - mean).max() for g, mean in zip(moving, shift, strict=True)]
-        shift += np.array(spread) / 3 + (ASIDE * np.abs(shift) if step < FIRST else 0.0)
-        there = pencil.at_poles(shift, loss)
-        beside = pencil.at_poles(shift * (1 + BESIDE), loss, np.imag(shift).copy())
-        member = np.array([roots.block[group[0]] for group in moving])
-        for number in np.unique(member).tolist():
-            here, own = np.flatnonzero(member == number), blocks[number]
-            some, size, s = [moving[n] for n in here], len(own.owner), shift[here]
-            functions, near = (own.at(at).functions[:, here] for at in (there, beside))
-            slopes = (near - functions) / (BESIDE * s)
-            slopes[:2], slopes[2], slopes[3] = 0.0, float(loss != "none"), 2 * s
-            for loop in own.loops if isinstance(own, ClosedBlock) else ():
-                both = zip((functions, slopes), loop.at(s), strict=True)
-                functions, slopes = (np.concatenate(pair) for pair in both)
-            x = np.zeros((size, max(map(len, some)), len(some)), dtype=complex)
-            for n, group in enumerate(some):
-                x[:, : len(group), n] = motion[:size, group]
-            quotients, y = _step(own, functions, slopes, x)
-            for n, group in enumerate(some):
-                k = len(group)
-                if step < known:
-                    motion[:size, group] = y[:, :k, n]
-                elif np.isfinite(y[:, :k, n]).all():  # else s is a root to the last bit
-                    change, turn = _diagonalise(quotients[n, :k, :k], ALIKE * float(np.abs(s[n])))
-                    value[group] = s[n] - change
-                    motion[:size, group] = y[:, :k, n] @ turn
+        old = value.copy()
+        shift = _choose_shifts(value, moving, aside=step < FIRST)
+        current = replace(roots, value=value, motion=motion)
+        _advance(pencil, blocks, current, moving, shift, loss, keeps_values=step < known)
         if real:
             value = np.real(value) + 0j
         gone = ~np.isfinite(value) | ((np.imag(value) <= 0) & (not real))
-        value, lost = np.where(gone, old, value), lost | gone
+        value = np.where(gone, old, value)
+        lost = lost | gone
         moved = np.array([np.abs((value - old)[group]).max() for group in moving]) / np.abs(shift)
-        # steps shrink by a steady factor, or faster: the next one would be moved^2 / last
-        ratio = moved / np.maximum(last, 1e-300) if step else 1.0
-        done = moved * np.minimum(ratio, 1.0) <= CONVERGED
-        done |= (moved <= NOISE) & (2 * moved >= last)
-        rough = ~done & (moved <= ROUGH) & (moved >= last)  # nothing but rounding errors
+        done, rough = _have_ended(moved, last)
         lost = _mark(lost, [moving[n] for n in np.flatnonzero(rough & (moved > noise))])
-        done |= rough | np.array([lost[group].any() for group in moving])
+        done |= np.array([lost[group].any() for group in moving])
         left = np.flatnonzero(~done) if step >= known else np.arange(len(moving))
-        moving, last = [moving[n] for n in left], moved[left]
+        moving = [moving[n] for n in left]
+        last = moved[left]
     if steps == STEPS:
         lost = _mark(lost, moving)
     return replace(roots, value=value, motion=motion, lost=lost)
+
+
+def _choose_shifts(
+    value: Complex[np.ndarray, " root"], groups: list[Int[np.ndarray, " _"]], *, aside: bool
+) -> Complex[np.ndarray, " group"]:
+    """Choose the shift of each group of roots: beside their mean, further if `aside`."""
+    mean = np.array([value[group].mean() for group in groups])
+    spread = [np.abs(value[group] - own).max() for group, own in zip(groups, mean, strict=True)]
+    further = ASIDE * np.abs(mean) if aside else 0.0
+    return mean + (np.array(spread) / 3 + further)
+
+
+def _have_ended(
+    moved: Float[np.ndarray, " group"], last: Float[np.ndarray, " group"]
+) -> tuple[Bool[np.ndarray, " group"], Bool[np.ndarray, " group"]]:
+    """Which iterations have ended, from their last two relative steps; of these, which are rough.
+
+    The steps of rough ones are nothing but rounding errors. The first step has none before it.
+    """
+    # steps shrink by a steady factor, or faster: the next one would be moved^2 / last
+    ratio = np.where(np.isfinite(last), moved / np.maximum(last, 1e-300), 1.0)
+    done = moved * np.minimum(ratio, 1.0) <= CONVERGED
+    done |= (moved <= NOISE) & (2 * moved >= last)
+    rough = ~done & (moved <= ROUGH) & (moved >= last)
+    return done | rough, rough
+
+
+def _advance(
+    pencil: Pencil,
+    blocks: Sequence[Block],
+    roots: Roots,
+    groups: list[Int[np.ndarray, " _"]],
+    shift: Complex[np.ndarray, " group"],
+    loss: Loss,
+    *,
+    keeps_values: bool,
+) -> None:
+    """Take one step of groups of roots, each at its shift, in place; or of their shapes alone."""
+    there = pencil.at_poles(shift, loss)
+    beside = pencil.at_poles(shift * (1 + BESIDE), loss, np.imag(shift).copy())
+    member = np.array([roots.block[group[0]] for group in groups])
+    for number in np.unique(member).tolist():
+        here = np.flatnonzero(member == number)
+        block = blocks[number]
+        own = [groups[n] for n in here]
+        s = shift[here]
+        functions = block.at(there).functions[:, here]
+        slopes = (block.at(beside).functions[:, here] - functions) / (BESIDE * s)
+        slopes[:2] = 0.0
+        slopes[2] = float(loss != "none")
+        slopes[3] = 2 * s
+        if isinstance(block, ClosedBlock):
+            of_loops = [loop.at(s) for loop in block.loops]
+            functions = np.concatenate([functions, *(one for one, _ in of_loops)])
+            slopes = np.concatenate([slopes, *(slope for _, slope in of_loops)])
+        size = len(block.owner)
+        x = np.zeros((size, max(map(len, own)), len(own)), dtype=complex)
+        for n, group in enumerate(own):
+            x[:, : len(group), n] = roots.motion[:size, group]
+        quotients, y = _step(block, functions, slopes, x)
+        for n, group in enumerate(own):
+            k = len(group)
+            shapes = y[:, :k, n]
+            if keeps_values:
+                roots.motion[:size, group] = shapes
+            elif np.isfinite(shapes).all():  # else s is a root to the last bit
+                alike = ALIKE * float(np.abs(s[n]))
+                change, turn = _diagonalise(quotients[n, :k, :k], alike)
+                roots.value[group] = s[n] - change
+                roots.motion[:size, group] = shapes @ turn
 
 
 def _mark(
@@ -368,9 +429,10 @@ def _step(
         y = dense(block.matrix(functions)[:, 6:], right)
         size = np.abs(y).max(0)
         size[size == 0] = 1.0
-        y, right = y / size, right / size
-        both = right, block.elements.multiply(slopes, y)
-        first, second = (np.einsum("ukf,uvf->fkv", y, other) for other in both)
+        y = y / size
+        right = right / size
+        first = np.einsum("ukf,uvf->fkv", y, right)
+        second = np.einsum("ukf,uvf->fkv", y, block.elements.multiply(slopes, y))
         second += np.eye(len(size)) * ~y.any(0).T[:, None]
         return solve_each(second, first), y
 
@@ -386,7 +448,8 @@ def _diagonalise(
     left = np.arange(len(value))
     while len(left):
         near = np.abs(value[left] - value[left[0]]) <= alike
-        same, left = left[near], left[~near]
+        same = left[near]
+        left = left[~near]
         if len(same) > 1:
             lead = np.sort(np.argsort(-np.abs(vectors[:, same]).max(1), kind="stable")[: len(same)])
             vectors[:, same] = vectors[:, same] @ np.linalg.pinv(vectors[lead][:, same])
@@ -436,9 +499,13 @@ def mode_frequencies(
     counts = np.maximum.accumulate(modes_below(solver, grid))
     number = np.arange(counts[0] + 1, counts[-1] + 1)
     upper = np.searchsorted(counts, number)
-    low, high = grid[upper - 1], grid[upper]
+    low = grid[upper - 1]
+    high = grid[upper]
     halvings = np.ceil(np.log2(np.maximum((high - low) / np.spacing(high), 1.0))) + 1
-    started, done, expected, repeats = time.monotonic(), 0.0, int(halvings.sum()), 1.0
+    started = time.monotonic()
+    done = 0.0
+    expected = int(halvings.sum())
+    repeats = 1.0
 
     def step(number: int) -> None:
         nonlocal done

@@ -90,7 +90,8 @@ def local_control_signals(chain: Sequence[str]) -> tuple[list[str], list[str]]:
     Inputs are the motions of the support and the forces on the first stage, outputs the motions of
     the first and the last stage.
     """
-    first, last = chain[0], chain[-1]
+    first = chain[0]
+    last = chain[-1]
     inputs = [f"{SUPPORT}.{dof}" for dof in DOFS] + [f"{first}.{force}" for force in FORCES]
     return inputs, [f"{body}.{dof}" for body in dict.fromkeys((first, last)) for dof in DOFS]
 
@@ -112,9 +113,11 @@ def is_input(signal: Signal) -> bool:
 def parse_output(text: str, known: tuple[str, ...], option: str = "--output") -> Signal:
     """Parse an output: a motion."""
     signal = parse(text, option, known)
-    problem, remedy = "", ""
+    problem = ""
+    remedy = ""
     if signal.acts:
-        problem, remedy = "a force is an input", f"give {signal.body}.{DOFS[signal.dof]}"
+        problem = "a force is an input"
+        remedy = f"give {signal.body}.{DOFS[signal.dof]}"
     elif signal.is_ground:
         problem = "the ground's motion is an input"
         remedy = f"take a stage's motion, or give {signal.text} as an input"
@@ -128,7 +131,9 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
     name, at, where = text.partition("@")
     body, _, motion = name.rpartition(".")
     body, pair, against = body.partition(BETWEEN)
-    acts, problem, remedy = motion in FORCES, "", ""
+    acts = motion in FORCES
+    problem = ""
+    remedy = ""
     if pair and (fault := _second_fault(body, against, bodies)):
         problem, remedy = fault
     elif name in bodies:
@@ -138,7 +143,8 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
         problem = "names no body"
         remedy = suggest(body or name, list(bodies)) + "; write for example test.x"
     elif motion not in DOFS and not acts:
-        problem, remedy = "names no motion or force", suggest(motion, [*DOFS, *FORCES])
+        problem = "names no motion or force"
+        remedy = suggest(motion, [*DOFS, *FORCES])
     elif acts and body in (SUPPORT, GROUND):
         problem = f"the {body}'s motion is given, so a force on it has no effect"
         remedy = f"take {body}.x, or a force on a stage"
@@ -186,7 +192,8 @@ def linear_form(signal: Signal, model: LinearSystem) -> Inexact[np.ndarray, "*ba
         return np.cos(signal.tilt) * level + np.sin(signal.tilt) * up
     if signal.against:
         return _relative_form(signal, model)
-    turn, shape = model.orientation, (model.size,)
+    turn = model.orientation
+    shape = (model.size,)
     if turn is not None:
         shape = (*turn.shape[:-3], model.size)
     result = np.zeros(shape, dtype=float if turn is None else turn.dtype)

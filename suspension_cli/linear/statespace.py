@@ -40,7 +40,8 @@ SOLVED = 1 << 21
 """Most numbers in the matrices that are solved at once."""
 ROUNDING = 1e-10
 """Real part of a pole, relative to its modulus, that may be a rounding error."""
-RATE, MOMENTUM = " rate", " momentum"
+RATE = " rate"
+MOMENTUM = " momentum"
 """Kinds of states besides the coordinates: the ends of their names."""
 NAMED = 0.2
 """Fraction of a pole's participation in mechanical states above which it is named after one."""
@@ -72,17 +73,22 @@ class StateSpace:
         if not len(self.a):
             return self
         scale = matrix_balance(self.a, permute=False, separate=True)[1][0]
-        a, b, c = self.a * scale / scale[:, None], self.b / scale[:, None], self.c * scale
+        a = self.a * scale / scale[:, None]
+        b = self.b / scale[:, None]
+        c = self.c * scale
         return replace(self, a=a, b=b, c=c)
 
     def at(
         self, frequency: Float[np.ndarray, " frequency"]
     ) -> Complex[np.ndarray, "frequency output input"]:
         """Compute the transfer matrix at frequencies in Hz, by dense solves of what is coupled."""
-        s, own = 2j * np.pi * np.asarray(frequency), self.balanced()
+        s = 2j * np.pi * np.asarray(frequency)
+        own = self.balanced()
         result = np.tile(self.d.astype(complex), (len(s), 1, 1))
         for group in connected_groups(own.a != 0):
-            a, b, c = own.a[np.ix_(group, group)], own.b[group].astype(complex), own.c[:, group]
+            a = own.a[np.ix_(group, group)]
+            b = own.b[group].astype(complex)
+            c = own.c[:, group]
             step = max(1, SOLVED // len(a) ** 2)
             for start in range(0, len(s), step):
                 some = slice(start, start + step)
@@ -135,8 +141,11 @@ def assemble(
     damped = model.damping + _equivalent_damping(model.constant)
     model = with_states(replace(model, damping=damped)).constant
     more = model.size - rows.shape[1]
-    rows, forces = np.pad(rows, ((0, 0), (0, more))), np.pad(forces, ((0, more), (0, 0)))
-    parts, states, units = [], list[str](), list[str]()
+    rows = np.pad(rows, ((0, 0), (0, more)))
+    forces = np.pad(forces, ((0, more), (0, 0)))
+    parts = []
+    states = list[str]()
+    units = list[str]()
     for block in Solver(model).blocks:
         if rows[:, block.keep].any() and (undriven or block.is_driven(moves, forces).any()):
             part = _block(block, model.damping, moves, forces, rows)
@@ -210,49 +219,41 @@ def _block(
     """
     from scipy.linalg import qr
 
-    keep, size = block.keep, len(block.owner)
-    at, more = np.ix_(keep, np.append(np.arange(6), keep)), size - len(keep)
+    keep = block.keep
+    size = len(block.owner)
+    at = np.ix_(keep, np.append(np.arange(6), keep))
+    more = size - len(keep)
     mass, damping = (np.pad(matrix[at], (0, more)) for matrix in (block.pencil.model.mass, damping))
-    force, sensed = (
-        np.pad(forces[keep], ((0, more), (0, 0))),
-        np.pad(rows[:, keep], ((0, 0), (0, more))),
-    )
+    force = np.pad(forces[keep], ((0, more), (0, 0)))
+    sensed = np.pad(rows[:, keep], ((0, 0), (0, more)))
     stiffness = block.at(block.pencil.at(np.zeros(1))).matrix[..., 0]  # complex if lossy
     heavy = np.flatnonzero((mass[:, 6:] != 0).any(1))
     light = np.setdiff1d(np.arange(size), heavy)
-    (k_s, k), (c_s, c) = ((m[:, :6] @ moves, m[:, 6:]) for m in (stiffness, damping))
-    directions, _, _ = np.linalg.svd(c[np.ix_(light, light)])
-    limit, rank = 1e-12 * np.abs(damping).max(initial=0.0), 0
-    if len(light):
-        rank = int(np.linalg.matrix_rank(c[np.ix_(light, light)], tol=limit))
-    resisted, unresisted = directions[:, :rank].T, directions[:, rank:].T
-    if np.abs(unresisted @ damping[light]).max(initial=0.0) > limit:
-        remedy = "give [support] a mass and inertia"
-        raise InputError.of(
-            "control.loop",
-            "a damper pushes a support structure without mass along a motion that it does"
-            " not sense, which leaves that motion undetermined",
-            remedy,
-        )
+    k = stiffness[:, 6:]
+    c = damping[:, 6:]
+    resisted, unresisted = _find_resisted(damping, light)
+    rank = len(resisted)
     # coordinates q and what acts on them per states z, w, p and inputs u, side by side
-    count, inputs = len(heavy), moves.shape[1]
+    count = len(heavy)
+    inputs = moves.shape[1]
     ends = np.cumsum([0, count, count, rank, inputs])
     z, w, p, u = (slice(n, m) for n, m in pairwise(ends))
     q, momentum, applied = np.zeros((3, size, ends[-1]), dtype=stiffness.dtype)
     inertia = mass[heavy[:, None], 6 + heavy]
-    q[heavy, z], q[heavy, u] = np.eye(count), -np.linalg.solve(inertia, mass[heavy, :6] @ moves)
-    momentum[:, u], applied[:, u] = c_s, force - k_s
+    q[heavy, z] = np.eye(count)
+    q[heavy, u] = -np.linalg.solve(inertia, mass[heavy, :6] @ moves)
+    momentum[:, u] = damping[:, :6] @ moves
+    applied[:, u] = force - stiffness[:, :6] @ moves
     both = np.concatenate([resisted @ c[light], unresisted @ k[light]])
     right = np.concatenate([-resisted @ momentum[light], unresisted @ applied[light]])
     right[:rank, p] = np.eye(rank)
     solve = np.linalg.inv(both[:, light])
     q[light] = _sum(solve @ right, -solve @ both[:, heavy], q[heavy])
-    momentum, applied = (np.real(part) for part in (_sum(momentum, c, q), _sum(applied, -k, q)))
+    momentum = np.real(_sum(momentum, c, q))
+    applied = np.real(_sum(applied, -k, q))
     rates = np.zeros((ends[-2], ends[-1]))
-    rates[z], rates[w] = (
-        -np.linalg.solve(inertia, momentum[heavy]),
-        np.linalg.solve(inertia, applied[heavy]),
-    )
+    rates[z] = -np.linalg.solve(inertia, momentum[heavy])
+    rates[w] = np.linalg.solve(inertia, applied[heavy])
     rates[z, w] += np.eye(count)
     rates[p] = resisted @ applied[light]
     sensed = np.real(sensed @ q)
@@ -260,6 +261,28 @@ def _block(
     states = ("", heavy), (RATE, heavy), (MOMENTUM, leading)
     names = tuple((kind, keep[which]) for kind, which in states)
     return _Part(rates[:, : u.start], rates[:, u], sensed[:, : u.start], sensed[:, u], names)
+
+
+def _find_resisted(
+    damping: Float[np.ndarray, "unknown all"], light: Int[np.ndarray, " light"]
+) -> tuple[Float[np.ndarray, "direction light"], Float[np.ndarray, "direction light"]]:
+    """Directions of unknowns without mass that dampers resist, and the others.
+
+    Raises `InputError` if a damper pushes along one that it does not sense.
+    """
+    own = damping[np.ix_(light, 6 + light)]
+    directions, _, _ = np.linalg.svd(own)
+    limit = 1e-12 * np.abs(damping).max(initial=0.0)
+    rank = int(np.linalg.matrix_rank(own, tol=limit)) if len(light) else 0
+    resisted = directions[:, :rank].T
+    unresisted = directions[:, rank:].T
+    if np.abs(unresisted @ damping[light]).max(initial=0.0) > limit:
+        problem = (
+            "a damper pushes a support structure without mass along a motion that it does"
+            " not sense, which leaves that motion undetermined"
+        )
+        raise InputError.of("control.loop", problem, "give [support] a mass and inertia")
+    return resisted, unresisted
 
 
 def _sum(
@@ -271,7 +294,8 @@ def _sum(
 
     A residue of 1e-16 would be a spurious coupling with transmission zeros of its own.
     """
-    total, size = direct + matrix @ shift, np.abs(direct) + np.abs(matrix) @ np.abs(shift)
+    total = direct + matrix @ shift
+    size = np.abs(direct) + np.abs(matrix) @ np.abs(shift)
     return np.where(np.abs(total) > 64 * np.finfo(float).eps * size, total, 0.0)
 
 
@@ -371,7 +395,8 @@ def find_poles(
     mechanical ones have less than `NAMED` of its participation.
     """
     eigen: Any = np.linalg.eig(system.a)
-    values, right = eigen.eigenvalues.astype(complex), eigen.eigenvectors
+    values = eigen.eigenvalues.astype(complex)
+    right = eigen.eigenvectors
     participation = np.abs(right * np.linalg.pinv(right).T)
     upper_half = values.imag >= 0
     order = np.argsort(np.abs(values[upper_half]), kind="stable")
@@ -380,7 +405,8 @@ def find_poles(
     participation = np.where(mechanical | (mechanical_fraction < NAMED), participation, 0.0)
     leading = participation[:, upper_half].argmax(0)[order]
     names = tuple(system.state[n].removesuffix(RATE) for n in leading)
-    values, shapes = values[upper_half][order], (system.c @ right)[:, upper_half][:, order]
+    values = values[upper_half][order]
+    shapes = (system.c @ right)[:, upper_half][:, order]
     steady = np.abs(np.real(values)) <= ROUNDING * np.abs(values)
     return Poles(np.where(steady, 1j * np.imag(values), values), names), shapes
 
@@ -396,7 +422,8 @@ def impulse(
     from scipy.linalg import expm
 
     step = expm(system.a * (time[1] - time[0])) if len(time) > 1 else np.eye(len(system.a))
-    x, result = expm(system.a * time[0]) @ system.b, []
+    x = expm(system.a * time[0]) @ system.b
+    result = []
     with np.errstate(over="ignore", invalid="ignore"):  # unstable systems overflow
         for _ in time:
             result.append(system.c @ x)

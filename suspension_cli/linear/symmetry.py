@@ -102,7 +102,8 @@ class Symmetry:
 
 def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     """Find the mirror symmetries of a scene, or those common to a batch of scenes."""
-    operators, mirrors = [], []
+    operators = []
+    mirrors = []
     size = numbering.size
     allowed = np.ones((size, size), dtype=bool)
     within: list[Bool[np.ndarray, "coordinate coordinate"]] = []
@@ -213,12 +214,14 @@ def _adapted_basis(
     A coordinate that is its own image is kept; the others are projected on each combination of
     parities, and the projections that do not depend on earlier ones take their places.
     """
-    basis, parities = np.eye(size), np.zeros((size, len(operators)))
+    basis = np.eye(size)
+    parities = np.zeros((size, len(operators)))
     is_own_image = np.ones(size, dtype=bool)
     for n, operator in enumerate(operators):
         parities[:, n] = np.diag(operator)
         is_own_image &= np.abs(parities[:, n]) == 1
-    others, place = np.flatnonzero(~is_own_image), 0
+    others = np.flatnonzero(~is_own_image)
+    place = 0
     within = [operator[np.ix_(others, others)] for operator in operators]
     adapted = np.zeros((len(others),) * 2)
     for start in np.eye(len(others)):
@@ -283,10 +286,12 @@ def _mirrored_harmonics(
     angle: Float[np.ndarray, " blade"], axis: int
 ) -> Float[np.ndarray, "blade blade"]:
     """Mirror functions on an odd number of places around a circle, harmonic by harmonic."""
-    count, result = len(angle), np.full((len(angle), len(angle)), 1 / len(angle))
+    count = len(angle)
+    result = np.full((len(angle), len(angle)), 1 / len(angle))
     for n in range(1, (count + 1) // 2):
         sign = (-1.0) ** n if axis == 0 else 1.0
-        even, odd = np.cos(n * angle), np.sin(n * angle)
+        even = np.cos(n * angle)
+        odd = np.sin(n * angle)
         result += 2 / count * sign * (np.outer(even, even) - np.outer(odd, odd))
     return result
 
@@ -348,10 +353,13 @@ def _has_mirror(
     scene: Scene, axis: int, chain: Int[np.ndarray, " body"] | None = None
 ) -> Bool[np.ndarray, "*batch"]:
     """Whether bodies and gravity are symmetric in x (axis 0) or y (1)."""
-    bodies, flip = scene.bodies, np.array((PARITY_X, PARITY_Y)[axis][:3])
-    place, inertia = bodies.position[..., axis], bodies.inertia
+    bodies = scene.bodies
+    flip = np.array((PARITY_X, PARITY_Y)[axis][:3])
+    place = bodies.position[..., axis]
+    inertia = bodies.inertia
     if chain is not None:
-        place, inertia = place[..., chain] - place[..., chain[:1]], inertia[..., chain - 1, :, :]
+        place = place[..., chain] - place[..., chain[:1]]
+        inertia = inertia[..., chain - 1, :, :]
     symmetric = (place == 0).all(-1) & (inertia == inertia * np.outer(flip, flip)).all((-3, -2, -1))
     if scene.field is not None and not scene.field.has_mirror(axis):
         symmetric = np.zeros_like(symmetric)
@@ -377,7 +385,8 @@ def _orders(scene: Scene, lacking: Pairs) -> list[int]:
 
 def rotation_about_z(angle: float) -> Float[np.ndarray, "6 6"]:
     """Matrix of a rotation about z, of displacements and of rotations."""
-    cosine, sine = np.cos(angle), np.sin(angle)
+    cosine = np.cos(angle)
+    sine = np.sin(angle)
     once = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     return np.kron(np.eye(2), once)
 
@@ -414,9 +423,11 @@ def _alike(
 
     Computed numbers, and all vectors unless `exact`, may differ by rounding.
     """
-    kind, pairs = type(part), np.ones((1, 1), dtype=bool)
+    kind = type(part)
+    pairs = np.ones((1, 1), dtype=bool)
     for name, (is_vector, is_computed) in signed(kind).items():
-        values, own = getattr(part, name), inner_axes(kind).get(name)
+        values = getattr(part, name)
+        own = inner_axes(kind).get(name)
         if name in APART:
             continue
         if own is None:

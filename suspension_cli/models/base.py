@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     Numbers = complex | Inexact[np.ndarray, "*batch"]
     """A number of a closed formula: real, complex, or an array of many designs."""
 
-BLADE_TIPS, BENDING, MASS = "blade tip motion", "wire bending", "wire mass"
+BLADE_TIPS = "blade tip motion"
+BENDING = "wire bending"
+MASS = "wire mass"
 """Physics that a model may omit: blade tips as coordinates (else blades act in series with the
 stretching of their wires); bending, torsion and frequency-dependent loss of wires; their
 distributed mass."""

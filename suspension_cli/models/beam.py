@@ -79,19 +79,24 @@ def lossless(scene: Scene) -> Scene:
 
 def _blade_terms(assembly: Assembly) -> Iterator[StructuralLoss]:
     """Losses of blades, those of a stage that are alike together, and of added elements."""
-    scene, fibres, size = assembly.scene, assembly.scene.fibres, assembly.numbering.size
+    scene = assembly.scene
+    fibres = assembly.scene.fibres
+    size = assembly.numbering.size
     assert fibres is not None
     alike: dict[BladeLoss, list[int]] = {}
     for own in fibres.blade:
-        stage, number = own.label.rsplit(".", 1)[0], scene.blades.label.index(own.label)
+        stage = own.label.rsplit(".", 1)[0]
+        number = scene.blades.label.index(own.label)
         alike.setdefault(replace(own, label=stage), []).append(number)
-    stiffness, axes = scene.blades.stiffness, scene.blades.axes
+    stiffness = scene.blades.stiffness
+    axes = scene.blades.axes
     for own, numbers in alike.items():
         matrix = np.zeros((*stiffness.shape[:-2], size, size))
         for n in numbers:
             rows = assembly.numbering.blade[n][axes[n]]
             matrix[..., rows, rows] = stiffness[..., n, axes[n]]
-        matrix, angle = assembly.adapted.apply(matrix), partial(loss.blade_angle, own)
+        matrix = assembly.adapted.apply(matrix)
+        angle = partial(loss.blade_angle, own)
         yield StructuralLoss(f"{own.label}.blades", own.temperature, matrix, angle)
     for item in elements_of(scene):
         if item.make is not None and item.add_loss is not None:
@@ -101,17 +106,21 @@ def _blade_terms(assembly: Assembly) -> Iterator[StructuralLoss]:
 
 def _gas_terms(assembly: Assembly, design: Design) -> Iterator[Damper]:
     """Losses by the gas around the bodies."""
-    scene, size = assembly.scene, assembly.numbering.size
+    scene = assembly.scene
+    size = assembly.numbering.size
     for n, own in enumerate(_gas_damping(scene.fibres, design), 1):
         if own is None:
             continue
-        gas, turn = scene.fibres and scene.fibres.gas, assembly.pose.rotation[..., n, :, :]
+        gas = scene.fibres and scene.fibres.gas
+        turn = assembly.pose.rotation[..., n, :, :]
         assert gas is not None and gas.temperature is not None
         matrix = np.zeros((*turn.shape[:-2], size, size))
         for half in (0, 3):
-            rows, drag = slice(6 * n + half, 6 * n + half + 3), own[half:, half:][:3, :3]
+            rows = slice(6 * n + half, 6 * n + half + 3)
+            drag = own[half:, half:][:3, :3]
             matrix[..., rows, rows] = turn @ drag @ np.swapaxes(turn, -1, -2)
-        matrix, cause = assembly.adapted.apply(matrix), f"{scene.bodies.name[n - 1]}.gas"
+        matrix = assembly.adapted.apply(matrix)
+        cause = f"{scene.bodies.name[n - 1]}.gas"
         yield Damper(cause, gas.temperature, matrix)
 
 
@@ -122,8 +131,11 @@ def _gas_damping(made: Fibres | None, design: Design) -> list[Array | None]:
 
 
 def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> list[Term]:
-    scene, numbering, adapted = assembly.scene, assembly.numbering, assembly.adapted
-    fibres, wires = scene.fibres, scene.wires
+    scene = assembly.scene
+    numbering = assembly.numbering
+    adapted = assembly.adapted
+    fibres = scene.fibres
+    wires = scene.wires
     assert fibres is not None
     if not wires.label:
         return []
@@ -134,7 +146,8 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
     )
     terms: list[Term] = []
     for alike in _alike(scene, geometry):
-        own, number = geometry[..., alike], np.array(alike)
+        own = geometry[..., alike]
+        number = np.array(alike)
         if scene.batch:
             own = np.ascontiguousarray(np.swapaxes(own, -1, -2))
         else:
@@ -158,7 +171,8 @@ def _alike(scene: Scene, geometry: Float[np.ndarray, "4 *build wire"]) -> list[l
     for n, fibre in enumerate(scene.fibres.wire):
         kind = fibre.sections, fibre.temperature, scene.wires.lower[n]
         for known, group in groups:
-            here, there = geometry[..., n], geometry[..., group[0]]
+            here = geometry[..., n]
+            there = geometry[..., group[0]]
             if known == kind and (
                 scene.batch or np.allclose(here, there, rtol=EQUAL_WITHIN, atol=0.0)
             ):
@@ -179,7 +193,9 @@ def wire_forms(
     n_1 its first principal plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's
     end to the slope (t x e) . n and twists it by t . e.
     """
-    wires, now, flex = scene.wires, string.state(scene, pose), scene.flex
+    wires = scene.wires
+    now = string.state(scene, pose)
+    flex = scene.flex
     assert flex is not None
     e = now.direction
     upper, lower = (
@@ -280,4 +296,5 @@ class Violin(Beam):
         return replace(simpler, terms=terms)
 
 
-BEAM, VIOLIN = Beam(), Violin()
+BEAM = Beam()
+VIOLIN = Violin()

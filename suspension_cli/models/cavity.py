@@ -73,7 +73,8 @@ def angular_stiffness(cavity: Cavity) -> Float[np.ndarray, "4 4"]:
     array([[-0.0044,  0.0089],
            [ 0.0089, -0.0044]])
     """
-    (g, h), (a, b) = cavity.g, 1 / np.array(cavity.radii)
+    (g, h) = cavity.g
+    (a, b) = 1 / np.array(cavity.radii)
     unit = 2 * cavity.power / LIGHT * cavity.length / (1 - g * h)
     across = a * b * np.array([[1, -1], [-1, 1]])
     mixed = np.array([[b, a], [-b, -a]])
@@ -90,7 +91,8 @@ def optical_spring(cavity: Cavity) -> tuple[float, float, float]:
     >>> round(optical_spring(cavity)[0])
     173052
     """
-    pole, detuning = 2 * np.pi * cavity.half_width, 2 * np.pi * cavity.detuning
+    pole = 2 * np.pi * cavity.half_width
+    detuning = 2 * np.pi * cavity.detuning
     if not detuning:
         return 0.0, pole, 0.0
     slope = 8 * np.pi * cavity.power / (cavity.wavelength * cavity.length)

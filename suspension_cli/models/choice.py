@@ -65,7 +65,9 @@ def choose(
     more = registry.MODELS[registry.MODELS.index(usable[-1]) + 1 :]
     chain = [*usable, *_suitable(more, design)]
     # from the most complete model down: one that is too inaccurate rules out all simpler ones
-    number, steps, reason = len(usable) - 1, list[_Step](), asked.reason if asked else ""
+    number = len(usable) - 1
+    steps = list[_Step]()
+    reason = asked.reason if asked else ""
     for n in reversed(range(len(chain) - 1)):
         step = _step(chain[n], chain[n + 1], design, compare)
         if n < number and not math.fsum(one.change for one in (step, *steps)) <= tolerance:
@@ -164,7 +166,8 @@ def compare_builds(solve: Callable[[Model], list[tuple[str, np.ndarray]]]) -> Co
     known = cache(solve)
 
     def change(simple: Model, refined: Model) -> tuple[float, str]:
-        old, new = known(simple), known(refined)
+        old = known(simple)
+        new = known(refined)
         exists, still = (np.isfinite(found[0][1]) for found in (old, new))
         if (exists != still).any():
             return math.inf, ONE_MODEL_ONLY
@@ -266,7 +269,8 @@ def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np
     changes = np.zeros(len(new.omega_squared))
     if simple.soft is not refined.soft:
         old = eigenmodes.solve(simple.constant)
-        a, b = old.omega_squared[pair_bodies(new, old, refined)], new.omega_squared
+        a = old.omega_squared[pair_bodies(new, old, refined)]
+        b = new.omega_squared
         changes = np.where(b > 0, np.abs(np.sqrt(np.abs(a) / np.where(b > 0, b, 1.0)) - 1), 0.0)
         if old.stable != new.stable:
             changes[0] = np.inf
@@ -310,7 +314,8 @@ def _beside_pole(
     """Solve y = c / (y - e) for y nearest to 0, from the value and slope of its right side at 0."""
     falls = slope < 0
     slope = np.where(falls, slope, -1.0)
-    pole, strength = quotient / slope, -(quotient**2) / slope
+    pole = quotient / slope
+    strength = -(quotient**2) / slope
     further = np.abs(pole) + np.sqrt(pole**2 + 4 * strength)
     nearest = np.sign(quotient) * 2 * strength / np.where(further > 0, further, 1.0)
     return np.where(falls, nearest, quotient)

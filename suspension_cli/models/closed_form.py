@@ -75,7 +75,8 @@ def longitudinal_tilt(p: FourWires) -> Inexact[np.ndarray, "*batch 2 2"]:
     """
     inertia = p.inertia[1]
     over = p.gravity / (p.l * p.cos)
-    a12, a21 = -over * p.d, -p.mass * over * p.d / inertia
+    a12 = -over * p.d
+    a21 = -p.mass * over * p.d / inertia
     stretch = 4 * p.k * p.s**2 * p.cos**2 + p.mass * over * p.s**2 * p.sin**2
     a22 = -(stretch + p.mass * p.gravity * p.d + p.mass * over * p.d**2) / inertia
     return _matrix(-over, a12, a21, a22)
@@ -132,8 +133,10 @@ def _stiffness(p: FourWires, offset: tuple[float, float, float]) -> Inexact[np.n
     for dofs, matrix in (((0, 4), longitudinal_tilt(p)), ((1, 3), sideways_roll(p))):
         block = -masses[list(dofs), None] * matrix
         own[np.ix_(dofs, dofs)] = (block + block.T) / 2
-    own[2, 2], own[5, 5] = p.mass * vertical(p), p.inertia[2] * rotation(p)
-    rigid, turned = np.eye(6), np.zeros((6, 6))
+    own[2, 2] = p.mass * vertical(p)
+    own[5, 5] = p.inertia[2] * rotation(p)
+    rigid = np.eye(6)
+    turned = np.zeros((6, 6))
     rigid[:3, 3:] = -cross_matrix(np.array(offset))
     turned[:3, 3:] = -cross_matrix(np.array([0.0, 0.0, -p.mass * p.gravity]))
     across = turned - own @ rigid
@@ -169,7 +172,8 @@ class ClosedForm(Model):
 
     def suspension(self, design: Design) -> LinearSystem:
         """Linear model of one stage on four wires, from the closed forms."""
-        p, offset = four_wires(design), com_offset(design.stage[0])
+        p = four_wires(design)
+        offset = com_offset(design.stage[0])
         lossy = _stiffness(four_wires(design, lossy=True), offset) if force.lossy(design) else None
         masses = [p.mass, p.mass, p.mass, *p.inertia]
         return force.assembled(design, masses, _stiffness(p, offset), lossy)

@@ -99,7 +99,8 @@ class Chain:
 
 def stiffness(chain: Chain) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Stiffness of a chain, six coordinates of the support first: N/m, N, N m."""
-    load, blocks = 0.0, []
+    load = 0.0
+    blocks = []
     for stage in reversed(chain.stages):
         load = load + stage.mass * chain.gravity
         blocks.append(_stage_stiffness(stage, load))
@@ -114,13 +115,16 @@ def stiffness(chain: Chain) -> Inexact[np.ndarray, "*batch coordinate coordinate
 def _stage_stiffness(p: Stage, load: Numbers) -> Inexact[np.ndarray, "*batch 12 12"]:
     """Stiffness that the wires of one stage add to its upper and its lower body."""
     u = p.vectors((p.s_lower - p.s_upper) / p.l, (p.t2 - p.t1) / p.l, -p.height / p.l)
-    a, b = p.vectors(p.s_upper, p.t1, -p.d_upper), p.vectors(p.s_lower, p.t2, p.d)
+    a = p.vectors(p.s_upper, p.t1, -p.d_upper)
+    b = p.vectors(p.s_lower, p.t2, p.d)
     tension = load * p.l / (p.count * p.height)
     shape = np.broadcast_shapes(u.shape, a.shape, b.shape, (*np.shape(tension), 1, 1))
     u, a, b = (np.broadcast_to(vector, shape) for vector in (u, a, b))
     moved = np.zeros((*shape, 12))  # D per coordinate
-    moved[..., 6:9], moved[..., :3] = np.eye(3), -np.eye(3)
-    moved[..., 3:6], moved[..., 9:] = cross_matrix(a), -cross_matrix(b)
+    moved[..., 6:9] = np.eye(3)
+    moved[..., :3] = -np.eye(3)
+    moved[..., 3:6] = cross_matrix(a)
+    moved[..., 9:] = -cross_matrix(b)
     stretch = (u[..., None, :] @ moved)[..., 0, :]
     twist = np.concatenate([np.zeros(shape), -u, np.zeros(shape), u], axis=-1)
     forms = [
@@ -157,9 +161,12 @@ def chain(design: Design, *, lossy: bool = False) -> Chain:
     """The chain of a suitable design, with complex spring constants if `lossy`."""
     stages = []
     for stage in design.stage:
-        table, blades = stage.wires, stage.blades
+        table = stage.wires
+        blades = stage.blades
         assert table is not None
-        shape, inertia, mass = set_geometry(table), body_inertia(stage.body), body_mass(stage.body)
+        shape = set_geometry(table)
+        inertia = body_inertia(stage.body)
+        mass = body_mass(stage.body)
         elastic = 1 + 1j * wire_loss(design, table, shape.length) if lossy else 1.0
         of_blades: dict[str, Any] = {}
         if blades is not None:
@@ -214,7 +221,8 @@ def assembled(
 
     `masses` are those of all coordinates of all stages, kg and kg m^2.
     """
-    bodies, positions = (SUPPORT, *(stage.name for stage in design.stage)), com_positions(design)
+    bodies = (SUPPORT, *(stage.name for stage in design.stage))
+    positions = com_positions(design)
     size = 6 * len(bodies)
     mass = np.zeros((*stiffness.shape[:-2], size, size))
     for n, value in enumerate(masses, 6):
@@ -268,7 +276,9 @@ class Force(Model):
             return reason
         above = SUPPORT
         for stage in design.stage:
-            where, blades, inertia = f"stage {stage.name}", stage.blades, body_inertia(stage.body)
+            where = f"stage {stage.name}"
+            blades = stage.blades
+            inertia = body_inertia(stage.body)
             soft = blades is not None and (blades.tip_mass or blades.lateral_stiffness)
             loaded = blades is not None and blades.load is not None
             products = any(inertia[i][j] for i in range(3) for j in range(3) if i != j)

@@ -63,7 +63,8 @@ def largest_error(
     new = solve(complete, at)
     change = _relative(np.abs(old - new), np.abs(new))
     bound = change.reshape(len(at), -1).max(1)  # what magnitudes beside a zero can only reduce
-    order, found = np.argsort(-bound, kind="stable"), SpectrumError(-1.0, math.nan, ())
+    order = np.argsort(-bound, kind="stable")
+    found = SpectrumError(-1.0, math.nan, ())
     for start in range(0, len(at), TOGETHER):
         some = order[start : start + TOGETHER]
         if bound[some[0]] <= found.value:
@@ -104,7 +105,8 @@ def first_violin(model: LinearSystem) -> float:
     for term in model.terms:
         if isinstance(term, WireTerm):
             sections = term.strand.fibre.sections
-            mass, length = sum(s.mass * s.length for s in sections), sum(s.length for s in sections)
+            mass = sum(s.mass * s.length for s in sections)
+            length = sum(s.length for s in sections)
             result = min(result, math.sqrt(float(term.strand.tension) / (mass * length)) / 2)
     return result
 

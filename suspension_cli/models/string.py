@@ -76,7 +76,8 @@ def linear_model(
         balanced.demand(scene)
     if adapted is None:
         adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
-    pose, kinds = balanced.pose, elements_of(scene)
+    pose = balanced.pose
+    kinds = elements_of(scene)
     assembly = Assembly(scene, numbering, pose, adapted)
     tips = np.zeros(numbering.size, dtype=bool)
     weightless = scene.blades.tip_mass == 0
@@ -84,7 +85,8 @@ def linear_model(
     if wire_inertia and scene.wires.mass.any():
         light[scene.wires.blade[scene.wires.blade >= 0]] = False
     tips[numbering.blade[scene.blades.axes & light[:, None]]] = True
-    soft, elongation = adapted.apply(balanced.soft), adapted.forms(balanced.form)
+    soft = adapted.apply(balanced.soft)
+    elongation = adapted.forms(balanced.form)
     k = np.broadcast_to(scene.wires.stiffness, elongation.shape[:-1])
     if any(np.any(getattr(part, "loss", 0.0)) for part in scene.parts.values()):
         # each elastic constant times its loss angle, but the stretching of wires, see k;
@@ -154,7 +156,8 @@ def _on_ground(
         soft = soft + 1j * without(np.imag(model.soft), lost)
     whole = stiffness + 1j * lost if lost.any() else stiffness
     columns, resisted = (matrix[..., :6].copy() for matrix in (whole, damping))
-    columns[..., :6, :], resisted[..., :6, :] = 0.0, 0.0
+    columns[..., :6, :] = 0.0
+    resisted[..., :6, :] = 0.0
     ground = Ground(columns, resisted, terms)
     return replace(model, damping=without(model.damping, damping), soft=soft, ground=ground)
 
@@ -168,11 +171,13 @@ def spring_terms(
     alone, with the coordinates of the ground in place of the support's. Springs of one cause and
     loss share a term, so that what symmetry cancels between them is 0.
     """
-    scene, springs = assembly.scene, assembly.scene.springs
+    scene = assembly.scene
+    springs = assembly.scene.springs
     known = {} if scene.fibres is None else {own.label: own for own in scene.fibres.spring}
     terms: dict[tuple[object, ...], StructuralLoss] = {}
     for n in np.argsort(~springs.grounded, kind="stable").tolist():
-        spectrum, own = springs.spectrum[n], known.get(springs.label[n])
+        spectrum = springs.spectrum[n]
+        own = known.get(springs.label[n])
         if spectrum is None and (tables or not (own or springs.loss[n])):
             continue
         surroundings = scene.fibres or spectrum

@@ -57,7 +57,8 @@ def with_dampers(
             continue
         against = stage.damping.against
         other = 0 if against == SUPPORT else 1 + model.body.index(against)
-        here, there = 6 * number, 6 * other
+        here = 6 * number
+        there = 6 * other
         arm = position[..., number, :] - position[..., other, :]
         relative = np.zeros((*arm.shape[:-1], 6, model.size), dtype=arm.dtype)
         relative[..., here : here + 6] = np.eye(6)
@@ -80,7 +81,8 @@ def with_frame(model: LinearSystem, design: Design) -> LinearSystem:
         return model
     names = [dof for dof in DOFS if getattr(support.stiffness, dof) is not None]
     moving = [DOFS.index(dof) for dof in names]
-    size, count = model.size, len(moving)
+    size = model.size
+    count = len(moving)
     from_new = np.eye(size, size + count)
     from_new[moving, size + np.arange(count)] = 1.0
     weights = np.array([support.mass] * 3 + list(support.inertia))

@@ -102,7 +102,8 @@ def _find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, "
     found = [root for one in filters for root in (*one.zeros, *one.poles)]
     every: Complex[np.ndarray, " root"] = np.append(closed.value / (2 * np.pi), found)
     every = every[np.abs(every) > 0]
-    centre, width = np.abs(np.imag(every)), np.abs(np.real(every))
+    centre = np.abs(np.imag(every))
+    width = np.abs(np.real(every))
     beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
     return np.unique(np.concatenate([np.abs(every), *beside]))
 
@@ -158,7 +159,10 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
     """
     from scipy.linalg import block_diag
 
-    model, count, i, o = plant.model, len(plant.loops), len(inputs), len(outputs)
+    model = plant.model
+    count = len(plant.loops)
+    i = len(inputs)
+    o = len(outputs)
     # velocity dampers are part of the damping matrix, which may become asymmetric
     viscous = np.array([_viscous(loop) for loop in plant.loops])
     model = replace(model, damping=model.damping + (plant.pushed.T * viscous) @ plant.sensed)
@@ -178,10 +182,12 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
         np.asarray(block_diag(*parts))
         for parts in zip((bare.a, bare.b, bare.c, bare.d), *filters, strict=True)
     )
-    one, none = np.eye(count), np.zeros((count, count))
+    one = np.eye(count)
+    none = np.zeros((count, count))
     feedback = np.block([[none, -one], [one, none]])
     feedback = feedback @ np.linalg.inv(np.eye(2 * count) - d[o:, i:] @ feedback)
-    back, through = b[:, i:] @ feedback, d[:o, i:] @ feedback
+    back = b[:, i:] @ feedback
+    through = d[:o, i:] @ feedback
     names = [
         f"loop {loop.name} {k}"
         for loop, (states, *_) in zip(plant.loops, filters, strict=True)
@@ -240,7 +246,8 @@ def _realise_delay(delay: float) -> Any:
     result: Any = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
     roots = np.asarray(besselap(PADE, norm="delay")[1]) if delay else np.zeros(0)
     for pole in 2 * roots[roots.imag > 0] / (delay or 1.0):
-        w, b = abs(pole), -2 * pole.real
+        w = abs(pole)
+        b = -2 * pole.real
         a = np.array([[0.0, w], [-w, -b]])
         result = result * StateSpace(a, [[0.0], [w]], [[0.0, -2 * b / w]], np.eye(1))
     return result
@@ -267,7 +274,8 @@ def _with_states(plant: Plant) -> Plant:
     if model is plant.model:
         return plant
     more = ((0, 0), (0, model.size - plant.model.size))
-    sensed, pushed = np.pad(plant.sensed, more), np.pad(plant.pushed, more)
+    sensed = np.pad(plant.sensed, more)
+    pushed = np.pad(plant.pushed, more)
     return replace(plant.with_model(model), sensed=sensed, pushed=pushed)
 
 
@@ -424,7 +432,8 @@ class _Within:
             for n in self.bodily.tolist()
         ]
         found, shape = statespace.find_poles(build_closed_loop(own, [], motions))
-        value, motion = found.value.copy(), np.zeros((len(found.value), model.size), dtype=complex)
+        value = found.value.copy()
+        motion = np.zeros((len(found.value), model.size), dtype=complex)
         motion[:, self.bodily] = shape.T
         value[np.abs(value) <= STILL * np.abs(value).max(initial=0.0)] = 0.0
         value = _move_filter_poles(value, found.state, own.loops)
@@ -465,7 +474,8 @@ class _Within:
 
     def settled(self, start: _Starts, lost: Bool[np.ndarray, " pole"]) -> _Starts:
         """Replace lost starts that oscillate by poles with the stiffness at their frequencies."""
-        value, motion = start.value.copy(), start.motion.copy()
+        value = start.value.copy()
+        motion = start.motion.copy()
         for n in np.flatnonzero(lost & (np.imag(value) > 0)):
             for found in settle(self.poles_at, complex(value[n]), motion[n]):
                 value[n], motion[n] = found
@@ -487,7 +497,9 @@ class _Within:
 
         These keep their start.
         """
-        value, motion, block = start.value.copy(), start.motion.copy(), self.block
+        value = start.value.copy()
+        motion = start.motion.copy()
+        block = self.block
         # of the approximated delay, or a delay of samples, z = 0
         lost = ~(-np.real(value) * self.delay <= FAR)
         value[lost] = 0.0

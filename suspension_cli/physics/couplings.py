@@ -44,7 +44,8 @@ def parse_request(model: LinearSystem, setting: Mapping[str, Any], mirror: str) 
 
     Any `model` of the design knows the names of wires and bodies; `mirror` is the default body.
     """
-    known, labels = signals.bodies_with_signals(model), list(model.wire)
+    known = signals.bodies_with_signals(model)
+    labels = list(model.wire)
     wire = setting.get("wire") or next(
         (label for label in labels if label.startswith(f"{mirror}.")), None
     )
@@ -73,5 +74,6 @@ def couplings(found: Builds, question: CouplingRequest) -> Columns:
     outputs = builds.transfer(
         found, np.array(question.frequency), [question.input], [question.over, question.under]
     )[..., 0]
-    over, under = outputs[..., 0], outputs[..., 1]
+    over = outputs[..., 0]
+    under = outputs[..., 1]
     return {"ratio": builds.divide(over, under), "over": over, "under": under, **found.outcome}

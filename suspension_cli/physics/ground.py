@@ -120,7 +120,8 @@ def _read(text: str, option: str, folder: Path, every: Sequence[str]) -> dict[st
 def _peterson(name: str) -> Spectrum:
     """Displacement of a model of Peterson, m/sqrt(Hz)."""
     rows = np.loadtxt(FOLDER / f"{name}.csv", delimiter=",", skiprows=3)
-    begins, slope = rows[:, 0], rows[:, 1:]  # period from which a line is valid, A, B
+    begins = rows[:, 0]
+    slope = rows[:, 1:]  # period from which a line is valid, A, B
     ends = np.append(begins[1:] * (1 - BESIDE), LONGEST)
     period = np.stack([begins, ends], axis=1)
     acceleration = slope[:, :1] + slope[:, 1:] * np.log10(period)  # dB
@@ -183,13 +184,15 @@ def read(path: Path, unit: str, arm: float = 0.0) -> dict[str, Spectrum]:
         source = columns.read(path)
         width = len(source.names)
         if width < 2:
-            problem, remedy = "has one column", "write a frequency and a value per line"
+            problem = "has one column"
+            remedy = "write a frequency and a value per line"
             raise InputError.of("", problem, remedy)
         if not source.headed and width > 2:
             problem = f"has {width} columns without headings"
             raise InputError.of("", problem, "begin with a line such as frequency,x,y,z")
         first = columns.recognise(source.names).get("frequency", 0) if source.headed else 0
-        frequency, found = source.frequencies(first, low=1e-9), {}
+        frequency = source.frequencies(first, low=1e-9)
+        found = {}
         for n in (n for n in range(width) if n != first):
             name, scale = _split_heading(source.names[n], unit, arm) if source.headed else ("", 1.0)
             if name in found:

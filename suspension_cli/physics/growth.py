@@ -47,7 +47,8 @@ class Growth:
 
 def describe(modes: Modes, number: int) -> str:
     """Describe how a mode grows: ``test x grows at 0.25 1/s``."""
-    square, rate = modes.omega_squared[number], modes.growth_rate[number]
+    square = modes.omega_squared[number]
+    rate = modes.growth_rate[number]
     omega = np.sqrt(max(square - rate**2, 0.0))
     at = f", oscillating at {omega / (2 * np.pi):.4g} Hz" if square > 0 else ""
     return f"{modes.label[number]} grows at {rate:.4g} 1/s{at}"

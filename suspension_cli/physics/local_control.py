@@ -122,7 +122,8 @@ def build_plant(design: Design, system: Solvable) -> Plant:
         rows = [signals.linear_form(signal, model) for signal, _ in parsed]
         forms.append(np.array(rows).reshape(len(loops), model.size))
         weights.append(np.reshape([own for _, own in parsed], (len(loops), len(given))))
-    (sensed, pushed), (reading, driving) = forms, weights
+    (sensed, pushed) = forms
+    (reading, driving) = weights
     return Plant(solver, loops, sensed, pushed, given, reading, driving.T)
 
 
@@ -141,7 +142,8 @@ def parse_end(
     motion of a stage or no force, if the OSEMs do not resolve it, or if the loop gives noise of its
     own besides theirs.
     """
-    key, text = f"control.loop.{loop.name}.{end}", getattr(loop, end)
+    key = f"control.loop.{loop.name}.{end}"
+    text = getattr(loop, end)
     signal = signals.parse(text, key, known)
     if end == "sensor" and (signal.acts or signal.body not in stages):
         remedy = "write for example upper.x"
@@ -243,8 +245,10 @@ def evaluate_noise(
     It is flat, or flat with power rising as 1/f below a corner, or interpolated on logarithmic
     axes.
     """
-    known, noise = isinstance(part, Osem) and part.sensor, part.sensor_noise
-    noise, frequency = SENSORS[known] if known else noise, np.asarray(frequency, dtype=float)
+    known = isinstance(part, Osem) and part.sensor
+    noise = part.sensor_noise
+    noise = SENSORS[known] if known else noise
+    frequency = np.asarray(frequency, dtype=float)
     if not isinstance(noise, NoiseSpectrum):
         return np.full(frequency.shape, noise)
     with np.errstate(divide="ignore"):

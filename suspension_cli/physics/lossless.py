@@ -45,7 +45,9 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
     Models in which wires bend use all losses of materials, others only constant loss angles given
     in the design.
     """
-    lack, found, frame = partial(_lack, design, level), list[Lossless](), design.support
+    lack = partial(_lack, design, level)
+    found = list[Lossless]()
+    frame = design.support
     if frame and not frame.loss_angle and not any(getattr(frame.damping, dof) for dof in DOFS):
         found.append(Lossless(SUPPORT))
     for stage in design.stage:

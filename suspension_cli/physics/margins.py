@@ -160,7 +160,8 @@ def compute_margins(
         at_rest = abs(np.angle(-static[n])) < REAL and faint < abs(static[n]) < 1 / faint
         factors = 1 / np.abs(np.append(size[n], static[n] if at_rest else []))
         places = np.append(real[n], 0.0 if at_rest else [])
-        angle, up = np.angle(-lag[n]), factors > 1
+        angle = np.angle(-lag[n])
+        up = factors > 1
         delays = np.mod(angle, 2 * np.pi) / (2 * np.pi * unity[n])
         gain_up, gain_up_frequency = _find_least(factors[up], places[up])
         fall, gain_down_frequency = _find_least(1 / factors[~up], places[~up])
@@ -200,7 +201,8 @@ def refine_grid(
         if not len(new):
             return known, value
         place = np.searchsorted(known, new)
-        known, value = np.insert(known, place, new), np.insert(value, place, gain(new), axis=0)
+        known = np.insert(known, place, new)
+        value = np.insert(value, place, gain(new), axis=0)
 
 
 def _size(value: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -226,12 +228,14 @@ def _find_crossings(
 
     Gains for which `counts` is false are left out, and so are jumps (poles or zeros without loss).
     """
-    level, good = measure(value), counts(value)
+    level = measure(value)
+    good = counts(value)
     crossed = (
         ((level[:-1] > 0) != (level[1:] > 0)) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
     )
     at, loop = np.nonzero(crossed)
-    found, where = np.zeros(0, dtype=complex), np.zeros(0)
+    found = np.zeros(0, dtype=complex)
+    where = np.zeros(0)
     if len(at):
         root = elementwise.find_root(
             lambda f, loop: measure(_evaluate_each(gain, f, loop)),
@@ -240,7 +244,8 @@ def _find_crossings(
             tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": FOUND, "frtol": 0.0},
         )
         # interpolate, as between these frequencies the circle of a Q of 1e9 turns by 1e-7
-        (low, high), (at_low, at_high) = root.bracket, root.f_bracket
+        (low, high) = root.bracket
+        (at_low, at_high) = root.f_bracket
         low_value, high_value = (_evaluate_each(gain, end, loop) for end in (low, high))
         weight = at_low / np.where(at_low == at_high, np.inf, at_low - at_high)
         found = low_value * (high_value / low_value) ** weight
@@ -265,7 +270,8 @@ def search_smallest(
     `distance` are values at ascending frequencies, and `evaluate` computes those at frequencies
     (c,) in Hz of functions of numbers (c,). Returns the minima and their frequencies.
     """
-    smallest, place = distance.min(0), frequency[distance.argmin(0)]
+    smallest = distance.min(0)
+    place = frequency[distance.argmin(0)]
     middle = distance[1:-1]
     at, loop = np.nonzero((middle <= distance[:-2]) & (middle <= distance[2:]))
     if len(at):
@@ -278,7 +284,8 @@ def search_smallest(
         )
         for n, where, value in zip(loop, found.x, found.f_x, strict=True):
             if value < smallest[n]:
-                smallest[n], place[n] = value, where
+                smallest[n] = value
+                place[n] = where
     return smallest, place
 
 

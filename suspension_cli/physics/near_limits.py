@@ -104,18 +104,21 @@ def _sag(stage: Stage, loads: Statics) -> Iterator[ImplausibleNumber]:
         key = f"stage.{stage.name}.blade{'s' if stage.blades is not None else f'.{worst.number}'}"
         problem = f"blade {worst.label} sags by {worst.sag:.3g} m under {worst.load:.3g} N"
         if table.geometry is not None:
-            remedy, shown = "check its dimensions (m) and Young's modulus (Pa)", None
+            remedy = "check its dimensions (m) and Young's modulus (Pa)"
+            shown = None
         else:
             given = "stiffness" if table.stiffness is not None else "uncoupled_frequency"
             remedy = f"did you mean {'N/mm' if table.stiffness is not None else 'kHz'}?"
-            key, shown = f"{key}.{given}", format_value(getattr(table, given))
+            key = f"{key}.{given}"
+            shown = format_value(getattr(table, given))
         if worst.sag > SAG or (table.geometry is not None and worst.sag > table.geometry.length):
             yield ImplausibleNumber(key, problem, remedy, shown, serious=worst.sag > SAG)
 
 
 def _link(link: LinkLoad, loads: Statics) -> Iterator[ImplausibleNumber]:
     """Report a link whose weight, which the models leave out, changes its shape or loads wires."""
-    key, wires = f"link.{link.label}.strands", sum(wire.tension for wire in loads.wires)
+    key = f"link.{link.label}.strands"
+    wires = sum(wire.tension for wire in loads.wires)
     if link.hangs_freely and link.sag is not None and link.length is not None:
         problem = (
             "under its weight, which the models leave out, it would sag by"
@@ -215,7 +218,8 @@ def find_stability(
             np.errstate(all="ignore"),
         ):
             system = model.system(design)
-            modes, found = eigenmodes.solve(system.constant), []
+            modes = eigenmodes.solve(system.constant)
+            found = []
             if grows := growth.find_growth(design, model, system):
                 fault = grows.fault
                 problem = fault.problem.replace(":", f" in the {model.name} model:", 1)
@@ -258,7 +262,8 @@ def warn_of_tables(design: Design, frequency: Array, log: Log) -> None:
     for link in design.link:
         if link.table is None:
             continue
-        low, high = link.table.frequency[0], link.table.frequency[-1]
+        low = link.table.frequency[0]
+        high = link.table.frequency[-1]
         if min(frequency) < low or max(frequency) > high:
             log.warn(
                 f"{design.design.name}: the table of link {link.name} covers {low:g} to {high:g}"

@@ -104,7 +104,8 @@ class Noises:
     @property
     def _noisy(self) -> tuple[list[int], list[int]]:
         """Numbers of the sensors and actuators with noise."""
-        parts, at = [*enumerate(self.plant.parts)], np.ones(1)
+        parts = [*enumerate(self.plant.parts)]
+        at = np.ones(1)
         sensing = [n for n, part in parts if local_control.evaluate_noise(part, at).any()]
         return sensing, [n for n, part in parts if part.actuator_noise]
 
@@ -293,7 +294,8 @@ def solve(
     square = integrate_down(frequency, density)
     velocity = integrate_down(frequency, density * (2 * np.pi * frequency) ** 2)
     if len(grid) == 1:
-        square, velocity = np.full_like(square, np.nan), np.full_like(velocity, np.nan)
+        square = np.full_like(square, np.nan)
+        velocity = np.full_like(velocity, np.nan)
     pairs = zip(noises.plant.osems, square[len(noises.output) :, :, 0], strict=True)
     drive = tuple(_drive(osem, power, noises.cause) for osem, power in pairs)
     shown = slice(None) if added else np.isin(frequency, grid)
@@ -358,7 +360,8 @@ def refine(
         around = np.zeros_like(area)
         around[..., :-1] = error
         around[..., 1:] = np.maximum(around[..., 1:], error)
-        low, width = grid[:-1], np.diff(grid)
+        low = grid[:-1]
+        width = np.diff(grid)
         rough = (around > ACCURACY * above).any((0, 1)) & (width > NARROWEST * grid[1:])
         at = np.flatnonzero(rough)
         if not len(at):
@@ -395,8 +398,12 @@ def _areas(
     S is a power law, so the integral of f S over ln f is the width in ln f times the logarithmic
     mean of f S, (b - a) / ln(b / a). Next to a 0, S is linear.
     """
-    first, last, low = value[..., :-step], value[..., step:], frequency[:-step]
-    a, b, width = low * first, frequency[step:] * last, frequency[step:] - low
+    first = value[..., :-step]
+    last = value[..., step:]
+    low = frequency[:-step]
+    a = low * first
+    b = frequency[step:] * last
+    width = frequency[step:] - low
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(b / a)
         mean = np.where(np.abs(ratio) > EQUAL, (b - a) / ratio, (a + b) / 2)

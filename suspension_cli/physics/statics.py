@@ -59,7 +59,8 @@ def solve(design: Design) -> Statics:
     strings = STRING.completed(scene, design)
     balanced = balance(strings)
     balanced.demand(strings)
-    pose, (ends, top) = balanced.pose, _end_heights(scene, balanced)
+    pose = balanced.pose
+    (ends, top) = _end_heights(scene, balanced)
     wires = tuple(wire_loads(design, scene, balanced))
     turns = [rotation_vector(rotation - np.eye(3)) for rotation in pose.rotation]
     names = enumerate(scene.bodies.name, 1)
@@ -94,7 +95,8 @@ def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
 def wire_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[WireLoad]:
     """Loads of wires; their own weight adds to the tension at their upper ends."""
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
-    wires, tension = scene.wires, balanced.tension
+    wires = scene.wires
+    tension = balanced.tension
     weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
     above = tension + weight * -wires.span[:, 2] / wires.length
     stretch = tension / wires.stiffness
@@ -123,7 +125,9 @@ def blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator
     stiffness = scene.blades.stiffness[:, 2]
     loads = scene.blades.load[:, 2] - stiffness * balanced.pose.deflection[:, 2]
     for n, table in enumerate(tables):
-        shape, load, stresses = table.geometry, float(loads[n]), []
+        shape = table.geometry
+        load = float(loads[n])
+        stresses = []
         if shape is not None:
             stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
             stresses = [(stress, shape.material)]
@@ -151,7 +155,8 @@ def _end_heights(scene: Scene, balanced: Equilibrium) -> tuple[np.ndarray, float
 
     Heights z from the suspension point, m.
     """
-    wires, pose = scene.wires, balanced.pose
+    wires = scene.wires
+    pose = balanced.pose
     body = np.concatenate([wires.upper, wires.lower])
     point = np.concatenate([wires.upper_point, wires.lower_point])
     z = (scene.bodies.position + pose.shift)[body, 2] + pose.arms(body, point)[:, 2]
@@ -181,7 +186,8 @@ def _half_height(body: Body, up: np.ndarray) -> float:
 
 def _weigh_wires(design: Design, scene: Scene, loads: Sequence[WireLoad]) -> WireWeights | None:
     """Compute the weight of the wires; None where no density is known."""
-    wires, gravity = scene.wires, gravity_strength(design)
+    wires = scene.wires
+    gravity = gravity_strength(design)
     total = ratio = sag = softening = 0.0
     worst = ""
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
@@ -191,7 +197,8 @@ def _weigh_wires(design: Design, scene: Scene, loads: Sequence[WireLoad]) -> Wir
         weight = gravity * sum(piece * density for piece, density in pieces)
         total += weight
         if weight / load.tension > ratio:
-            ratio, worst = weight / load.tension, load.label
+            ratio = weight / load.tension
+            worst = load.label
         across = weight * math.hypot(*wires.span[n, :2].tolist()) / length
         sag = max(sag, across * length / (8 * load.tension))
         stiffness = float(wires.stiffness[n]) * length
@@ -209,7 +216,8 @@ def _profiles(design: Design) -> Iterator[ReducedProfile]:
         for number, table in enumerate(stage.wire_tables, 1):
             if isinstance(table.profile, Profile):
                 name = f"{stage.name}.{'wires' if stage.wires is not None else number}"
-                places, sections = table.profile.position, given_sections(table) or ()
+                places = table.profile.position
+                sections = given_sections(table) or ()
                 yield ReducedProfile(wire=name, places=len(places), sections=len(sections))
 
 
@@ -226,8 +234,10 @@ def _links(design: Design) -> Iterator[LinkLoad]:
             table=link.table and (link.table.frequency[0], link.table.frequency[-1]),
         )
         if link.strands is not None:
-            curve, wire = links.link_curve(link, first, second), links.wire_of(design, link.strands)
-            weight, sag = link.strands.count * curve.length * wire.weight, links.sag(curve, wire)
+            curve = links.link_curve(link, first, second)
+            wire = links.wire_of(design, link.strands)
+            weight = link.strands.count * curve.length * wire.weight
+            sag = links.sag(curve, wire)
             found = replace(found, length=curve.length, weight=weight, sag=sag[0])
         yield found
     for damper in design.damper:
@@ -240,8 +250,10 @@ def _legs(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[LegLo
     if not scene.struts.label:
         return
     thrust = -string.state(scene, balanced.pose, struts=True).tension
-    nominal, gravity = scene.drawn or scene, float(scene.gravity)
-    as_designed, hung = carried_weights(nominal), carried_weights(scene)
+    nominal = scene.drawn or scene
+    gravity = float(scene.gravity)
+    as_designed = carried_weights(nominal)
+    hung = carried_weights(scene)
     for number, stage in enumerate(design.stage, 1):
         legs = stage.inverted_pendulum
         if legs is None:
@@ -272,13 +284,16 @@ def _legs(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[LegLo
 
 def _filters(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[FilterLoad]:
     """Compute the working points of filters."""
-    stages, pose, springs = {one.name: one for one in design.stage}, balanced.pose, scene.springs
+    stages = {one.name: one for one in design.stage}
+    pose = balanced.pose
+    springs = scene.springs
     for number, stage in enumerate(design.stage, 1):
         table = stages[stage.blades_of].filter if isinstance(stage, Keystone) else None
         if table is None or not isinstance(stage, Keystone):
             continue
         spring = int(np.flatnonzero(springs.lower == number)[-1])
-        upper, above = int(springs.upper[spring]), springs.upper_point[spring]
+        upper = int(springs.upper[spring])
+        above = springs.upper_point[spring]
         load = float(springs.preload[spring, 2])
         stiffness = float(springs.stiffness[spring, 2, 2])
         point = pose.shift[upper] + pose.arms(np.array([upper]), above[None])[0]

@@ -45,12 +45,14 @@ def list_uses(design: Design) -> Iterator[Use]:
         for blade in stage.blade_tables:
             if blade.made_of is not None:
                 part = f"{stage.name}.{getattr(blade, 'name', 'blades')}"
-                temperature, by_itself = mean_temperature(design, blade), blade.loss_angle is None
+                temperature = mean_temperature(design, blade)
+                by_itself = blade.loss_angle is None
                 shaped = blade.geometry is not None
                 yield Use(blade.made_of, temperature, part, by_itself, stiffness=shaped)
         for spring in stage.spring:
             if spring.made_of is not None:
-                temperature, by_itself = spring.temperature or ambient, spring.loss_angle is None
+                temperature = spring.temperature or ambient
+                by_itself = spring.loss_angle is None
                 part = f"{stage.name}.springs"
                 yield Use(spring.made_of, temperature, part, by_itself, stiffness=False)
     for link in design.link:
@@ -98,7 +100,8 @@ def find_unknown_temperatures(design: Design, level: str) -> list[Fault]:
 
 def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str, str]:
     """List the properties of a material that matter, and for what: key and effect."""
-    material, needed = materials.look_up(design, name), dict[str, str]()
+    material = materials.look_up(design, name)
+    needed = dict[str, str]()
     if any(use.stiffness for use in uses):
         needed["youngs_modulus"] = "stiffness"
     if bends and Thermoelastic.of(material, None) is not None:

@@ -159,7 +159,8 @@ def compute_densities(
         now = slice(start, start + step)
         there = solver.pencil.at(omega[now])
         for block in blocks:
-            here, forces = block.at(there), rows[:, block.keep].T
+            here = block.at(there)
+            forces = rows[:, block.keep].T
             driven = np.flatnonzero(forces.any(0))
             moved = np.zeros((len(forces), len(rows), len(omega[now])), dtype=complex)
             still = np.zeros((6, len(driven)))

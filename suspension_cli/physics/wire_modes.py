@@ -91,11 +91,32 @@ def solve(
     still = static.select((static.omega_squared <= 0) | of_light)
     # overdamped modes oscillate without dampers
     count = len(omega) - int((static.overdamped & ~of_light).sum()) // 2
-    began, left, short = time.monotonic(), omega, count
+    modes = _find_modes(prepared, omega, strong, count, progress, damping=damping)
+    return _joined(still, modes)
+
+
+def _find_modes(
+    prepared: Solver,
+    omega: Float[np.ndarray, " mode"],
+    strong: Modes,
+    count: int,
+    progress: Progress,
+    *,
+    damping: bool,
+) -> Modes:
+    """Find the modes at frequencies without loss (rad/s), `count` of them with losses.
+
+    The wires are cut at another place for those that are missed. `strong` are modes that dampers
+    resist strongly.
+    """
+    began = time.monotonic()
+    left = omega
     found: list[Modes] = []
     others: list[Modes] = []
     for fraction in CUTS:
-        solver, others, missed = _WiresCut.of(prepared, fraction, strong), [], []
+        solver = _WiresCut.of(prepared, fraction, strong)
+        others = []
+        missed = []
         done = len(omega) - len(left)
         if fraction == CUTS[0] and len(strong.q):
             found.append(solver.describe(solver.strong))
@@ -106,23 +127,25 @@ def solve(
             missed.append(part[~good])
             done += len(part)
             progress(done, len(omega), done / max(time.monotonic() - began, 1e-9))
-        left, short = np.concatenate(missed), count - sum(len(part.q) for part in found)
+        left = np.concatenate(missed)
+        short = count - sum(len(part.q) for part in found)
         if not len(left) or short <= 0:
-            break
-    else:
-        rest = others[0].followed_by(*others[1:]).ascending()
-        raise damped.LostModeError.of_mode(rest.label[0], float(left[0]) / (2 * np.pi))
-    modes = found[0].followed_by(*found[1:]).ascending()
+            return found[0].followed_by(*found[1:]).ascending()
+    rest = others[0].followed_by(*others[1:]).ascending()
+    raise damped.LostModeError.of_mode(rest.label[0], float(left[0]) / (2 * np.pi))
+
+
+def _joined(still: Modes, modes: Modes) -> Modes:
+    """Join modes that do not oscillate, and those of light, with modes that move wires."""
     moving = np.asarray((modes.wire_energy > 1e-12).any(0))
-    names = tuple(name for name, some in zip(modes.wire, moving, strict=True) if some)
-    modes = replace(modes, wire=names, wire_energy=modes.wire_energy[:, moving])
+    of_wires = [name for name, some in zip(modes.wire, moving, strict=True) if some]
     light = [n for n, name in enumerate(still.wire) if name.endswith(damped.LIGHT_ENDING)]
-    names = (*names, *(still.wire[n] for n in light))
+    names = (*of_wires, *(still.wire[n] for n in light))
     energy = np.zeros((len(still.q), len(names)))
-    energy[:, len(names) - len(light) :] = still.wire_energy[:, light]
-    modes = replace(
-        modes, wire=names, wire_energy=np.pad(modes.wire_energy, ((0, 0), (0, len(light))))
-    )
+    energy[:, len(of_wires) :] = still.wire_energy[:, light]
+    without_light = np.zeros((len(modes.q), len(light)))
+    of_both = np.concatenate([modes.wire_energy[:, moving], without_light], axis=1)
+    modes = replace(modes, wire=names, wire_energy=of_both)
     return replace(still, wire=names, wire_energy=energy).followed_by(modes).ascending()
 
 
@@ -195,7 +218,8 @@ def _bisect(solver: Solver, number: int, low: float, high: float) -> float:
     while high - low > PRECISE * high:
         inner = np.linspace(low, high, DIVIDED + 2)
         place = int(np.searchsorted(roots.modes_below(solver, inner), number))
-        low, high = float(inner[max(place - 1, 0)]), float(inner[min(place, DIVIDED + 1)])
+        low = float(inner[max(place - 1, 0)])
+        high = float(inner[min(place, DIVIDED + 1)])
     return high
 
 
@@ -282,7 +306,8 @@ class _WiresCut:
 
         If `damping`, for the poles and shapes with all losses.
         """
-        blocks, member = [self.block], np.zeros(len(omega), dtype=int)
+        blocks = [self.block]
+        member = np.zeros(len(omega), dtype=int)
         random = np.random.default_rng(0).normal(size=(len(omega), self.pencil.model.size))
         start = Roots.starts(blocks, 1j * omega, member, random)
         found = roots.find_roots(self.pencil, blocks, start, 0.0, "none", CLOSE, 3)
@@ -308,7 +333,8 @@ class _WiresCut:
 
     def describe(self, found: Roots) -> Modes:
         """Build the modes of roots, in their order."""
-        value, cut = found.value, self.pencil.model
+        value = found.value
+        cut = self.pencil.model
         motion = found.motions([self.block], cut.size)
         own = motion[:, : self.whole.system.size]
         quantities = quality.evaluate(cut, value, motion)
@@ -337,7 +363,8 @@ class _WiresCut:
 
         It is that of the nearest resonance between fixed ends, of the kind of wire that moves most.
         """
-        part_of, result = {NAMES[part]: part for part in PARTS}, np.zeros(len(omega), dtype=np.intp)
+        part_of = {NAMES[part]: part for part in PARTS}
+        result = np.zeros(len(omega), dtype=np.intp)
 
         @cache
         def resonances(kind: int, part: str) -> Array:
@@ -387,7 +414,8 @@ def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSyste
     ]
     size = model.size + len(names)
     added, none = np.zeros((2, size, size))
-    pieces, start = [], model.size
+    pieces = []
+    start = model.size
     for term in whole:
         upper, lower = _cut(term, fraction, start, size)
         pieces += [upper, lower]
@@ -417,7 +445,8 @@ def _cut(term: WireTerm, fraction: float, start: int, size: int) -> list[WireTer
     """Cut the wires of a kind; their cuts are the coordinates from `start` on."""
     upper: dict[str, Array] = {}
     lower: dict[str, Array] = {}
-    wires, more = np.arange(len(term.forms["twist"]))[:, None], size - term.size
+    wires = np.arange(len(term.forms["twist"]))[:, None]
+    more = size - term.size
     for part in PARTS:
         p = COORDINATES[part] // 2
         ends = np.pad(ENDS[p] @ term.forms[part], ((0, 0), (0, 0), (0, more)))
@@ -450,7 +479,8 @@ def _static_stiffness(term: WireTerm) -> Array:
 def _cut_fibre(fibre: Fibre, fraction: float) -> tuple[Fibre, Fibre]:
     """Divide a wire at the cut into an upper and a lower piece."""
     left = fraction * sum(section.length for section in fibre.sections)
-    upper, lower = [], []
+    upper = []
+    lower = []
     for section in fibre.sections:
         inside = min(max(left, 0.0), section.length)
         left -= section.length
