@@ -1,5 +1,11 @@
 """Undamped modes of one linear system or of many, block by block.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
+>>> solve(model).omega_squared[:3].round(1)  # (rad/s)^2
+array([35.3, 35.3, 96.6])
+
 With blade tips without mass and the tensions t of wires among the unknowns (see `pencil`; R^T R is
 the stiffness from their stretching), a mode x is
 

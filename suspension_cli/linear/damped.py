@@ -1,5 +1,11 @@
 """Modes with dampers, losses and light of any size: poles s = sigma + i omega of a suspension.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
+>>> solve(model).frequency.round(3)
+array([ 0.946,  0.946,  1.564,  3.495, 18.55 , 27.722])
+
 Without losses the poles are those of constant matrices, K + s C + s^2 M, with the light of a cavity
 as two coordinates more (`statespace.with_states`): eigenvalues, none of which can be
 missed. Loss angles, phase lags of an oscillation, act at its frequency omega alone. Newton's method

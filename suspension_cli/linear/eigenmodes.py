@@ -1,4 +1,11 @@
-"""Normal modes: frequencies, shapes, and the body and degree of freedom that move most."""
+"""Normal modes: frequencies, shapes, and the body and degree of freedom that move most.
+
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
+>>> solve(model).label[:3]
+['test transverse', 'test longitudinal', 'test yaw']
+"""
 
 from __future__ import annotations
 
@@ -187,8 +194,10 @@ class Modes:
         low, high = (band[0], band[-1]) if band else (0.0, np.inf)
 
         def judge(growth: float, frequency: float, fraction: float) -> str:
+            if growth > 0 and not frequency > 0:
+                return "unstable"
             if not frequency > 0:
-                return "unstable" if growth > 0 else "rigid" if frequency == 0 else "overdamped"
+                return "rigid" if frequency == 0 else "overdamped"
             if not low <= frequency <= high:
                 return f"below {low:g} Hz" if frequency < low else f"above {high:g} Hz"
             couples = "can be damped" if fraction >= COUPLED else "couples weakly"

@@ -1,5 +1,10 @@
 """Poles of a system whose stiffness depends on the frequency of oscillation.
 
+>>> def poles_at(omega: float, share: float) -> Poles:
+...     return np.array([1j * np.sqrt(4 + 0.2j * share * omega)]), np.ones((1, 1))
+>>> find_oscillations(poles_at)[0].round(3)
+array([-0.1+2.002j])
+
 Loss angles and tables of stiffness are known for oscillations alone: a pole s has the stiffness at
 omega = Im s. With the stiffness at any fixed omega the system is an ordinary one, whose poles
 s_j(omega) are eigenvalues of a matrix, none of which can be missed. Those of the system are where

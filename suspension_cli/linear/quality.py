@@ -1,5 +1,14 @@
 """Decay, dilution and kinetic energy of modes, from the dissipation in their shapes.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.linear import batch_modes
+>>> from suspension_cli.models import registry
+>>> model = registry.BEAM.system(reader.parse(reader.template("single", "single")))
+>>> solved = batch_modes.solve(model)
+>>> poles = 1j * np.sqrt(solved.omega_squared)
+>>> evaluate(model, poles, solved.motion).q[3:].round()
+array([5049., 5000., 4998.])
+
 Rounding of the stiffness would hide a Q of 1e10 in a pole s = sigma + i omega. With Z' = dZ/ds, the
 imaginary part of x^H Z(s) x = 0 gives sigma from the dissipation at omega, sums of squares in which
 nothing cancels:

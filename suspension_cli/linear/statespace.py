@@ -1,5 +1,12 @@
 """State space x' = A x + B u, y = C x + D u of a linear system, all variables named.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.STRING.system(reader.parse(reader.template("single", "single")))
+>>> ends = [signals.parse(text, "", ("support", "test")) for text in ("support.x", "test.x")]
+>>> build(model, ends[:1], ends[1:]).state
+('test.x', 'test.pitch', 'test.x rate', 'test.pitch rate')
+
 With body coordinates q (massless ones eliminated) the equations of motion are
 
     M q'' + Cv q' + K q + Ms s'' + Cs s' + Ks s = f

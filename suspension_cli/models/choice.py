@@ -187,8 +187,11 @@ def relative_change(
     known = np.isfinite(old) & np.isfinite(new)
     if not known.any():
         return math.nan
-    largest, change = (float(np.abs(value[known]).max()) for value in (new, old - new))
-    return change / largest if largest > 0 else 0.0 if change == 0 else math.inf
+    largest = float(np.abs(new[known]).max())
+    change = float(np.abs((old - new)[known]).max())
+    if change == 0:
+        return 0.0
+    return change / largest if largest > 0 else math.inf
 
 
 class Results(Protocol):

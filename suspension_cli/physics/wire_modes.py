@@ -1,5 +1,11 @@
 """Modes of a suspension whose wires have mass: pendulum, bounce and violin modes in one list.
 
+>>> from suspension_cli.design import reader
+>>> from suspension_cli.models import registry
+>>> model = registry.VIOLIN.system(reader.parse(reader.template("single", "single")))
+>>> solve(model, highest=2.0).frequency.round(3)
+array([0.946, 0.946, 1.564])
+
 `linear.roots` finds all frequencies without loss. Shapes and poles with all losses are roots,
 near these, of the suspension with every wire cut in two (`linear.roots`). The cut is at a point of
 no symmetry, whose motion becomes six more coordinates: then a violin mode that moves no body has a
