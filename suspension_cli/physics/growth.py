@@ -14,7 +14,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault
 from suspension_cli.linear import damped, eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
-from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 
@@ -54,18 +54,19 @@ def describe(modes: Modes, number: int) -> str:
     return f"{modes.label[number]} grows at {rate:.4g} 1/s{at}"
 
 
-def find_growth(design: Design, kind: Model, system: LinearSystem) -> Growth | None:
+def find_growth(design: Design, kind: Model, system: Solvable) -> Growth | None:
     """Find why the motion of a design grows with its control loops open; None if it does not.
 
     `system` is its linear system in the model `kind`. Where the equilibrium is stable, only active
     springs, links, dampers and light can make it grow. Poles are those on wires without mass.
     Raises `damped.LostModeError` if they are not known.
     """
-    static = eigenmodes.solve(system.constant)
-    if static.stable and not system.active:
+    solver = Solver.of(system)
+    static = solver.constant.modes
+    if static.stable and not solver.system.active:
         return None
-    light = registry.BEAM.system(design) if kind.has_wire_mass else system
-    found = damped.solve(light)
+    without_wire_mass = registry.BEAM.system(design) if kind.has_wire_mass else solver
+    found = damped.solve(without_wire_mass)
     if found.stable:
         return None
     if not static.stable:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear import named_results as named
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.models.choice import TOLERANCE, Frequencies, Several, Systems
 from suspension_cli.models.choice import choose as choose_model
@@ -131,7 +132,8 @@ def stable_system(
     name = source.design.design.name
     system = choice.model.system(source.design) if system is None else system
     describe_equilibrium(source, choice, system, log)
-    grows = growth.find_growth(source.design, choice.model, system)
+    solver = Solver(system)
+    grows = growth.find_growth(source.design, choice.model, solver)
     if grows is not None:
         fault = grows.fault
         if not allow_unstable:
@@ -142,7 +144,7 @@ def stable_system(
             way += ", or give --allow-unstable"
             raise InputError([dataclasses.replace(fault, remedy=way)])
         log.warn(f"{name} is unstable: {grows.worst}; {fault.remedy}")
-    near_limits.warn(source.design, eigenmodes.solve(system.constant), log)
+    near_limits.warn(source.design, solver.constant.modes, log)
     return system
 
 

@@ -17,8 +17,8 @@ from suspension_cli.design.schema import Design, Stage
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.physics import growth, statics
 from suspension_cli.physics.loads import FilterLoad, LegLoad, LinkLoad, Statics
@@ -218,9 +218,10 @@ def find_stability(
             np.errstate(all="ignore"),
         ):
             system = model.system(design)
-            modes = eigenmodes.solve(system.constant)
+            solver = Solver(system)
+            modes = solver.constant.modes
             found = []
-            if grows := growth.find_growth(design, model, system):
+            if grows := growth.find_growth(design, model, solver):
                 fault = grows.fault
                 problem = fault.problem.replace(":", f" in the {model.name} model:", 1)
                 remedy = fault.remedy + ", or stiffen the flexures of legs" * (fault.key == "stage")
