@@ -64,6 +64,20 @@ class Quantity(ABC):
         Complex values count by their magnitude.
         """
 
+    def change(self, old: Solved, new: Solved) -> Float[np.ndarray, " design"]:
+        """Change of the values of a batch from one model to a more complete one.
+
+        Relative to the largest value in the batch; NaN where a design has none in either model,
+        infinite where it has one in only one of them.
+        """
+        before = self.values(old)
+        after = self.values(new)
+        largest = np.fmax.reduce(np.abs(after), initial=0.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            relative = np.abs(after - before) / largest
+        relative = np.where(after == before, 0.0, relative)
+        return np.where(np.isnan(before) != np.isnan(after), np.inf, relative)
+
     def values(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Values of a batch, SI; NaN where a design has none, or no equilibrium."""
         found = self.read(solved)

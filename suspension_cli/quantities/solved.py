@@ -22,6 +22,7 @@ from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from suspension_cli.models.choice import shifts
 from suspension_cli.models.surroundings import nominal_positions, surrounded
 from suspension_cli.physics import closed_loop
 from suspension_cli.physics.thermal_noise import compute_densities
@@ -70,11 +71,17 @@ class Solved:
         self._balance_again = balance_again
         self._in_other_models: dict[str, list[Part]] = {}
         self._systems: dict[int, LinearSystem] = {}
+        self._shifts: dict[tuple[str, int], Array] = {}
 
     @property
     def count(self) -> int:
         """Number of designs."""
         return len(self.designs)
+
+    @property
+    def has_wire_mass(self) -> bool:
+        """Whether wires have mass in this model."""
+        return registry.by_name(self.level).has_wire_mass
 
     @property
     def is_steady(self) -> Bool[np.ndarray, " design"]:
@@ -144,6 +151,16 @@ class Solved:
                 made = surrounded(bare, design, nominal_positions(design))
             self._systems[number] = made
         return self._systems[number]
+
+    def shifts_from(self, old: Solved, number: int) -> Float[np.ndarray, " mode"]:
+        """Relative changes of the modes of one design from another model to this one.
+
+        In the order of its modes here; see `models.choice.shifts`.
+        """
+        key = old.level, number
+        if key not in self._shifts:
+            self._shifts[key] = shifts(old.system(number), self.system(number))[1]
+        return self._shifts[key]
 
     def each(
         self, compute: Callable[[LinearSystem, Design], object], *shape: int

@@ -8,6 +8,7 @@ them. ``lowest pitch`` is the lowest of the modes with most energy in the pitch 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -32,54 +33,80 @@ DEGREES = {name: dof for dof, name in DOF_NAMES.items()} | {dof: dof for dof in 
 """Degree of freedom by its name in tables (longitudinal), or its own (x)."""
 
 
+class FrequencyOfMode(Quantity):
+    """Frequency of one mode of each design, Hz, undamped; NaN where it grows."""
+
+    steady: ClassVar[bool] = False
+    missing = "has no such mode, or it is unstable"
+
+    @abstractmethod
+    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+        """Number of the mode in each design, from 0 in ascending order; -1 if it has none."""
+
+    def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
+        """Read it of each design."""
+        return take(solved.frequency, self.number(solved))
+
+    def change(self, old: Solved, new: Solved) -> Float[np.ndarray, " design"]:
+        """Relative change from one model to a more complete one.
+
+        Where frequencies meet, shapes mix differently in both models. So the mode's partner is the
+        one of most similar shape or, if that changes it less, the one that the name means in both.
+        Wires with mass change a mode by Rayleigh's quotient (`models.choice.shifts`).
+        """
+        here = self.number(new)
+        before = self.values(old)
+        after = self.values(new)
+        result = np.full(new.count, np.nan)
+        for n in np.flatnonzero(old.hangs & new.hangs).tolist():
+            if here[n] < 0:
+                continue
+            by_shape = float(new.shifts_from(old, n)[here[n]])
+            if new.has_wire_mass or not (before[n] > 0 and after[n] > 0):
+                result[n] = by_shape
+            else:
+                result[n] = min(by_shape, abs(before[n] / after[n] - 1))
+        return np.where(old.hangs != new.hangs, np.inf, result)
+
+
 @dataclass(frozen=True)
-class Frequency(Quantity):
+class Frequency(FrequencyOfMode):
     """Frequency of the mode that a name means, Hz."""
 
     motion: Motion
 
-    steady: ClassVar[bool] = False
-    missing = "has no such mode, or it is unstable"
-
-    def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
-        """Read it of each design."""
-        number = mode_content.find(solved.fractions, self.motion).mode
-        return take(solved.frequency, number)
+    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+        """Number of the mode with most of the motion."""
+        return mode_content.find(solved.fractions, self.motion).mode
 
 
 @dataclass(frozen=True)
-class FrequencyByNumber(Quantity):
-    """Frequency of mode number `number`, from 0, in ascending order, Hz."""
+class FrequencyByNumber(FrequencyOfMode):
+    """Frequency of mode number `place`, from 0, in ascending order, Hz."""
 
-    number: int
+    place: int
 
-    steady: ClassVar[bool] = False
-    missing = "has no such mode, or it is unstable"
-
-    def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
-        """Read it of each design."""
-        if self.number >= solved.frequency.shape[1]:
-            return np.full(solved.count, np.nan)
-        return solved.frequency[:, self.number]
+    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+        """The same number in each design that has so many modes."""
+        count = solved.frequency.shape[1]
+        return np.full(solved.count, self.place if self.place < count else -1)
 
 
 @dataclass(frozen=True)
-class LowestFrequency(Quantity):
+class LowestFrequency(FrequencyOfMode):
     """Lowest frequency of the modes with most energy in one degree of freedom of all bodies, Hz."""
 
     dof: int
 
-    steady: ClassVar[bool] = False
     missing = "has no such mode, or the lowest one is unstable"
 
-    def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
-        """Read it of each design."""
+    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+        """Number of the lowest of these modes."""
         bodies = 6 * len(solved.found.model.body)
         fraction = solved.fractions[..., :bodies]
         by_dof = fraction.reshape(*fraction.shape[:-1], -1, 6).sum(-2)
         own = by_dof.argmax(-1) == self.dof
-        number = np.where(own.any(-1), own.argmax(-1), -1)
-        return take(solved.frequency, number)
+        return np.where(own.any(-1), own.argmax(-1), -1)
 
 
 def take(
