@@ -1,7 +1,7 @@
 """Imperfections of builds: the table from which files, random builds and sweeps take them.
 
-To add one of a wire or body, add a row to `IMPERFECTIONS` and, in `scene.imperfections`, the
-function (for a wire, the argument) of its name.
+To add one of a wire or body, add a row to `IMPERFECTIONS` and, in `scene.applied_imperfections`,
+the function (for a wire, the argument) of its name.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Turn = Annotated[units.Angle, doc("angle in rad", "rad", LARGE_TURN)]
 class Imperfection:
     """A quantity in which one part of a build differs from the design."""
 
-    name: str  # key of `[[perturbation]]`, and name in `scene.imperfections`
+    name: str  # key of `[[perturbation]]`, and name in `scene.applied_imperfections`
     part: Part
     kind: object  # type of a number, with its unit and bounds: `Factor` for a relative error
     quantity: str  # that the factor multiplies, or that the number gives

@@ -17,7 +17,7 @@ from suspension_cli.design.schema import Perturbation
 from suspension_cli.elements import string
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.scene import imperfections
+from suspension_cli.scene import applied_imperfections
 from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def apply(scene: Scene, item: Perturbation) -> Scene:
     part, name = perturbed_part(item)
     given = {row.name: getattr(item, row.name) for row in perturbed(part)}
     amounts = {name: amount for name, amount in given.items() if amount is not None}
-    number = imperfections.members(scene, part)[name]
+    number = applied_imperfections.members(scene, part)[name]
     return impose(scene, part, number, amounts, item.hold)
 
 
@@ -129,12 +129,12 @@ def impose(
     amounts: Mapping[str, ArrayLike],
     hold: str = "loaded-length",
 ) -> Scene:
-    """Apply imperfections of one part to a scene, see `scene.imperfections.impose`.
+    """Apply imperfections of one part to a scene, see `scene.applied_imperfections.impose`.
 
     Where natural lengths are given, a wire is trimmed in the pose in which the nominal scene hangs;
     raises `InputError` if that of a single scene does not exist.
     """
-    result = imperfections.impose(scene, part, number, amounts, hold)
+    result = applied_imperfections.impose(scene, part, number, amounts, hold)
     if not scene.solves_pose or part != "wire" or hold != "loaded-length":
         return result
     nominal = scene.drawn or scene
