@@ -13,12 +13,12 @@ from matplotlib.ticker import MaxNLocator
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry, with_bodies_above
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import parts, style, tables
+from suspension_cli.drawing import dimension_tables, parts, style
+from suspension_cli.drawing.dimension_tables import SIZE, separation
 from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, Stroke, View, sketch_at_rest
 from suspension_cli.drawing.labels import spread
 from suspension_cli.drawing.parts import Canvas, Look, full_canvas
 from suspension_cli.drawing.style import INK, NOTE, PALE, length, shorten, single_line
-from suspension_cli.drawing.tables import SIZE, separation
 from suspension_cli.equilibrium import nominal
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.rotations import rotation_matrix
@@ -86,8 +86,8 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         points = np.concatenate([*(one.points for one in strokes), box])
         low, high = points.min(0), points.max(0)
         inner = style.PAGE_WIDTH - 2 * MARGIN
-        listed = tables.listed(design, scene) if tabulate else []
-        key = tables.key(scene) if tabulate else []
+        listed = dimension_tables.listed(design, scene) if tabulate else []
+        key = dimension_tables.key(scene) if tabulate else []
         below = FOOT + sum(table.height + 0.1 for table in listed) + LINE * len(key) + 0.1
         names = 0.52 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
         beside = SCALE + LEADERS + names + RIGHT
@@ -119,7 +119,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         _draw_axes(figure, plan, low, high)
         top = below - FOOT
         for n, table in enumerate(listed):
-            tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
+            dimension_tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
             top -= table.height + 0.1
         for n, line in enumerate(key):
             canvas.text(MARGIN, top - n * LINE, line, fontsize=SIZE, color=NOTE, va="top")
