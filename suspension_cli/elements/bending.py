@@ -8,11 +8,11 @@ p, and a twist phi. Beyond the energy of a taut string a beam under its tension 
     a_p = -e . n_p (upper body),   b_p = -e . n_p (lower body),
     phi = (n_1' . m_2 - n_2' . m_1) / 2 (the sine of the twist; m: upper, n': lower body),
 
-to second order in the slopes, with S the static stiffness of `elements.beam` against rotation of
-its ends (the chord fixed) and n_p the unit vectors of the planes, fixed in the bodies across the
-clamps. A common rotation changes none of the three. If the clamps point along the chord, all slopes
-vanish at rest and only products of first derivatives count; else also the second derivatives, times
-the moments:
+to second order in the slopes, with S the static stiffness of `elements.tensioned_beam` against
+rotation of its ends (the chord fixed) and n_p the unit vectors of the planes, fixed in the bodies
+across the clamps. A common rotation changes none of the three. If the clamps point along the chord,
+all slopes vanish at rest and only products of first derivatives count; else also the second
+derivatives, times the moments:
 
     d(a)  = -(n - (n.e) e) . dr / L - e . dn,
     d2(a) = dr . (e n_+ + n_+ e + (e.n) P) . dr / L^2 - 2 dr . P . dn / L - e . d2(n),

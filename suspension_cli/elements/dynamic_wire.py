@@ -1,8 +1,8 @@
 """Dynamic stiffness and dissipation of one wire in bending, stretching and twisting.
 
 The motion of the two ends of a wire falls into four parts that do not couple (`PARTS`): bending in
-the two principal planes (W_s, T_s, W_a, T_a each, see `elements.beam`), stretching (U_s, U_a, see
-`elements.joined_sections`) and twisting (the same two, in rad).
+the two principal planes (W_s, T_s, W_a, T_a each, see `elements.tensioned_beam`), stretching (U_s,
+U_a, see `elements.joined_sections`) and twisting (the same two, in rad).
 
 A wire under tension T resists twisting with GJ + T I_p/A (Buckley, Phil. Mag. 28, 778 (1914)), I_p
 the polar second moment of its area A: at a twist theta' per length, a filament at the distance r
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.schema import Gas
-from suspension_cli.elements import beam, joined_sections, loss, resting
+from suspension_cli.elements import joined_sections, loss, resting, tensioned_beam
 from suspension_cli.elements.joined_sections import ENDS, EPS, Joined
 from suspension_cli.scene.scene import Fibre, Section
 
@@ -153,8 +153,8 @@ class PartAtFrequencies:
     def change(self) -> Inexact[np.ndarray, "*elements"]:
         """F(omega) - F(0), with F(0) without loss and inertia.
 
-        Of bending on (W, T_s, phi, d), or without mass on (T_s, d) (see `elements.beam`); of
-        twisting as springs between the ends and from either end to the ground; of stretching F
+        Of bending on (W, T_s, phi, d), or without mass on (T_s, d) (see `elements.tensioned_beam`);
+        of twisting as springs between the ends and from either end to the ground; of stretching F
         itself, as such springs.
         """
         own, sections, tension = self._joined.stiffness, self.sections, self.strand.tension
@@ -182,7 +182,7 @@ class PartAtFrequencies:
         if not self.strand.massive:
             return np.zeros(np.shape(self.omega), dtype=int)
         if self.bends:
-            below = beam.resonances_below(self._waves)
+            below = tensioned_beam.resonances_below(self._waves)
         else:
             below = joined_sections.rod_resonances_below(*self._numbers, self.omega)
         return below.sum(0) + self._joined.negative
@@ -257,7 +257,7 @@ class PartAtFrequencies:
             whole = np.array(motion)
             whole[2] *= 2 / self._length
             whole[3] -= whole[2]
-            elements, places = self._uniform_beams, beam.ELEMENT_PLACES
+            elements, places = self._uniform_beams, tensioned_beam.ELEMENT_PLACES
             if not self.strand.massive:
                 whole, places = whole[1::2], ((0, 0), (1, 1))
         else:
@@ -277,7 +277,9 @@ class PartAtFrequencies:
         """All sections together."""
         if not self.bends:
             return joined_sections.join_rods(self._springs)
-        size, places = (4, beam.ELEMENT_PLACES) if self.strand.massive else (2, ((0, 0), (1, 1)))
+        size, places = (
+            (4, tensioned_beam.ELEMENT_PLACES) if self.strand.massive else (2, ((0, 0), (1, 1)))
+        )
         elements = self._uniform_beams
         parts = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
         for (i, j), value in zip(places, elements, strict=True):
@@ -290,7 +292,7 @@ class PartAtFrequencies:
         """Stiffness of each section, see `beam.stiffness`; without mass, on T_s and on d."""
         rigidity, _, half = self._numbers
         if self.strand.massive:
-            return beam.stiffness(rigidity, self._waves)
+            return tensioned_beam.stiffness(rigidity, self._waves)
         return resting.uniform_stiffness(rigidity, self.strand.tension, half)
 
     @cached_property
@@ -303,11 +305,11 @@ class PartAtFrequencies:
         return np.array([between, even / 2, even / 2])
 
     @cached_property
-    def _waves(self) -> beam.Waves:
+    def _waves(self) -> tensioned_beam.Waves:
         """Waves of the sections."""
         rigidity, mass, half = self._numbers
         tension = self._stack(map(self._tension, self.sections))
-        return beam.waves(rigidity, tension, mass, half, self.omega)
+        return tensioned_beam.waves(rigidity, tension, mass, half, self.omega)
 
     @cached_property
     def _numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """Sections of wire joined end to end, by elimination of the nodes between them; uniform rods.
 
-Beams are joined in the coordinates q = (W, T_s, phi, d) of `elements.beam`: deflection in the
-middle of the chord, half the difference of the slopes of the ends, slope of the chord, and mean
+Beams are joined in the coordinates q = (W, T_s, phi, d) of `elements.tensioned_beam`: deflection in
+the middle of the chord, half the difference of the slopes of the ends, slope of the chord, and mean
 slope of the ends relative to it. Without inertia W and phi have no stiffness but T L phi^2 / 2,
 which no stiffness here includes, and (T_s, d) alone are joined. The slopes of the two ends relative
 to the chord are a = d - T_s and b = d + T_s.
@@ -53,7 +53,7 @@ ENDS = {
     1: np.array([[1.0, -1], [1, 1]]),
 }
 """By p, the matrix from even and odd motion to the two ends: (W_s, T_s, W_a, T_a) of
-`elements.beam` to (w_1, w'_1, w_2, w'_2), and (U_s, U_a) of a rod to (u_1, u_2)."""
+`elements.tensioned_beam` to (w_1, w'_1, w_2, w'_2), and (U_s, U_a) of a rod to (u_1, u_2)."""
 
 
 class Joined(NamedTuple):

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.beam import tanhc
 from suspension_cli.elements.joined_sections import Joined, join
+from suspension_cli.elements.tensioned_beam import tanhc
 from suspension_cli.rotations import cross
 from suspension_cli.scene.scene import Fibre, Flex, Scene, Section
 
