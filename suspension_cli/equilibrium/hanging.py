@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.design.imperfections import perturbed, perturbed_part
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.scene import applied_imperfections
@@ -57,7 +57,7 @@ def hang(scene: Scene) -> HangingWires:
     found = _balance_strings(scene)
     if not scene.batch:
         found.demand(scene)
-    now, turn = string.state(scene, found.pose), np.swapaxes(found.pose.rotation, -1, -2)
+    now, turn = taut_string.state(scene, found.pose), np.swapaxes(found.pose.rotation, -1, -2)
     upper, lower = (
         (turn[..., body, :, :] @ now.direction[..., None])[..., 0]
         for body in (scene.wires.upper, scene.wires.lower)
@@ -146,7 +146,7 @@ def impose(
     moved = scene.bodies.position - nominal.bodies.position
     pose = replace(pose, shift=pose.shift + (pose.turn @ moved[..., None])[..., 0])
     before, after = (
-        one.wires.stiffness[..., number] * string.state(one, pose).elongation[..., number]
+        one.wires.stiffness[..., number] * taut_string.state(one, pose).elongation[..., number]
         for one in (scene, result)
     )
     tension = result.wires.tension.astype(np.result_type(result.wires.tension, before))

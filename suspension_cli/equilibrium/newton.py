@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays
 from suspension_cli.elimination import Factors, by_body
 from suspension_cli.equilibrium.energy import derivatives
@@ -154,7 +154,7 @@ def _take_step(
     x[order] = factors.solve(-gradient[order, None])[:, 0]
     x /= np.maximum(np.abs(x / unit).max(0) / CAP, 1.0)
     whole = np.concatenate([np.zeros((6, x.shape[1])), x])
-    tension = string.predicted_tension(now, whole)
+    tension = taut_string.predicted_tension(now, whole)
     return replace(now.displaced(whole), tension=tension), np.abs(x).max(0)
 
 

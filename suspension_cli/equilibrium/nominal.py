@@ -19,7 +19,7 @@ import numpy as np
 
 from suspension_cli.design.derive import gives_natural_lengths
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.elements import weight as weights
 from suspension_cli.elements.configuration import configuration
 from suspension_cli.elements.registry import have_own_arrays, with_added
@@ -146,7 +146,7 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
 
     They carry the tip masses, and the wires of each stage at tensions of least energy.
     """
-    wires, blades, now = scene.wires, scene.blades, string.state(scene, pose)
+    wires, blades, now = scene.wires, scene.blades, taut_string.state(scene, pose)
     arrays = configuration(scene, layout(scene), pose)
     weight = np.zeros((len(blades.label), 3))
     for group in weights.masses(arrays.arrays)[0]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
 from suspension_cli.equilibrium.newton import chunks, factorise, search
@@ -266,7 +266,7 @@ def _newton(
         found = search(scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal)
         now, steps = found.now, max(steps, int(found.steps.max(initial=0)))
         derivatives(now, stretching=False).symmetric(soft[..., rows])
-        form[..., rows] = string.elongations(now)
+        form[..., rows] = taut_string.elongations(now)
         own = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
         if scene.flex is not None and now.flex is not None:
             own |= {name: getattr(now.flex, name) for name in ("bend", "twist")}

@@ -23,7 +23,7 @@ from suspension_cli.design.wires import (
     given_sections,
     thinnest,
 )
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
@@ -239,7 +239,7 @@ def _legs(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[LegLo
     """Compute the loads of inverted pendulums."""
     if not scene.struts.label:
         return
-    thrust = -string.state(scene, balanced.pose, struts=True).tension
+    thrust = -taut_string.state(scene, balanced.pose, struts=True).tension
     nominal, gravity = scene.drawn or scene, float(scene.gravity)
     as_designed, hung = carried_weights(nominal), carried_weights(scene)
     for number, stage in enumerate(design.stage, 1):
