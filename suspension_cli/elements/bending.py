@@ -37,8 +37,8 @@ from suspension_cli.elements.configuration import (
     batch_first,
     builds_last,
 )
-from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Derivatives, Terms
 from suspension_cli.elements.resting import resistance_of_wires, with_planes
 from suspension_cli.elements.vectors import (
     Matrix,

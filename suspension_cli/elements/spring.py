@@ -47,8 +47,8 @@ from suspension_cli.elements.configuration import (
     Configuration,
     Ends,
 )
-from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Derivatives, Terms
 from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,

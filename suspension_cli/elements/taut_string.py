@@ -21,8 +21,8 @@ from suspension_cli.elements.configuration import (
     batch_of,
     configuration,
 )
-from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Derivatives, Terms
 from suspension_cli.elements.vectors import (
     cross,
     dot,

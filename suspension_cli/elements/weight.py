@@ -39,8 +39,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements.configuration import Attached, Configuration, Ends, SceneArrays
-from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Derivatives, Terms
 from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,

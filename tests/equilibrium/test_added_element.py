@@ -10,8 +10,8 @@ import pytest
 
 from suspension_cli.elements import registry
 from suspension_cli.elements.configuration import Attached, Ends
-from suspension_cli.elements.derivatives import Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Terms
 from suspension_cli.elements.vectors import dot, outer, plus_unit, unit
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium import solve as equilibrium
