@@ -22,7 +22,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elements import taut_string
 from suspension_cli.elements import weight as weights
 from suspension_cli.elements.configuration import configuration
-from suspension_cli.elements.registry import have_own_arrays, with_added
+from suspension_cli.elements.known_elements import have_own_arrays, with_added
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import apply
 from suspension_cli.errors import Fault, InputError

@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss, taut_string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from suspension_cli.elements import registry
+from suspension_cli.elements import known_elements
 from suspension_cli.elements.configuration import Attached, Ends
 from suspension_cli.elements.element import Element
 from suspension_cli.elements.energy_derivatives import Terms
@@ -79,7 +79,7 @@ def add_loss(now, derivatives):
 @pytest.fixture
 def tethers(monkeypatch):
     element = Element(add_derivatives, add_loss=add_loss, make=make, name="tethers")
-    monkeypatch.setattr(registry, "ELEMENTS", (*registry.ELEMENTS, element))
+    monkeypatch.setattr(known_elements, "ELEMENTS", (*known_elements.ELEMENTS, element))
 
 
 def design_of(rng):
