@@ -16,7 +16,7 @@ from suspension_cli.design.imperfections import Distribution as Distribution
 from suspension_cli.design.imperfections import Perturbation, Tolerance
 from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
 from suspension_cli.design.materials import Material
-from suspension_cli.design.requirements import RequiredQuantity
+from suspension_cli.design.required_quantities import RequiredQuantity
 from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
