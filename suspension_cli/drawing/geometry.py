@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Body, Design
-from suspension_cli.scene import links
+from suspension_cli.scene import spring_rows
 from suspension_cli.scene.arrays import Array, Index
-from suspension_cli.scene.links import Places
+from suspension_cli.scene.places import Places
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene, Springs, Wires
 
@@ -312,7 +312,7 @@ def _link_curves(sketch: Sketch) -> Iterator[tuple[str, Array]]:
         if link.strands is None:
             continue
         first, second = (number[name] for name in link.between)
-        curve = links.link_curve(link, position[first], position[second])
+        curve = spring_rows.link_curve(link, position[first], position[second])
         line = np.vstack([np.zeros(3), np.real(curve.point), np.real(curve.end)])
         line += position[first] + np.array(link.at)
         start, end = (

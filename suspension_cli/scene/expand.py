@@ -20,9 +20,9 @@ from suspension_cli.design.schema import Body, Design, Stage, body_inertia, body
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.rotations import cross
-from suspension_cli.scene import links
+from suspension_cli.scene import legs, spring_rows
 from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
-from suspension_cli.scene.links import Places
+from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import (
     Bars,
     Blades,
@@ -75,9 +75,9 @@ class Members:
             wires.append(own[0])
             blades.append(own[1])
             first += len(own[1])
-        struts, bars = links.legs(design, places)
-        springs = links.of_stages(design, places) + links.of_links(design, places)
-        springs = links.between(springs, places)
+        struts, bars = legs.struts_and_bars(design, places)
+        springs = spring_rows.of_stages(design, places) + spring_rows.of_links(design, places)
+        springs = spring_rows.with_upper_points(springs, places)
         return Members(design, places, wires, blades, struts, bars, springs)
 
     def _has(self, n: int, design: Design, places: Places, first: int) -> bool:
@@ -320,9 +320,9 @@ def _loaded_springs(
     design, places = own.design, own.places
     for n, stage in enumerate(design.stage, 1):
         load, hung, above = loads[n, 0], -loads[n, 1, 2], places.parent[n]
-        rows = links.flexures(stage, load, hung, gravity)
+        rows = legs.flexures(stage, load, hung, gravity)
         if isinstance(stage, derive.Keystone):
-            row, coupling, wrong = links.filter_blades(design, stage, load, hung, gravity)
+            row, coupling, wrong = spring_rows.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)
             faults += wrong
             ends = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
@@ -330,7 +330,7 @@ def _loaded_springs(
                 inertia = (-coupling, coupling, -coupling)
                 bars.append({"label": row["label"], "inertia": inertia} | ends)
         springs += [{"upper": above, "lower": n} | row for row in rows]
-    return links.between(springs, places) + own.springs, bars, faults
+    return spring_rows.with_upper_points(springs, places) + own.springs, bars, faults
 
 
 def _blade_loads(
