@@ -1,12 +1,12 @@
 """Checks of a design across its tables: which names exist, which lengths fit, what is implausible.
 
-What a table must fulfil by itself is declared in its `rules`, see `design.tables`. Problems are
+What a table must fulfil by itself is declared in its `rules`, see `design.key_rules`. Problems are
 here behind whole key paths.
 
 Implausible numbers (millimetres written as metres, grams as kilograms, GPa as Pa) are valid, so
 there are warnings, not faults. Limits are wide: a unit that is wrong by a factor of a thousand
 exceeds them, an unusual design does not. Ranges of single numbers stand beside their keys
-(`tables.Plausible`); here are those that depend on several numbers.
+(`typed_tables.Plausible`); here are those that depend on several numbers.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.materials import MECHANISMS, AgainstTemperature
 from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.towers import SUFFIX, leg_count
+from suspension_cli.design.typed_tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.units import OSMIUM
 from suspension_cli.design.wires import (
     RADII,

@@ -1,7 +1,7 @@
 """The walker that applies what tables declare to a whole document, and lists all its faults.
 
 First single values: msgspec stops at the first error, so a file that it refuses is compared, value
-by value, with the JSON Schema of its type. Then the rules of each table, see `design.tables`.
+by value, with the JSON Schema of its type. Then the rules of each table, see `design.typed_tables`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import msgspec
 from msgspec import Struct
 
 from suspension_cli.design import paths, units
-from suspension_cli.design.tables import Raw, Schema, Table, keys_with
+from suspension_cli.design.typed_tables import Raw, Schema, Table, keys_with
 from suspension_cli.errors import Fault, InputError, format_key, format_value, suggest
 
 T = TypeVar("T")

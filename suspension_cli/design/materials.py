@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import msgspec
 
-from suspension_cli.design import tables, units
-from suspension_cli.design.tables import Problems, Table, key
+from suspension_cli.design import key_rules, units
+from suspension_cli.design.typed_tables import Problems, Table, key
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections import CrossSection, Frequencies, Spectrum
@@ -56,7 +56,7 @@ class AgainstTemperature(Table, frozen=True):
         max_length=1000,
     )
 
-    rules = (tables.same_length("values", "temperature"), tables.ascending("temperature"))
+    rules = (key_rules.same_length("values", "temperature"), key_rules.ascending("temperature"))
 
     def at(self, temperature: float) -> float:
         """Interpolate at a temperature in K.
@@ -113,7 +113,7 @@ class LossTable(Table, frozen=True):
         "loss angle at each of them, rad", min_length=1, max_length=10000
     )
 
-    rules = (tables.same_length("angle", "frequency"), tables.ascending("frequency"))
+    rules = (key_rules.same_length("angle", "frequency"), key_rules.ascending("frequency"))
 
 
 class MaterialLoss(Table, frozen=True):

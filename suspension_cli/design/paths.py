@@ -15,7 +15,7 @@ import msgspec
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
-from suspension_cli.design.tables import Raw, Table, declared
+from suspension_cli.design.typed_tables import Raw, Table, declared
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.grids import parse_place
 

@@ -18,7 +18,7 @@ from typing import TypeVar
 from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.tables import Raw, Table
+from suspension_cli.design.typed_tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
 from suspension_cli.files import columns, whole_files
 

@@ -45,8 +45,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated
 
-from suspension_cli.design import tables, units
-from suspension_cli.design.tables import Problems, Table, doc, key
+from suspension_cli.design import key_rules, units
+from suspension_cli.design.typed_tables import Problems, Table, doc, key
 
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
@@ -107,11 +107,11 @@ class InvertedPendulum(Table, frozen=True):
     q: units.Quality | None = key("Q of the lateral mode with the load, instead of loss_angle")
 
     rules = (
-        tables.whole_or_parts("points", "count", "radius"),
-        tables.required("points", when=lambda legs: legs.count is None and legs.radius is None),
-        tables.excludes("points", "phase", "top"),
-        tables.exactly_one("stiffness", "frequency"),
-        tables.at_most_one("loss_angle", "q"),
+        key_rules.whole_or_parts("points", "count", "radius"),
+        key_rules.required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        key_rules.excludes("points", "phase", "top"),
+        key_rules.exactly_one("stiffness", "frequency"),
+        key_rules.at_most_one("loss_angle", "q"),
     )
 
     def check(self) -> Problems:
@@ -274,9 +274,9 @@ class Filter(Table, frozen=True):
     thermal_expansion: units.Expansion = key("of the blades in 1/K; adds to that shift", 0.0)
 
     rules = (
-        tables.exactly_one("stiffness", "frequency"),
-        tables.at_most_one("loss_angle", "q"),
-        tables.at_most_one("saturation", "mass_coupling"),
+        key_rules.exactly_one("stiffness", "frequency"),
+        key_rules.at_most_one("loss_angle", "q"),
+        key_rules.at_most_one("saturation", "mass_coupling"),
     )
 
     def check(self) -> Problems:
