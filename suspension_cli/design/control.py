@@ -207,7 +207,8 @@ class Loop(Table, frozen=True):
                 yield "gain_at", problem, "give another frequency or magnitude"
                 return
         whole = self.controller_and_sensor.continuous
-        zeros, poles = len(whole.zeros), len(whole.poles)
+        zeros = len(whole.zeros)
+        poles = len(whole.poles)
         if zeros <= poles or (self.damper is not None and self.sensor_response is None):
             return  # a damper acts on the velocity, which is known
         key = given(self, "filter", "sensor_response", "zeros")[0]
@@ -222,7 +223,9 @@ class Loop(Table, frozen=True):
             return foton.Filter(2 * math.pi * self.damper, (0j,))
         if self.filter is not None:
             return make_response(self.filter)
-        gain = (1.0 if self.gain_at is not None else 0.0) if self.gain is None else self.gain
+        gain = self.gain
+        if gain is None:
+            gain = 0.0 if self.gain_at is None else 1.0
         return foton.Filter(gain, expand_roots(self.zeros), expand_roots(self.poles))
 
     @property

@@ -161,7 +161,8 @@ def same_length(table: object, key: str, other: str) -> Problems:
 @rule
 def ordered(table: Any, low: str, high: str, remedy: str = "exchange them") -> Problems:
     """Demand that a number is below another, if both are given."""
-    below, limit = getattr(table, low), getattr(table, high)
+    below = getattr(table, low)
+    limit = getattr(table, high)
     if below is not None and limit is not None and below >= limit:
         yield low, f"is not below {high} = {limit:g}", remedy
 

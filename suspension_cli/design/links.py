@@ -73,7 +73,8 @@ class StiffnessTable(Table, frozen=True):
 
     def check(self) -> Problems:
         """Check that each axis has one value per frequency, and a static stiffness."""
-        axes, count = 6 if self.axis is None else 1, len(self.frequency)
+        axes = 6 if self.axis is None else 1
+        count = len(self.frequency)
         if self.file is not None:
             remedy = "read the design from its file, or give frequency, real and imaginary"
             yield "file", "is read only with a design file, not with its text alone", remedy

@@ -177,7 +177,8 @@ class Measured(Table, frozen=True):
                 ("input", "actuator", "upper.force_x"),
                 ("output", "sensor", "upper.x"),
             ):
-                name, known = getattr(one, end), [item.name for item in getattr(self, kind)]
+                name = getattr(one, end)
+                known = [item.name for item in getattr(self, kind)]
                 if "." not in name and name not in known:
                     remedy = f"give a signal such as {example}"
                     remedy = f"{remedy}; {faults.suggest(name, known)}" if known else remedy

@@ -74,7 +74,8 @@ def changed(
     """
     if not keys:
         return change(node)
-    key, rest = keys[0], keys[1:]
+    key = keys[0]
+    rest = keys[1:]
     done = override.partition("=")[0].split(".")[: -len(keys)]
     if isinstance(node, msgspec.Struct):
         new = changed(getattr(node, key), rest, change, override)

@@ -187,16 +187,19 @@ class Body(Table, frozen=True):
         """Check that a rigid body can have this mass and inertia."""
         import numpy as np
 
-        mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
+        mass = body_mass(self)
+        moments = np.linalg.eigvalsh(body_inertia(self))
         if not key_rules.LEAST_MASS <= mass <= MOST_MASS:
             problem = (
                 f"the body has {mass:.3g} kg, not {key_rules.LEAST_MASS:g} to {MOST_MASS:g} kg"
             )
             yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
         elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
-            key, remedy = "", "check the sizes, in m"
+            key = ""
+            remedy = "check the sizes, in m"
             if self.shape is None:
-                key, remedy = "inertia", "give moments in kg m^2, products with the right signs"
+                key = "inertia"
+                remedy = "give moments in kg m^2, products with the right signs"
             problem = (
                 f"has a moment of inertia of {moments[0]:.3g} kg m^2, not positive or too small"
             )

@@ -378,7 +378,8 @@ def _reduced(
     limit = math.sqrt(wanted)
     sections: list[WireSection] = []
     length = volume = 0.0
-    low, high = math.inf, 0.0
+    low = math.inf
+    high = 0.0
     points = zip(position, diameter, strict=True)
     for (top, above), (bottom, below) in pairwise(points):
         # a steep stretch is divided, so that none exceeds the limit
@@ -386,11 +387,13 @@ def _reduced(
         span = (bottom - top) / parts
         for n in range(parts):
             ends = [above + (below - above) * k / parts for k in (n, n + 1)]
-            low, high = min(*ends, low), max(*ends, high)
+            low = min(*ends, low)
+            high = max(*ends, high)
             if length and (not wanted or high > low * (1 + limit)):
                 sections.append(_section(length, volume))
                 length = volume = 0.0
-                low, high = min(ends), max(ends)
+                low = min(ends)
+                high = max(ends)
             length += span
             volume += span * (ends[0] ** 2 + ends[0] * ends[1] + ends[1] ** 2) / 3
     return [*sections, _section(length, volume)]
@@ -406,7 +409,8 @@ def given_sections(wire: WireSet | Wire) -> Sequence[WireSection] | None:
         return reduced(wire.profile)
     if wire.neck is None:
         return wire.sections
-    neck, radius = wire.neck, wire.radius
+    neck = wire.neck
+    radius = wire.radius
     assert radius is not None
     stock = [WireSection(length=neck.stock, radius=neck.radius)] if neck.stock else []
     return [

@@ -25,10 +25,18 @@ from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 
-MARGIN, TOP, FOOT = 0.1, 0.8, 0.55
-"""Margin around everything, and heights of the heading and of the horizontal axes, in."""
-SCALE, LEADERS, RIGHT = 0.56, 0.8, 1.2
-"""Widths of the axis of heights, and of the dimensions left and right of the views, in."""
+MARGIN = 0.1
+"""Margin around everything, in."""
+TOP = 0.8
+"""Height of the heading, in."""
+FOOT = 0.55
+"""Height of the horizontal axes, in."""
+SCALE = 0.56
+"""Width of the axis of heights, in."""
+LEADERS = 0.8
+"""Width of the dimensions left of the views, in."""
+RIGHT = 1.2
+"""Width of the dimensions right of the views, in."""
 THICK = 0.025
 """Thickness of the support over the size of the suspension."""
 TICK = 0.27
@@ -84,7 +92,8 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
         box = parts.support_box(sketch)
         points = np.concatenate([*(one.points for one in strokes), box])
-        low, high = points.min(0), points.max(0)
+        low = points.min(0)
+        high = points.max(0)
         inner = style.PAGE_WIDTH - 2 * MARGIN
         listed = dimension_tables.listed(design, scene) if tabulate else []
         key = dimension_tables.key(scene) if tabulate else []
@@ -200,14 +209,18 @@ def _draw_views(
 
 def _write_dimensions(canvas: Canvas, plan: Plan) -> None:
     """Write the dimensions of symmetric sets beside the views, with leaders to a wire of each."""
-    sketch, side, face = plan.sketch, list[tuple[Array, str]](), list[tuple[Array, str]]()
-    position, names = sketch.scene.bodies.position, (SUPPORT, *sketch.scene.bodies.name)
+    sketch = plan.sketch
+    side = list[tuple[Array, str]]()
+    face = list[tuple[Array, str]]()
+    position = sketch.scene.bodies.position
+    names = (SUPPORT, *sketch.scene.bodies.name)
     for n, (stage, above) in enumerate(with_bodies_above(sketch.design), 1):
         if stage.wires is None or len(sketch.design.stage) > MANY:
             continue
         shape = set_geometry(stage.wires)
         along, across = _dimension_texts(shape)
-        upper, lower = position[names.index(above)], position[n]
+        upper = position[names.index(above)]
+        lower = position[n]
         for view, column, own, wire in (
             (plan.side, side, along, -1),
             (plan.face, face, across, 0),
@@ -268,7 +281,8 @@ def _draw_dot(canvas: Canvas, where: Array, colour: str = NOTE) -> None:
 
 def _write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
     """Write each body's name and mass between the views, with a line to it in the side view."""
-    bodies, outlines = plan.sketch.scene.bodies, plan.sketch.outlines
+    bodies = plan.sketch.scene.bodies
+    outlines = plan.sketch.outlines
     many = len(outlines) > MANY
     places = zip(bodies.position[1:], outlines, strict=True)
     edges = [plan.side.see(position + body.half * (1, 0, 0)) for position, body in places]
@@ -312,13 +326,15 @@ def _draw_axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
     highest = float(max(0.0, *(one.points[:, 2].max() for one in plan.sketch.strokes(1))))
     for view in (plan.side, plan.face):
         axis = 1 - view.normal
-        (left, bottom), (right, top) = view.see(low), view.see(high)
+        left, bottom = view.see(low)
+        right, top = view.see(high)
         axes = style.add_axes(figure, left, up - top, right - left, top - bottom)
         limits = {"xlim": (low[axis], high[axis]), "ylim": (low[2], high[2])}
         axes.set(facecolor="none", xlabel=f"{'xy'[axis]} (m)", zorder=-1, **limits)
         axes.spines["bottom"].set_position(("outward", 8))
         axes.set_xticks(_ticks(low[axis], high[axis], view.scale))
-        middle, look = (left + right) / 2 / across, {"fontsize": 8, "fontweight": "bold"}
+        middle = (left + right) / 2 / across
+        look = {"fontsize": 8, "fontweight": "bold"}
         figure.text(middle, (top + 0.13) / up, view.name.upper(), ha="center", **look)
         if view is plan.side:
             axes.spines["left"].set_bounds(low[2], highest)

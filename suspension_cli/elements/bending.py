@@ -68,7 +68,10 @@ def with_bending(
     `tension` (N) and `length` (m) are those at which the stiffness is taken; nominal by default.
     """
     scene = with_planes(scene) if scene.flex is None else scene
-    fibres, flex, wires, batch = scene.fibres, scene.flex, scene.wires, scene.batch
+    fibres = scene.fibres
+    flex = scene.flex
+    wires = scene.wires
+    batch = scene.batch
     assert fibres is not None and flex is not None
     length = wires.length if length is None else length
     tension = wires.tension if tension is None else tension
@@ -82,7 +85,8 @@ def with_bending(
 
 def _normals(now: Configuration) -> tuple[Vector, Vector]:
     """Unit vectors (3, plane, wire, build) of the planes at the upper and lower ends."""
-    flex, wires = now.flex, now.wires
+    flex = now.flex
+    wires = now.wires
     assert flex is not None
     upper, lower = (
         n + times(now.turn_of(body)[:, :, None], n)
@@ -96,7 +100,8 @@ def _normals(now: Configuration) -> tuple[Vector, Vector]:
 
 def _twist(upper: Vector, lower: Vector) -> tuple[Scalar, Vector]:
     """Sine of the twist, and its derivative by a rotation of the lower body."""
-    (u_1, u_2), (l_1, l_2) = upper.swapaxes(0, 1), lower.swapaxes(0, 1)
+    u_1, u_2 = upper.swapaxes(0, 1)
+    l_1, l_2 = lower.swapaxes(0, 1)
     return (dot(l_1, u_2) - dot(l_2, u_1)) / 2, (cross(l_1, u_2) - cross(l_2, u_1)) / 2
 
 
@@ -116,21 +121,29 @@ def _bending(
     now: Configuration, bend: np.ndarray, upper: Vector, lower: Vector, *, curved: bool
 ) -> Terms:
     """Derivatives of the energy of bending in both planes."""
-    e, length = now.wires.direction, now.wires.length
+    e = now.wires.direction
+    length = now.wires.length
     s_uu, s_ul, s_ll = bend.swapaxes(0, 1)
     along = e[:, None]
-    a, b = -dot(along, upper), -dot(along, lower)
-    m_u, m_l = s_uu * a + s_ul * b, s_ul * a + s_ll * b
-    moment_u, moment_l = (m_u * upper).sum(1), (m_l * lower).sum(1)
+    a = -dot(along, upper)
+    b = -dot(along, lower)
+    m_u = s_uu * a + s_ul * b
+    m_l = s_ul * a + s_ll * b
+    moment_u = (m_u * upper).sum(1)
+    moment_l = (m_l * lower).sum(1)
     both = moment_u + moment_l
     across = both - dot(e, both) * e
-    turn_u, turn_l = cross(e, moment_u), cross(e, moment_l)
+    turn_u = cross(e, moment_u)
+    turn_l = cross(e, moment_l)
     force = -across / length
     if not curved:
         return Terms(force, turn_u, turn_l)
-    f_u, f_l = upper + a * along, lower + b * along
-    c_u, c_l = cross(along, upper), cross(along, lower)
-    on_u, on_l = s_uu * f_u + s_ul * f_l, s_ul * f_u + s_ll * f_l
+    f_u = upper + a * along
+    f_l = lower + b * along
+    c_u = cross(along, upper)
+    c_l = cross(along, lower)
+    on_u = s_uu * f_u + s_ul * f_l
+    on_l = s_ul * f_u + s_ll * f_l
     pulled = dot(e, both)
     bent = _outer_sum(f_u, on_u) + _outer_sum(f_l, on_l)
     bent += outer(e, across - pulled * e) + outer(across, e)
@@ -159,8 +172,10 @@ def _twisting(stiffness: Scalar, upper: Vector, lower: Vector, *, curved: bool) 
     torque = stiffness * twist
     if not curved:
         return Terms(None, -torque * row, torque * row)
-    (u_1, u_2), (l_1, l_2) = upper.swapaxes(0, 1), lower.swapaxes(0, 1)
-    own, half = outer(stiffness * row, row), torque / 2
+    u_1, u_2 = upper.swapaxes(0, 1)
+    l_1, l_2 = lower.swapaxes(0, 1)
+    own = outer(stiffness * row, row)
+    half = torque / 2
     turned = own + turning(half * u_2, l_1) - turning(half * u_1, l_2)
     mixed = outer(half * u_1, l_2) - outer(half * u_2, l_1) - own
     mixed = plus_unit(mixed, torque * twist)
@@ -169,7 +184,8 @@ def _twisting(stiffness: Scalar, upper: Vector, lower: Vector, *, curved: bool) 
 
 def add_loss(now: Configuration, derivatives: Derivatives) -> None:
     """Add the imaginary part of the stiffness against twisting of wires."""
-    flex, loss = now.flex, now.arrays.wires.loss
+    flex = now.flex
+    loss = now.arrays.wires.loss
     if flex is not None and loss.any():
         _, row = _twist(*_normals(now))
         own = outer(flex.twist * loss[:, None] * row, row)

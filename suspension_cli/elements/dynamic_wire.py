@@ -87,11 +87,13 @@ class TautWire:
         while (count := self.resonances_below(np.array([highest]), (part,))[0]) < wanted:
             highest *= 1.5
         number = np.arange(1, count + 1)
-        low, high = np.zeros(count), np.full(count, highest)
+        low = np.zeros(count)
+        high = np.full(count, highest)
         for _ in range(40):
             middle = (low + high) / 2
             above = self.resonances_below(middle, (part,)) >= number
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
+            low = np.where(above, low, middle)
+            high = np.where(above, middle, high)
         return high
 
 
@@ -100,7 +102,8 @@ class WireAtFrequencies(dict[str, "PartAtFrequencies"]):
 
     def __init__(self, strand: TautWire, omega: Inexact[np.ndarray, " frequency"]) -> None:
         super().__init__()
-        self.strand, self.omega = strand, omega
+        self.strand = strand
+        self.omega = omega
 
     def __missing__(self, part: str) -> PartAtFrequencies:
         """Make a part when it is first needed."""
@@ -157,7 +160,9 @@ class PartAtFrequencies:
         of twisting as springs between the ends and from either end to the ground; of stretching F
         itself, as such springs.
         """
-        own, sections, tension = self._joined.stiffness, self.sections, self.strand.tension
+        own = self._joined.stiffness
+        sections = self.sections
+        tension = self.strand.tension
         if PARTS[self.number] == "stretch":
             return own
         whole = own.copy()
@@ -257,12 +262,15 @@ class PartAtFrequencies:
             whole = np.array(motion)
             whole[2] *= 2 / self._length
             whole[3] -= whole[2]
-            elements, places = self._uniform_beams, tensioned_beam.ELEMENT_PLACES
+            elements = self._uniform_beams
+            places = tensioned_beam.ELEMENT_PLACES
             if not self.strand.massive:
-                whole, places = whole[1::2], ((0, 0), (1, 1))
+                whole = whole[1::2]
+                places = ((0, 0), (1, 1))
         else:
             whole = np.tensordot(ENDS[1], motion, 1)
-            elements, places = self._springs, ((0, 0), (1, 1), (2, 2))
+            elements = self._springs
+            places = ((0, 0), (1, 1), (2, 2))
         moved = joined_sections.section_motions(self._joined.motions, whole).swapaxes(0, 1)
         if not self.bends:
             moved = (moved[1] - moved[0], *moved)
@@ -368,7 +376,8 @@ class PartAtFrequencies:
 
 def _cut_in_middle(sections: tuple[Section, ...]) -> list[tuple[Section, int]]:
     """Cut the section in the middle of a wire there; each part with the end it is near, 0 or 1."""
-    left, result = sum(section.length for section in sections) / 2, []
+    left = sum(section.length for section in sections) / 2
+    result = []
     for section in sections:
         if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
             result.append((replace(section, length=left), 0))

@@ -77,7 +77,8 @@ def join(
     `parts` are the stiffness of each section on (W, T_s, phi, d), or on (T_s, d) without inertia,
     from the top; tensions and lengths are in N and m.
     """
-    motions, negative = [], 0
+    motions = []
+    negative = 0
     kept = slice(None) if len(parts) == 4 else slice(1, None, 2)
     while parts.shape[2] > 1:
         paired = parts.shape[2] // 2 * 2
@@ -92,7 +93,8 @@ def join(
             for form, part in ((upper, above), (lower, below))
         )
         node = one + other
-        string, step = t_a / l_a + t_b / l_b, t_a - t_b
+        string = t_a / l_a + t_b / l_b
+        step = t_a - t_b
         node[0, -2] += string
         if len(parts) == 4:
             node[0, 2] += step
@@ -151,12 +153,17 @@ def _node_forms(
     forms = []
     for other, slope, sign in ((-below, 1 / above, 1), (above, -1 / below, -1)):
         form = np.zeros((4, 6, *slope.shape), dtype=slope.dtype)
-        form[0, 0], form[0, 2], form[0, 4] = 1, other / 2, 0.5
-        form[2, 2], form[2, 4], form[3, 4] = 1, slope, -slope
+        form[0, 0] = 1
+        form[0, 2] = other / 2
+        form[0, 4] = 0.5
+        form[2, 2] = 1
+        form[2, 4] = slope
+        form[3, 4] = -slope
         # (b - a) / 2 and (a + b) / 2, where zeta is the slope of one end
         form[1, 1] = form[1, 3] = form[3, 1] = form[3, 3] = form[3, 5] = 0.5
         form[1, 5] = 0.5 * sign
-        form[3, 1], form[1, 3] = -0.5 * sign, -0.5 * sign
+        form[3, 1] = -0.5 * sign
+        form[1, 3] = -0.5 * sign
         forms.append(np.concatenate([form[:, :4][:, kept], form[:, 4:]], axis=1))
     return forms[0], forms[1]
 
@@ -204,7 +211,8 @@ def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
     The `springs` are c, r_1 and r_2 of each section, from the top; the `motions` those of both
     ends.
     """
-    motions, negative = [], 0
+    motions = []
+    negative = 0
     while springs.shape[1] > 1:
         paired = springs.shape[1] // 2 * 2
         (c_a, r_a1, r_a2), (c_b, r_b1, r_b2) = (springs[:, n:paired:2] for n in (0, 1))
@@ -214,10 +222,13 @@ def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
         own = np.where(own == 0, EPS * np.abs(terms).sum(0), own)
         if not np.iscomplexobj(own):
             negative = negative + (own < 0).sum(0)
-        one, other, ground = c_a / own, c_b / own, (r_a2 + r_b1) / own
+        one = c_a / own
+        other = c_b / own
+        ground = (r_a2 + r_b1) / own
         pairs = np.array([c_a * other, r_a1 + c_a * ground, r_b2 + c_b * ground])
         springs = np.concatenate([pairs, springs[:, paired:]], axis=1)
-        still, full = np.zeros_like(one), np.ones_like(one)
+        still = np.zeros_like(one)
+        full = np.ones_like(one)
         motions.append(
             (np.array([[full, still], [one, other]]), np.array([[one, other], [still, full]]))
         )

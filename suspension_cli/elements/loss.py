@@ -93,7 +93,8 @@ def blade_angle(blade: BladeLoss, omega: Omega) -> Angle:
     """
     if blade.losses is None:
         return blade.angle + 0.0 * np.asarray(omega)
-    shape, result = blade.shape or plate(blade.thickness), 0.0 * np.asarray(omega)
+    shape = blade.shape or plate(blade.thickness)
+    result = 0.0 * np.asarray(omega)
     for own in blade.losses:
         angle = own.bending(shape, 0, omega, blade.temperature)
         coefficient = own.coefficient(1.0, blade.temperature)
@@ -125,8 +126,9 @@ def body_damping(body: Body, gas: Gas) -> Array | None:
     push, push_along, turn, turn_along = _cylinder(
         body.radius, body.inner_radius or 0.0, body.length, *drag
     )
-    values = [push] * 3 + [turn] * 3
-    values[axis], values[3 + axis] = push_along, turn_along
+    values = [push] * 3 + [turn] * 3  # across the axis
+    values[axis] = push_along
+    values[3 + axis] = turn_along
     return np.diag(values)
 
 
@@ -138,7 +140,8 @@ def _sphere(area: float, normal: float, along: float) -> list[float]:
     Rev. 23, 710 (1924)). It is the mean over all directions for any convex body of this surface. In
     a rotation all slides, with the mean square 2 R^2/3.
     """
-    push, turn = area * (normal + 2 * along) / 3, area * along * area / (6 * math.pi)
+    push = area * (normal + 2 * along) / 3
+    turn = area * along * area / (6 * math.pi)
     return [push] * 3 + [turn] * 3
 
 

@@ -116,7 +116,8 @@ def with_planes(scene: Scene) -> Scene:
     planes = np.array([fibre.plane for fibre in scene.fibres.wire]).reshape(-1, 3)
     clamps = np.array([fibre.clamp for fibre in scene.fibres.wire]).reshape(-1, 2, 3)
     upper, lower = (principal_planes(planes, clamps[:, end]) for end in (0, 1))
-    bend, twist = np.zeros((len(planes), 2, 3)), np.zeros(len(planes))
+    bend = np.zeros((len(planes), 2, 3))
+    twist = np.zeros(len(planes))
     return replace(scene, flex=Flex(upper, lower, bend, twist))
 
 
@@ -138,8 +139,10 @@ def resistance_of_wires(
     torsion: Inexact[np.ndarray, "wire build"],
 ) -> tuple[Inexact[np.ndarray, "2 3 wire build"], Inexact[np.ndarray, "wire build"]]:
     """Stiffness of wires against slopes in both planes, and against twist, see `resistance`."""
-    shape, dtype = length.shape, np.result_type(length, tension, torsion)
-    bend, twist = np.empty((2, 3, *shape), dtype=dtype), np.empty(shape, dtype=dtype)
+    shape = length.shape
+    dtype = np.result_type(length, tension, torsion)
+    bend = np.empty((2, 3, *shape), dtype=dtype)
+    twist = np.empty(shape, dtype=dtype)
     each = [fibre.sections for fibre in fibres]
     for sections in dict.fromkeys(each):
         which = [n for n, other in enumerate(each) if other == sections]

@@ -57,7 +57,8 @@ def hang(scene: Scene) -> HangingWires:
     found = _balance_strings(scene)
     if not scene.batch:
         found.demand(scene)
-    now, turn = taut_string.state(scene, found.pose), np.swapaxes(found.pose.rotation, -1, -2)
+    now = taut_string.state(scene, found.pose)
+    turn = np.swapaxes(found.pose.rotation, -1, -2)
     upper, lower = (
         (turn[..., body, :, :] @ now.direction[..., None])[..., 0]
         for body in (scene.wires.upper, scene.wires.lower)
@@ -85,7 +86,8 @@ def lengthened(
     With `hanging` only those of `effective` wires.
     """
     if hanging is None:
-        e, extra = wires.span / wires.length[..., None], u.sum(-1)
+        e = wires.span / wires.length[..., None]
+        extra = u.sum(-1)
         return replace(
             wires,
             upper_point=wires.upper_point - u[..., :1] * e,
@@ -93,7 +95,8 @@ def lengthened(
             span=wires.span + extra[..., None] * e,
             length=wires.length + extra,
         )
-    extra, whole = u.sum(-1), wires.length + u.sum(-1)
+    extra = u.sum(-1)
+    whole = wires.length + u.sum(-1)
     above = np.where(effective[..., None], u[..., :1] * hanging.upper, 0.0)
     below = np.where(effective[..., None], u[..., 1:] * hanging.lower, 0.0)
     added = above + below

@@ -146,7 +146,9 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
 
     They carry the tip masses, and the wires of each stage at tensions of least energy.
     """
-    wires, blades, now = scene.wires, scene.blades, taut_string.state(scene, pose)
+    wires = scene.wires
+    blades = scene.blades
+    now = taut_string.state(scene, pose)
     arrays = configuration(scene, layout(scene), pose)
     weight = np.zeros((len(blades.label), 3))
     for group in weights.masses(arrays.arrays)[0]:

@@ -203,7 +203,8 @@ def _replace(
     found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
 ) -> Equilibrium:
     """Replace the results of a batch `where` there are new ones (given for these alone)."""
-    arrays, others = {}, new.arrays
+    arrays = {}
+    others = new.arrays
     for name, old in found.arrays.items():
         arrays[name] = np.array(np.broadcast_to(old, where.shape + others[name].shape[1:]))
         arrays[name][where] = others[name]
@@ -215,7 +216,8 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     result = np.asarray(found.pivot > CLEAR)
     unclear = ~result
     if unclear.any():
-        some, pose = select_scenes(scene, unclear), found.select(unclear).pose
+        some = select_scenes(scene, unclear)
+        pose = found.select(unclear).pose
         result[unclear] = _has_no_soft_direction(some, numbering, pose)
     return result
 
@@ -241,9 +243,11 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
         )
         for n in range(1, steps):
             if scene.drawn is None:  # reduce the forces that hold it in the nominal pose
-                now, target = scene, nominal_gradient * (1 - n / steps)
+                now = scene
+                target = nominal_gradient * (1 - n / steps)
             else:  # increase the imperfections
-                now, target = scale_imperfections(scene, n / steps), 0.0
+                now = scale_imperfections(scene, n / steps)
+                target = 0.0
             pose = _newton(now, numbering, pose, target, CORRECTIONS).pose
         return _newton(scene, numbering, pose, 0.0, ITERATIONS)
 
@@ -258,13 +262,18 @@ def _newton(
     accept_nominal: bool = False,
 ) -> Equilibrium:
     """Newton's method in chunks of builds, see `newton.search`."""
-    count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
+    count = math.prod(scene.batch)
+    size = numbering.size
+    wires = len(scene.wires.label)
     # builds last, as summed
-    soft, form = np.empty((size, size, count)), np.empty((size, wires, count))
-    parts, steps = [], 0
+    soft = np.empty((size, size, count))
+    form = np.empty((size, wires, count))
+    parts = []
+    steps = 0
     for rows in chunks(count, size):
         found = search(scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal)
-        now, steps = found.now, max(steps, int(found.steps.max(initial=0)))
+        now = found.now
+        steps = max(steps, int(found.steps.max(initial=0)))
         derivatives(now, stretching=False).symmetric(soft[..., rows])
         form[..., rows] = taut_string.elongations(now)
         own = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}

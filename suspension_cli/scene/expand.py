@@ -66,7 +66,10 @@ class Members:
     @staticmethod
     def of(design: Design, other: Members | None = None) -> Members:
         """List the members of a design; those of stages that equal an `other` one's are its own."""
-        places, wires, blades, first = Places.of(design), [], [], 0
+        places = Places.of(design)
+        wires = []
+        blades = []
+        first = 0
         for n in range(1, len(design.stage) + 1):
             if other is not None and other._has(n, design, places, first):
                 own = other.wires[n - 1], other.blades[n - 1]
@@ -100,7 +103,8 @@ class Members:
     @property
     def topology(self) -> Hashable:
         """What designs have in common whose scenes can be one batch."""
-        wires, blades = chain.from_iterable(self.wires), [*chain.from_iterable(self.blades)]
+        wires = chain.from_iterable(self.wires)
+        blades = [*chain.from_iterable(self.blades)]
         lines = [*wires, *self.struts]
         signs = [(row["natural"], row["fixed"]) for row in lines if "fixed" in row]
         signs += [(bool(row.get("torsion")), any(row.get("mass", ()))) for row in lines]
@@ -143,11 +147,15 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     legs and filters, are those of one design each (`Members.topology` does not know them).
     """
     one = each[0]
-    design, parent = one.design, one.places.parent
-    gravity, field, count = derive.gravity_strength(design), derive.gravity_field(design), len(each)
+    design = one.design
+    parent = one.places.parent
+    gravity = derive.gravity_strength(design)
+    field = derive.gravity_field(design)
+    count = len(each)
     wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
     blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
-    wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
+    wires = gather(Wires, wire_rows)
+    blades = gather(Blades, blade_rows)
     struts = gather(Wires, [members.struts for members in each])
     bars = gather(Bars, [members.bars for members in each])
     springs = gather(Springs, [members.springs for members in each])
@@ -175,7 +183,8 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     faults = {n: wrong for n, wrong in enumerate(faulty) if wrong}
     natural = np.array([row["natural"] for row in wire_rows[0]], dtype=bool)
     fixed = np.array([row["fixed"] for row in wire_rows[0]], dtype=bool)
-    tension, thrust = wires.tension.copy(), -struts.tension
+    tension = wires.tension.copy()
+    thrust = -struts.tension
     for n, stage in enumerate(design.stage, 1):
         load = loads[:, n, 0]
         lines, force = (wires, tension) if stage.inverted_pendulum is None else (struts, thrust)
@@ -211,7 +220,8 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
 
 def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[list[Row], list[Row]]:
     """List the wires and the blades, numbered from `first`, of the n-th stage."""
-    stage, above = design.stage[n - 1], places.parent[n]
+    stage = design.stage[n - 1]
+    above = places.parent[n]
     wires = [
         {"label": f"{stage.name}.{number}", "upper": above, "lower": n} | row
         for number, row in enumerate(_wires_of(design, stage, places.offset[n]), 1)
@@ -249,7 +259,8 @@ def _wires_of(design: Design, stage: Stage, offset: Array) -> Iterator[Row]:
     for wire, upper, lower, blade in _ends_of(stage):
         span = offset + lower - upper
         length = float(np.sqrt(span @ span))
-        natural, tension = getattr(wire, "natural_length", None), getattr(wire, "tension", None)
+        natural = getattr(wire, "natural_length", None)
+        tension = getattr(wire, "tension", None)
         row = equal or _elastic(design, wire, natural or length)
         stretched = 0.0 if natural is None else row["stiffness"] * (length - natural)
         yield row | {
@@ -271,7 +282,8 @@ def _ends_of(stage: Stage) -> Iterator[tuple[WireSet | Wire, Array, Array, int]]
         blade = -1 if wire.blade is None else names.index(wire.blade)
         yield wire, np.array(wire.upper), np.array(wire.lower), blade
     if stage.wires is not None:
-        shape, count = derive.set_geometry(stage.wires), stage.blades.count if stage.blades else 0
+        shape = derive.set_geometry(stage.wires)
+        count = stage.blades.count if stage.blades else 0
         for number, (upper, lower) in enumerate(shape.ends):
             # one blade for all, two for the sides of y, or one for each
             blade = number if count == shape.count else int(count == 2 and upper[1] < 0)
@@ -317,9 +329,12 @@ def _loaded_springs(
     springs: list[Row] = []
     bars = [*own.bars]
     faults: list[Fault] = []
-    design, places = own.design, own.places
+    design = own.design
+    places = own.places
     for n, stage in enumerate(design.stage, 1):
-        load, hung, above = loads[n, 0], -loads[n, 1, 2], places.parent[n]
+        load = loads[n, 0]
+        hung = -loads[n, 1, 2]
+        above = places.parent[n]
         rows = legs.flexures(stage, load, hung, gravity)
         if isinstance(stage, derive.Keystone):
             row, coupling, wrong = spring_rows.filter_blades(design, stage, load, hung, gravity)
@@ -353,19 +368,26 @@ def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
-    key, remedy = ".spring", "leave out preload, so that the springs carry the load"
+    key = ".spring"
+    remedy = "leave out preload, so that the springs carry the load"
     if any(spring.preload is None for spring in stage.spring):
         remedy = "the springs have no stiffness there: give some, or a preload that carries it"
-    loose, what = (".wire" if stage.wire else ".wires"), "wire {} would be slack"
-    name, better = "tension", "move its ends, or remove the wire"
+    loose = ".wire" if stage.wire else ".wires"
+    what = "wire {} would be slack"
+    name = "tension"
+    better = "move its ends, or remove the wire"
     if stage.inverted_pendulum is not None:
         key = loose = ".inverted_pendulum"
         remedy = "hang the load at the height of the legs' circle, or below its centre"
-        what, name, better = "leg {} would be pulled", "thrust", "place the load between the legs"
+        what = "leg {} would be pulled"
+        name = "thrust"
+        better = "place the load between the legs"
     elif stage.wire_tables:
-        key, remedy = "", "move the attachments or the COM, or give wires a natural_length"
+        key = ""
+        remedy = "move the attachments or the COM, or give wires a natural_length"
         remedy += " to have the pose solved for"
-    sizes, least = np.abs(left_over), BALANCE * np.abs(loads[:, 1]).max(-1)
+    sizes = np.abs(left_over)
+    least = BALANCE * np.abs(loads[:, 1]).max(-1)
     wrong = (sizes.max(-1) > least) | ~(force > 0).all(-1)
     found: dict[int, list[Fault]] = {}
     for k in np.flatnonzero(wrong).tolist():
