@@ -1,5 +1,11 @@
 """Elimination of many small symmetric systems at once, body by body.
 
+>>> stiffness = np.array([[2.0, -1.0], [-1.0, 1.0]])  # two springs of 1 N/m in a row
+>>> pattern = by_body(np.array([1, 2]), stiffness != 0)
+>>> elements = stiffness[pattern.row, pattern.column][:, None]  # of one system
+>>> pattern.solve(elements, np.array([[[0.0]], [[1.0]]]))[:, 0, 0]  # 1 N pulls at the end
+array([1., 2.])
+
 In a chain or tree each body couples only to the one that it hangs from. Elimination from the leaves
 up, D = L diag(d) L^T, then needs few elements; other couplings fill in. All P systems are
 eliminated at once, with the system axis last. The transmission from support to mirror becomes a

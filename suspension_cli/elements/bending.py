@@ -1,5 +1,12 @@
 """Energy, forces and stiffness of wires against bending and twisting, in any pose.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium import clamps, nominal
+>>> design = sus.example("geo-silica-triple").design
+>>> scene = replace(nominal.expand(design), fibres=clamps.compose(design))
+>>> float(with_bending(scene).flex.twist[-1].round(6))  # N m/rad, of the last fibre
+4.7e-05
+
 A wire leaves its clamps along directions fixed in its two bodies. Relative to its chord e (the unit
 vector between its ends) it has slopes a at the upper and b at the lower end in each principal plane
 p, and a twist phi. Beyond the energy of a taut string a beam under its tension stores
@@ -125,36 +132,40 @@ def _bending(
     length = now.wires.length
     s_uu, s_ul, s_ll = bend.swapaxes(0, 1)
     along = e[:, None]
+    # slopes of both ends in each plane, and the moments that they take
     a = -dot(along, upper)
     b = -dot(along, lower)
     m_u = s_uu * a + s_ul * b
     m_l = s_ul * a + s_ll * b
+    # summed over the planes, as vectors along the normals
     moment_u = (m_u * upper).sum(1)
     moment_l = (m_l * lower).sum(1)
     both = moment_u + moment_l
-    across = both - dot(e, both) * e
-    turn_u = cross(e, moment_u)
-    turn_l = cross(e, moment_l)
+    pulled = dot(e, both)
+    across = both - pulled * e
     force = -across / length
+    torque_u = cross(e, moment_u)
+    torque_l = cross(e, moment_l)
     if not curved:
-        return Terms(force, turn_u, turn_l)
+        return Terms(force, torque_u, torque_l)
+    # a slope changes by -f . dr / L + c . t, with the rotation t of its body
     f_u = upper + a * along
     f_l = lower + b * along
     c_u = cross(along, upper)
     c_l = cross(along, lower)
+    # and so the moments by -on . dr / L
     on_u = s_uu * f_u + s_ul * f_l
     on_l = s_ul * f_u + s_ll * f_l
-    pulled = dot(e, both)
     bent = _outer_sum(f_u, on_u) + _outer_sum(f_l, on_l)
     bent += outer(e, across - pulled * e) + outer(across, e)
     over = 1 / length
     return Terms(
         force,
-        turn_u,
-        turn_l,
+        torque_u,
+        torque_l,
         s=plus_unit(bent, pulled) * over**2,
-        x_u=(cross_matrix(moment_u) - outer(e, turn_u) - _outer_sum(on_u, c_u)) * over,
-        x_l=(cross_matrix(moment_l) - outer(e, turn_l) - _outer_sum(on_l, c_l)) * over,
+        x_u=(cross_matrix(moment_u) - outer(e, torque_u) - _outer_sum(on_u, c_u)) * over,
+        x_l=(cross_matrix(moment_l) - outer(e, torque_l) - _outer_sum(on_l, c_l)) * over,
         y_uu=_outer_sum(s_uu * c_u, c_u) - turning(e, moment_u),
         y_lu=_outer_sum(s_ul * c_l, c_u),
         y_ll=_outer_sum(s_ll * c_l, c_l) - turning(e, moment_l),

@@ -1,5 +1,12 @@
 """Dynamic stiffness and dissipation of one wire in bending, stretching and twisting.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.scene.fibres import compose
+>>> fibre = compose(sus.example("geo-silica-triple").design).wire[-1]
+>>> wire = TautWire(fibre, tension=14.0, massive=True, lossy=False)
+>>> (wire.held_resonances("bend-1", 2 * np.pi * 300.0) / (2 * np.pi)).round()  # violin modes, Hz
+array([ 649., 1293.])
+
 The motion of the two ends of a wire falls into four parts that do not couple (`PARTS`): bending in
 the two principal planes (W_s, T_s, W_a, T_a each, see `elements.tensioned_beam`), stretching (U_s,
 U_a, see `elements.joined_sections`) and twisting (the same two, in rad).
@@ -297,7 +304,7 @@ class PartAtFrequencies:
 
     @cached_property
     def _uniform_beams(self) -> list[Inexact[np.ndarray, "*section"]]:
-        """Stiffness of each section, see `beam.stiffness`; without mass, on T_s and on d."""
+        """Stiffness of each section, see `tensioned_beam.stiffness`; without mass, on T_s and on d."""
         rigidity, _, half = self._numbers
         if self.strand.massive:
             return tensioned_beam.stiffness(rigidity, self._waves)

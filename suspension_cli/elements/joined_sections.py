@@ -1,5 +1,9 @@
 """Sections of wire joined end to end, by elimination of the nodes between them; uniform rods.
 
+>>> rods = np.array([[2.0, 2.0], [0.0, 0.0], [0.0, 0.0]])  # two springs of 2 N/m in series
+>>> join_rods(rods).stiffness  # 1 N/m between the ends, nothing to the ground
+array([1., 0., 0.])
+
 Beams are joined in the coordinates q = (W, T_s, phi, d) of `elements.tensioned_beam`: deflection in
 the middle of the chord, half the difference of the slopes of the ends, slope of the chord, and mean
 slope of the ends relative to it. Without inertia W and phi have no stiffness but T L phi^2 / 2,

@@ -1,5 +1,9 @@
 """Static stiffness of wires against rotation of their ends, for arrays of lengths and tensions.
 
+>>> even, odd = uniform_stiffness(np.array(1e-3), tension=100.0, half=0.25)
+>>> float(even.round(4)), float(odd.round(4))  # each end has about sqrt(EI T) = 0.3162 N m/rad
+(0.6325, 0.6406)
+
 A beam of length L = 2h, bending stiffness EI and tension T, whose ends lean by a and b against its
 chord, stores (a, b) S (a, b)^T / 2. With u^2 = T h^2 / EI and t = h tanh(u) / u, opposite and equal
 slopes have (w'''' EI = T w''; Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994), for u >> 1)

@@ -1,5 +1,10 @@
 """Energy, force and stiffness of linear springs between two bodies (flexures, cables), and blades.
 
+>>> delta = np.array([0.1, 0.0, 0.0]).reshape(3, 1, 1)
+>>> lean, rates = _lean(delta, np.array([[1.0]]))  # of a leg of 1 m whose top is displaced by 0.1 m
+>>> float(lean[0, 0, 0].round(6)), float(np.arctan(0.1).round(6))  # by this angle, in rad
+(0.099669, 0.099669)
+
 A spring joins a point of the lower body to the coincident point of the upper body in the nominal
 pose. Its strain (delta, phi) is in the frame of the upper body, so it does not depend on the
 observer's frame: delta is the displacement of the lower point, phi = vee(skew(Q)) of the relative
@@ -107,6 +112,7 @@ def _strains_of(now: Configuration, which: list[int], legs: Scalar | None) -> _S
         now.turn[:, :, list(body)] + np.eye(3)[:, :, None, None]
         for body in (ends.upper, ends.lower)
     )
+    # displacement of the lower point, seen from the upper body
     to_upper = transposed(upper)
     above = springs.upper_point[:, which]
     below = springs.lower_point[:, which]
@@ -114,13 +120,15 @@ def _strains_of(now: Configuration, which: list[int], legs: Scalar | None) -> _S
     shift = now.shift[:, list(ends.lower)] - now.shift[:, list(ends.upper)]
     reach = above + (shift + moved)
     delta = times(to_upper, reach) - above
+    # rotation between the bodies, and the sine of its angle about its axis
     q = product(to_upper, lower)
-    rates = None
     phi = np.array([q[2, 1] - q[1, 2], q[0, 2] - q[2, 0], q[1, 0] - q[0, 1]]) / 2
     spin = product((unit(np.trace(q)) - q) / 2, to_upper)
     strain = delta
+    rates = None
     if legs is not None:
         strain, rates = _lean(delta, legs)
+        # the tilt of the lower body's z axis in place of the first two components
         tilts = product(to_upper, cross_matrix(lower[:, 2]))
         phi[0] = -q[1, 2]
         phi[1] = q[0, 2]

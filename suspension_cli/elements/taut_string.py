@@ -1,5 +1,12 @@
 """Energy, tension and geometry of taut elastic strings: straight and massless.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium.nominal import expand
+>>> from suspension_cli.scene.pose import nominal_pose
+>>> scene = expand(sus.example("double").design)
+>>> state(scene, nominal_pose(scene)).tension.round(2)  # N
+array([27.99, 27.99,  6.62,  6.62,  6.62,  6.62])
+
 At the elongation e = L - l from the nominal length l, a wire stores T0 e + k e^2 / 2. Its gradient
 with respect to the span (from the upper to the lower end) is T u, with T = T0 + k e and the unit
 vector u; the Hessian is k u u^T + (T / L) (I - u u^T): stiffness along the wire, tension over

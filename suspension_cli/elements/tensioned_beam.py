@@ -1,5 +1,10 @@
 """Exact dynamic stiffness of a beam under tension, without overflow or cancellation.
 
+>>> frequency = np.array([300.0, 320.0, 330.0])  # the string alone has 316.2 Hz
+>>> wave = waves(rigidity=1e-3, tension=100.0, mass=1e-3, half=0.25, omega=2 * np.pi * frequency)
+>>> resonances_below(wave)
+array([0, 0, 1])
+
 A wire of bending stiffness EI, tension T and mass per length mu vibrates at omega with
 
     EI w'''' - T w'' - mu omega^2 w = 0,

@@ -1,5 +1,14 @@
 r"""Weight and inertia of bodies, blade tips, wires and bars, in a field uniform or with a gradient.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium import energy, nominal
+>>> from suspension_cli.scene.pose import layout, nominal_pose
+>>> scene = nominal.expand(sus.example("double").design)
+>>> pose = nominal_pose(scene)
+>>> gradient, _ = energy.gradient_and_stiffness(scene, layout(scene), pose, [ELEMENT])
+>>> gradient.reshape(3, 6)[1:, 2].round(2)  # weights of the two bodies, N
+array([29.43, 26.49])
+
 At a place r from the suspension point the acceleration is g + G r with a symmetric G, so a point
 mass m has the energy -m (g . r + r . G r / 2).
 

@@ -1,5 +1,10 @@
 """Newton's method for the poses of builds, many at once.
 
+>>> stiffness = np.array([[3.0, -1.0], [-1.0, 1.0]])[:, :, None]  # of one build
+>>> factors = factorise(stiffness, linked=np.ones((2, 2), dtype=bool))
+>>> factors.solve(np.array([[[1.0]], [[0.0]]]))[:, 0, 0]  # a force on the last coordinate
+array([1.5, 0.5])
+
 A step solves K x = -g. The geometric stiffness of a wire, and its resistance to bending, are those
 at the tension that the step before predicted to first order: the tension in the pose contains its
 stiffness times squares of that step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech.

@@ -1,5 +1,11 @@
 """Equilibrium of a scene, by Newton's method with exact finite rotations and tangent stiffness.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium.nominal import expand
+>>> found = solve(expand(sus.example("imperfect").design))
+>>> (1e6 * found.pose.shift[1]).round()  # the mirror hangs so far from its nominal place, um
+array([ 75., -48., -10.])
+
 During the search wires may push, so that the energy is smooth; that all are taut is checked at the
 end. A saddle point is an equilibrium too: an unstable suspension is a finding, not an error, so the
 search goes to the stationary point next to the nominal pose and does not slide down from it.
