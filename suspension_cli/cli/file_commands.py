@@ -65,7 +65,12 @@ def new(
         problem = "is a kind of design, beside --from"
         remedy = "give one of both, then a file"
         raise InputError.of("new", problem, remedy, format_value(words[0]))
-    kind, files = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
+    if example is None:
+        kind = words[0]
+        files = words[1:]
+    else:
+        kind = example.rpartition("/")[2]
+        files = words
     file = files[0] if files else None
     name = _design_name(name, Path(file).stem if file else kind, kind)
     text = reader.template(kind, name) if example is None else reader.example_text(example, name)

@@ -485,14 +485,17 @@ def _check_density(body: Body) -> Iterator[Row]:
     if body.shape is None and min(moments) <= 1e-6 * max(moments):
         return  # a plate or rod has no volume
     if body.shape is None:
+        key = "inertia"
+        units = OF_INERTIA
         axes = math.prod(5 * moment / mass for moment in moments)
         volume = 4 * math.pi / 3 * math.sqrt(axes)
     else:
+        key = "mass"
+        units = OF_SHAPE
         volume = schema.volume(body)
     density = mass / volume
     if AIR <= density <= OSMIUM:
         return
-    key, units = ("inertia", OF_INERTIA) if body.shape is None else ("mass", OF_SHAPE)
     limit = f"denser than osmium ({OSMIUM:g})" if density > AIR else f"lighter than air ({AIR:g})"
     meant = min(units, key=lambda name: abs(math.log(units[name] * density / USUAL)))
     good = 100 <= units[meant] * density <= OSMIUM

@@ -51,7 +51,9 @@ class Plausible:
         """Describe what is wrong with the size of a number; "" for a plausible one."""
         if self.low <= size <= self.high:
             return ""
-        word, limit = (self.above, self.high) if size > self.high else (self.below, self.low)
+        is_large = size > self.high
+        word = self.above if is_large else self.below
+        limit = self.high if is_large else self.low
         return f"is {word} ({f'{limit:g} {unit}'.rstrip()})"
 
     def remedy(self, size: float, unit: str) -> str:

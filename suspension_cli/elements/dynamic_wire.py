@@ -270,10 +270,9 @@ class PartAtFrequencies:
             whole[2] *= 2 / self._length
             whole[3] -= whole[2]
             elements = self._uniform_beams
-            places = tensioned_beam.ELEMENT_PLACES
+            places = self._places
             if not self.strand.massive:
                 whole = whole[1::2]
-                places = ((0, 0), (1, 1))
         else:
             whole = np.tensordot(ENDS[1], motion, 1)
             elements = self._springs
@@ -292,9 +291,8 @@ class PartAtFrequencies:
         """All sections together."""
         if not self.bends:
             return joined_sections.join_rods(self._springs)
-        size, places = (
-            (4, tensioned_beam.ELEMENT_PLACES) if self.strand.massive else (2, ((0, 0), (1, 1)))
-        )
+        size = 4 if self.strand.massive else 2
+        places = self._places
         elements = self._uniform_beams
         parts = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
         for (i, j), value in zip(places, elements, strict=True):
@@ -302,9 +300,14 @@ class PartAtFrequencies:
         lengths = self._stack(section.length for section in self.sections)
         return joined_sections.join(parts, self._stack(map(self._tension, self.sections)), lengths)
 
+    @property
+    def _places(self) -> tuple[tuple[int, int], ...]:
+        """Places of the elements of `_uniform_beams` in their symmetric matrices."""
+        return tensioned_beam.ELEMENT_PLACES if self.strand.massive else ((0, 0), (1, 1))
+
     @cached_property
     def _uniform_beams(self) -> list[Inexact[np.ndarray, "*section"]]:
-        """Stiffness of each section, see `tensioned_beam.stiffness`; without mass, on T_s and on d."""
+        """Stiffness of each section (`tensioned_beam.stiffness`); without mass, on T_s and on d."""
         rigidity, _, half = self._numbers
         if self.strand.massive:
             return tensioned_beam.stiffness(rigidity, self._waves)

@@ -100,13 +100,17 @@ def join(
         string = t_a / l_a + t_b / l_b
         step = t_a - t_b
         node[0, -2] += string
-        if len(parts) == 4:
+        massive = len(parts) == 4
+        if massive:
             node[0, 2] += step
         (ee, ez), (_, zz) = node[:, -2:]
         det = ee * zz - ez**2
         det = np.where(det == 0, EPS * np.abs(ee * zz), det)  # at a resonance: just beside it
         if not np.iscomplexobj(det):
-            negative = negative + np.where(det < 0, 1, np.where(ee + zz < 0, 2, 0)).sum(0)
+            one_negative = det < 0
+            both_negative = ~one_negative & (ee + zz < 0)
+            negative = negative + (one_negative + 2 * both_negative).sum(0)
+        # the motion of a node on which no force is left
         eta = (ez * node[1, :-2] - zz * node[0, :-2]) / det
         zeta = (ez * node[0, :-2] - ee * node[1, :-2]) / det
         upper, lower = (
@@ -115,7 +119,7 @@ def join(
         )
         motions.append((upper, lower))
         pairs = _congruence(upper, above) + _congruence(lower, below) + string * eta[:, None] * eta
-        if len(parts) == 4:
+        if massive:
             pairs[2] += step * eta
             pairs[:, 2] += step * eta
         length = l_a + l_b

@@ -326,10 +326,11 @@ def _joined(
     point = (ends[0] + ends[1]) / 2
     other = second.name
     if first.ground or second.ground:
-        ground, body, point = (first, second, ends[1]) if first.ground else (second, first, ends[0])
-        is_first = ground is next(one for one in bodies if one.ground)
-        first = body
-        other = "support" if is_first else "ground"
+        ground = first if first.ground else second
+        point = ends[1] if first.ground else ends[0]
+        first = second if first.ground else first
+        is_support = ground is next(one for one in bodies if one.ground)
+        other = "support" if is_support else "ground"
     if (apart := math.dist(*ends)) > 1e-3:
         notes.append(f"{kind} {name} acts at one point; its two in SUMCON are {apart:.3g} m apart")
     return {"name": name, "between": [first.name, other], "at": point - first.place}
@@ -366,29 +367,35 @@ def _link(
     keys = _joined("heat link", name, row[:4], bodies, notes)
     if keys is None:
         return []
-    along = math.atan(-span[2] / span[0]) if span[0] else math.copysign(math.pi / 2, -span[2])
-    if any(map(any, names)):
-        file_of = np.diag(np.array(names, object))
-        constant = matrix.diagonal() * (1 + 1j * loss)
-        own = [columns(a) if a else b for a, b in zip(file_of, constant, strict=True)]
-        if any(names[a][b] for a in range(6) for b in range(6) if a != b):
-            notes.append(f"heat link {name}: tables beside the diagonal are left out")
-        if abs(math.sin(2 * along)) > 1e-9 and names[0][0] != names[2][2]:
-            notes.append(f"heat link {name}: x and y are not coupled by its direction")
-        if any(np.ndim(one) and one[2].min() < 0 for one in own):
-            notes.append(f"heat link {name}: negative imaginary parts of its tables are 0 here")
-        text = _table_file(own, math.sin(along) ** 2)
-        file = next((one for one, known in files.items() if known == text), f"{name}.csv")
-        files[file] = text
-        return table("[link]", keys) + table("link.table", {"file": file})
+    angle = math.atan(-span[2] / span[0]) if span[0] else math.copysign(math.pi / 2, -span[2])
+    if not any(map(any, names)):
+        keys["stiffness"] = _six(turned_matrix(_along(matrix, angle)))
+        keys |= {"loss_angle": loss} if loss else {}
+        return table("[link]", keys)
+    file_of = np.diag(np.array(names, object))
+    constant = matrix.diagonal() * (1 + 1j * loss)
+    own = [columns(a) if a else b for a, b in zip(file_of, constant, strict=True)]
+    if any(names[a][b] for a in range(6) for b in range(6) if a != b):
+        notes.append(f"heat link {name}: tables beside the diagonal are left out")
+    if abs(math.sin(2 * angle)) > 1e-9 and names[0][0] != names[2][2]:
+        notes.append(f"heat link {name}: x and y are not coupled by its direction")
+    if any(np.ndim(one) and one[2].min() < 0 for one in own):
+        notes.append(f"heat link {name}: negative imaginary parts of its tables are 0 here")
+    text = _table_file(own, math.sin(angle) ** 2)
+    # links of equal stiffness share a file
+    file = next((one for one, known in files.items() if known == text), f"{name}.csv")
+    files[file] = text
+    return table("[link]", keys) + table("link.table", {"file": file})
+
+
+def _along(matrix: np.ndarray, angle: float) -> np.ndarray:
+    """Turn the stiffness of a link into its direction, in SUMCON's axes; rounding errors are 0."""
     turn = np.eye(6)
-    c = math.cos(along)
-    s = math.sin(along)
-    turn[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
+    turn[:3, :3] = [[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]]
     whole = turn @ matrix @ turn.T
-    whole = np.where(abs(whole) < 1e-12 * abs(whole).max(), 0.0, (whole + whole.T) / 2)
-    keys |= {"stiffness": _six(turned_matrix(whole))} | ({"loss_angle": loss} if loss else {})
-    return table("[link]", keys)
+    return np.where(abs(whole) < 1e-12 * abs(whole).max(), 0.0, (whole + whole.T) / 2)
 
 
 def _table_file(own: list[Any], turned_part: float) -> str:
@@ -404,6 +411,7 @@ def _table_file(own: list[Any], turned_part: float) -> str:
             at = [np.interp(np.log(frequency), np.log(one[0]), part) for part in one[1:]]
             one = at[0] + 1j * np.maximum(at[1], 0.0)
         parts.append(one + np.zeros(len(frequency), complex))
+    # mix the stiffnesses along and across the link
     x = parts[0]
     z = parts[2]
     parts[0] = x + (z - x) * turned_part
