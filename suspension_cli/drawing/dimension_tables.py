@@ -190,13 +190,14 @@ def _flaws(design: Design) -> Table:
         part, name = perturbed_part(item)
         for kind in perturbed(part):
             value = getattr(item, kind.name)
-            if value is not None:
-                quantity = f"factor on {kind.quantity}" if kind.relative else kind.quantity
-                unit, per = ("", 1.0) if kind.relative else DISPLAYED[kind.unit]
-                numbers = [f"{per * one:.4g}" for one in np.atleast_1d(value)]
-                text = f"({', '.join(numbers)})" if len(numbers) > 1 else numbers[0]
-                text = f"{text} {unit}".rstrip().replace("-", "−")
-                rows.append((single_line(name, 20), quantity, text))
+            if value is None:
+                continue
+            quantity = f"factor on {kind.quantity}" if kind.relative else kind.quantity
+            unit, per = ("", 1.0) if kind.relative else DISPLAYED[kind.unit]
+            numbers = [f"{per * one:.4g}" for one in np.atleast_1d(value)]
+            text = f"({', '.join(numbers)})" if len(numbers) > 1 else numbers[0]
+            text = f"{text} {unit}".rstrip().replace("-", "−")
+            rows.append((single_line(name, 20), quantity, text))
         if item.wire is not None and item.hold == "natural-length":
             rows.append((item.wire, "unstretched length", "as designed, not trimmed"))
     title = "Imperfections (offsets and rotations along and about x, y, z)"

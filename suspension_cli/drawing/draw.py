@@ -89,36 +89,13 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
     with style.house_style():
         sketch = sketch_at_rest(design, scene, THICK)
         shown, factor = exaggerate(sketch)
-        strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
-        box = parts.support_box(sketch)
-        points = np.concatenate([*(one.points for one in strokes), box])
-        low = points.min(0)
-        high = points.max(0)
-        inner = style.PAGE_WIDTH - 2 * MARGIN
+        low, high = _extent(sketch, shown)
         listed = dimension_tables.listed(design, scene) if tabulate else []
         key = dimension_tables.key(scene) if tabulate else []
         below = FOOT + sum(table.height + 0.1 for table in listed) + LINE * len(key) + 0.1
-        names = 0.52 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
-        beside = SCALE + LEADERS + names + RIGHT
-        wide, deep, tall = high - low
-        room = max(style.PAGE_HEIGHT - TOP - below, LOWEST)
-        scale = min((inner - beside) / max(wide + deep, 1e-9), room / max(tall, 1e-9))
-        left = MARGIN + SCALE + LEADERS + (inner - beside - scale * (wide + deep)) / 2
-        face = left + scale * wide + names
-        foot = below - scale * low[2]
-        plan = Plan(
-            sketch=sketch,
-            side=SIDE.at((left - scale * low[0], foot), scale),
-            face=FACE.at((face - scale * low[1], foot), scale),
-            left=left - 0.16,
-            right=face + scale * deep + 0.28,
-            names=left + scale * wide + 0.32,
-        )
-        figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * tall + below)
-        size = f"{factor or 0:,.6g} times larger" if factor != 1 else "to scale"
-        remark = f"; imperfections {size} (grey: without)" if factor else ""
-        name = design.design.title or design.design.name
-        style.write_heading(figure, "Dimensions, to scale" + remark, name)
+        plan, scale = _plan(sketch, low, high, below)
+        figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * (high - low)[2] + below)
+        style.write_heading(figure, _heading(factor), design.design.title or design.design.name)
         canvas = full_canvas(figure)
         colours = tuple(style.stage_colours(scene.bodies.name).values())
         _draw_views(canvas, plan, shown, colours, is_displaced=factor is not None)
@@ -127,6 +104,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         _write_numbers(canvas, plan)
         _draw_axes(figure, plan, low, high)
         top = below - FOOT
+        inner = style.PAGE_WIDTH - 2 * MARGIN
         for n, table in enumerate(listed):
             dimension_tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
             top -= table.height + 0.1
@@ -134,6 +112,46 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
             canvas.text(MARGIN, top - n * LINE, line, fontsize=SIZE, color=NOTE, va="top")
         canvas.flush()
         return figure
+
+
+def _extent(sketch: Sketch, shown: Strokes) -> tuple[Array, Array]:
+    """Smallest and largest coordinates of all that is drawn, the support included, m."""
+    strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
+    points = np.concatenate([*(one.points for one in strokes), parts.support_box(sketch)])
+    return points.min(0), points.max(0)
+
+
+def _heading(factor: float | None) -> str:
+    """Heading with the factor by which imperfections are exaggerated, if there are any."""
+    if not factor:
+        return "Dimensions, to scale"
+    size = "to scale" if factor == 1 else f"{factor:,.6g} times larger"
+    return f"Dimensions, to scale; imperfections {size} (grey: without)"
+
+
+def _plan(sketch: Sketch, low: Array, high: Array, below: float) -> tuple[Plan, float]:
+    """Place both views above what takes the height `below`, in; also their scale, in per m.
+
+    From left to right: heights, leaders, side view, names of bodies, face view, dimensions.
+    """
+    names = 0.52 + 0.068 * min(max(len(name) for name in sketch.scene.bodies.name), 18)
+    beside = SCALE + LEADERS + names + RIGHT
+    inner = style.PAGE_WIDTH - 2 * MARGIN
+    wide, deep, tall = high - low
+    room = max(style.PAGE_HEIGHT - TOP - below, LOWEST)
+    scale = min((inner - beside) / max(wide + deep, 1e-9), room / max(tall, 1e-9))
+    left = MARGIN + SCALE + LEADERS + (inner - beside - scale * (wide + deep)) / 2
+    face = left + scale * wide + names
+    foot = below - scale * low[2]
+    plan = Plan(
+        sketch=sketch,
+        side=SIDE.at((left - scale * low[0], foot), scale),
+        face=FACE.at((face - scale * low[1], foot), scale),
+        left=left - 0.16,
+        right=face + scale * deep + 0.28,
+        names=left + scale * wide + 0.32,
+    )
+    return plan, scale
 
 
 def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
