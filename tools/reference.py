@@ -29,7 +29,7 @@ from suspension_cli.design import (
     imperfections,
     links,
     materials,
-    requirements,
+    required_quantities,
     schema,
     towers,
     wires,
@@ -41,7 +41,7 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, control, imperfections, requirements, wires, links, towers, materials)
+MODULES = (schema, control, imperfections, required_quantities, wires, links, towers, materials)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))

@@ -71,7 +71,8 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         changes = given["overrides"]
         source = file if isinstance(file, Source) else read(file, (*overrides, *changes))
         source = replace(source, given_stem=given.get("stem"), overrides=changes)
-        setting, folder = settings.merge(analysis, source, typed), Path(given.get("out", ""))
+        setting = settings.merge(analysis, source, typed)
+        folder = Path(given.get("out", ""))
         return Run(source, setting, voice, folder, words)
 
     def solve(one: Run) -> tuple[Run, Result]:
@@ -117,10 +118,14 @@ def _demand_distinct_names(sources: Sequence[Source]) -> None:
     names = [source.stem() for source in sources]
     for n, (source, name) in enumerate(zip(sources, names, strict=True)):
         if name in names[:n]:
-            key, own = "design.name", source.design.design.name
-            problem, remedy = "is the name of another design of this run", "give each its own name"
+            key = "design.name"
+            own = source.design.design.name
+            problem = "is the name of another design of this run"
+            remedy = "give each its own name"
             if source.given_stem:
-                key, own, remedy = "--name", name, "leave it out, or give one design"
+                key = "--name"
+                own = name
+                remedy = "leave it out, or give one design"
                 problem = "would name the files of several designs"
             raise InputError([Fault(key, problem, remedy, format_value(own))], source.file)
 
@@ -131,7 +136,8 @@ def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
     from suspension_cli.files.hdf5 import replacing
     from suspension_cli.files.whole_files import write_bytes
 
-    analysis, setting = result.analysis, run.setting
+    analysis = result.analysis
+    setting = run.setting
     path = analysis.path(result, settings.folder(str(run.folder)))
     if result.file is None:
         with replacing(path, result.given.text, voice.say):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from suspension_cli.design import reader, tables
+from suspension_cli.design import key_rules, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.design.tables import Problems, Table, given, key
+from suspension_cli.design.typed_tables import Problems, Table, given, key
 from suspension_cli.design.units import Dof, Name, Number, Positive
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
@@ -48,7 +48,7 @@ class Free(Table, frozen=True):
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
 
-    rules = (tables.bounded,)
+    rules = (key_rules.bounded,)
 
 
 class Equal(Table, frozen=True):
@@ -60,7 +60,7 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    rules = (tables.bounded,)
+    rules = (key_rules.bounded,)
 
     def check(self) -> Problems:
         """Check that there are terms."""
@@ -116,11 +116,11 @@ class Goal(Table, frozen=True):
             yield "response", f"has the wrong form for {self.kind}", f"write {example}"
 
     rules = (
-        tables.by_kind("kind", TAKES),
-        tables.excludes("equals", "at_least", "at_most"),
-        tables.needs("lowest", "dof"),
-        tables.ordered("at_least", "at_most"),
-        tables.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
+        key_rules.by_kind("kind", TAKES),
+        key_rules.excludes("equals", "at_least", "at_most"),
+        key_rules.needs("lowest", "dof"),
+        key_rules.ordered("at_least", "at_most"),
+        key_rules.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
     )
 
 

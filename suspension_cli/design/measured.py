@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import faults, reader, tables
-from suspension_cli.design.tables import Problems, Schema, Table, key
+from suspension_cli.design import faults, key_rules, reader, typed_tables
+from suspension_cli.design.typed_tables import Problems, Schema, Table, key
 from suspension_cli.design.units import Dof, Frequency, Number, Positive, Stem
 from suspension_cli.errors import format_value
 
@@ -25,7 +25,7 @@ class Mode(Table, frozen=True):
         "without a label: coordinates of which one dominates the mode", min_length=1
     )
 
-    rules = (tables.excludes("label", "dof"),)
+    rules = (key_rules.excludes("label", "dof"),)
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -63,7 +63,7 @@ class TransferFunction(Table, frozen=True):
     gain: Number = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", count=2)
 
-    rules = (tables.nonzero("gain"), tables.ascending("band"))
+    rules = (key_rules.nonzero("gain"), key_rules.ascending("band"))
 
 
 class Transducer(Table, frozen=True):
@@ -102,7 +102,7 @@ class Transducer(Table, frozen=True):
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
 
-    rules = (tables.nonzero("gain"),)
+    rules = (key_rules.nonzero("gain"),)
 
 
 class Experiment(Table, frozen=True):
@@ -130,7 +130,7 @@ class Free(Table, frozen=True):
     upper: Number | None = None
     experiments: list[str] | None = key("names of those that share it; default all", min_length=1)
 
-    rules = (tables.together("prior", "uncertainty"), tables.bounded)
+    rules = (key_rules.together("prior", "uncertainty"), key_rules.bounded)
 
 
 class Measured(Table, frozen=True):
@@ -177,7 +177,8 @@ class Measured(Table, frozen=True):
                 ("input", "actuator", "upper.force_x"),
                 ("output", "sensor", "upper.x"),
             ):
-                name, known = getattr(one, end), [item.name for item in getattr(self, kind)]
+                name = getattr(one, end)
+                known = [item.name for item in getattr(self, kind)]
                 if "." not in name and name not in known:
                     remedy = f"give a signal such as {example}"
                     remedy = f"{remedy}; {faults.suggest(name, known)}" if known else remedy
@@ -199,11 +200,11 @@ class Measured(Table, frozen=True):
                     break
 
     rules = (
-        tables.any_of("mode", "transfer_function", "experiment"),
-        tables.excludes("experiment", "mode", "transfer_function"),
-        tables.unique("sensor"),
-        tables.unique("actuator"),
-        tables.unique("transfer_function"),
+        key_rules.any_of("mode", "transfer_function", "experiment"),
+        key_rules.excludes("experiment", "mode", "transfer_function"),
+        key_rules.unique("sensor"),
+        key_rules.unique("actuator"),
+        key_rules.unique("transfer_function"),
     )
 
 
@@ -214,4 +215,4 @@ def read(file: str | Path, text: str | None = None) -> Measured:
 
 def json_schema() -> Schema:
     """Make the JSON Schema of files of measurements."""
-    return tables.json_schema(Measured, "pendsus file of measurements")
+    return typed_tables.json_schema(Measured, "pendsus file of measurements")

@@ -1,5 +1,11 @@
 """Equilibrium of a scene, by Newton's method with exact finite rotations and tangent stiffness.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium.nominal import expand
+>>> found = solve(expand(sus.example("imperfect").design))
+>>> (1e6 * found.pose.shift[1]).round()  # the mirror hangs so far from its nominal place, um
+array([ 75., -48., -10.])
+
 During the search wires may push, so that the energy is smooth; that all are taut is checked at the
 end. A saddle point is an equilibrium too: an unstable suspension is a finding, not an error, so the
 search goes to the stationary point next to the nominal pose and does not slide down from it.
@@ -13,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
 from suspension_cli.equilibrium.newton import chunks, factorise, search
@@ -203,7 +209,8 @@ def _replace(
     found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
 ) -> Equilibrium:
     """Replace the results of a batch `where` there are new ones (given for these alone)."""
-    arrays, others = {}, new.arrays
+    arrays = {}
+    others = new.arrays
     for name, old in found.arrays.items():
         arrays[name] = np.array(np.broadcast_to(old, where.shape + others[name].shape[1:]))
         arrays[name][where] = others[name]
@@ -215,7 +222,8 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     result = np.asarray(found.pivot > CLEAR)
     unclear = ~result
     if unclear.any():
-        some, pose = select_scenes(scene, unclear), found.select(unclear).pose
+        some = select_scenes(scene, unclear)
+        pose = found.select(unclear).pose
         result[unclear] = _has_no_soft_direction(some, numbering, pose)
     return result
 
@@ -241,9 +249,11 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
         )
         for n in range(1, steps):
             if scene.drawn is None:  # reduce the forces that hold it in the nominal pose
-                now, target = scene, nominal_gradient * (1 - n / steps)
+                now = scene
+                target = nominal_gradient * (1 - n / steps)
             else:  # increase the imperfections
-                now, target = scale_imperfections(scene, n / steps), 0.0
+                now = scale_imperfections(scene, n / steps)
+                target = 0.0
             pose = _newton(now, numbering, pose, target, CORRECTIONS).pose
         return _newton(scene, numbering, pose, 0.0, ITERATIONS)
 
@@ -258,15 +268,20 @@ def _newton(
     accept_nominal: bool = False,
 ) -> Equilibrium:
     """Newton's method in chunks of builds, see `newton.search`."""
-    count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
+    count = math.prod(scene.batch)
+    size = numbering.size
+    wires = len(scene.wires.label)
     # builds last, as summed
-    soft, form = np.empty((size, size, count)), np.empty((size, wires, count))
-    parts, steps = [], 0
+    soft = np.empty((size, size, count))
+    form = np.empty((size, wires, count))
+    parts = []
+    steps = 0
     for rows in chunks(count, size):
         found = search(scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal)
-        now, steps = found.now, max(steps, int(found.steps.max(initial=0)))
+        now = found.now
+        steps = max(steps, int(found.steps.max(initial=0)))
         derivatives(now, stretching=False).symmetric(soft[..., rows])
-        form[..., rows] = string.elongations(now)
+        form[..., rows] = taut_string.elongations(now)
         own = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
         if scene.flex is not None and now.flex is not None:
             own |= {name: getattr(now.flex, name) for name in ("bend", "twist")}

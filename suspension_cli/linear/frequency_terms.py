@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
 
-from suspension_cli.elements.beam import ELEMENT_PLACES
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire, WireAtFrequencies
+from suspension_cli.elements.tensioned_beam import ELEMENT_PLACES
 from suspension_cli.elimination import multiply_real
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import loss, string
+from suspension_cli.elements import loss, taut_string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.frequency_terms import LossTerm, Term, WireTerm
@@ -126,7 +126,7 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
     if not wires.label:
         return []
     place, forms = wire_forms(scene, numbering, balanced.pose)
-    length = string.state(scene, balanced.pose).length
+    length = taut_string.state(scene, balanced.pose).length
     geometry = np.stack(
         np.broadcast_arrays(length, wires.stiffness, balanced.tension, wires.torsion)
     )
@@ -177,7 +177,7 @@ def wire_forms(
     n_1 its first principal plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's
     end to the slope (t x e) . n and twists it by t . e.
     """
-    wires, now, flex = scene.wires, string.state(scene, pose), scene.flex
+    wires, now, flex = scene.wires, taut_string.state(scene, pose), scene.flex
     assert flex is not None
     e = now.direction
     upper, lower = (

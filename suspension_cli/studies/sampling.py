@@ -21,7 +21,7 @@ from suspension_cli.design.imperfections import AXES, PARTS, Imperfection, Part,
 from suspension_cli.design.schema import Design, Distribution
 from suspension_cli.equilibrium import hanging
 from suspension_cli.errors import InputError
-from suspension_cli.scene import imperfections
+from suspension_cli.scene import applied_imperfections
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def factors(design: Design, scene: Scene) -> tuple[ScatteredNumber, ...]:
         factor
         for part in PARTS
         for item in getattr(given, part)
-        for label, number in imperfections.members(scene, part).items()
+        for label, number in applied_imperfections.members(scene, part).items()
         for factor in _of_part(part, item, number, label)
     )
 

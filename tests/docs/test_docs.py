@@ -23,7 +23,7 @@ from suspension_cli.design import (
     imperfections,
     materials,
     measured,
-    requirements,
+    required_quantities,
     schema,
     wires,
 )
@@ -73,7 +73,7 @@ TABLES = {
         imperfections.LinkTolerance,
     ],
     "[[tolerance.require]]": [imperfections.Requirement],
-    "[[requirement]]": [requirements.RequiredQuantity],
+    "[[requirement]]": [required_quantities.RequiredQuantity],
 }
 """Heading of docs/design-file.md to the types that it describes."""
 

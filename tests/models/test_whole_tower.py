@@ -14,7 +14,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness, sum_forms
 from suspension_cli.equilibrium.nominal import expand

@@ -137,7 +137,7 @@ def drawing(report: Composition) -> Iterator[Block]:
 
 def numbers(report: Composition) -> Iterator[Block]:
     """Dimensions of the stages, in the tables of the drawing; materials of the wires."""
-    from suspension_cli.drawing import tables as drawn
+    from suspension_cli.drawing import dimension_tables as drawn
 
     for one in drawn.listed(report.source.design, report.scene):
         heads = [re.sub(r"^(.*?) \((.*)\)$", "\\1\n\\2", _symbol(head)) for head in one.heads]

@@ -7,7 +7,6 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.thermal import picture
-from suspension_cli.drawing.style import stage_colours
 from suspension_cli.grids import decade_points
 from suspension_cli.physics import thermal_noise
 from tests.support import plants, scenes
@@ -161,8 +160,6 @@ def test_what_is_drawn_and_what_is_said():
     assert words[first + 1 : second] == ["sum", *stages[::-1], "whole suspension"]
     assert len(words[second + 1 :]) == picture.LINES
     assert words[second + 1] == "sum" and words[-1] == "other"
-    drawn = {line.get_color() for line in above.lines}
-    assert set(stage_colours(stages[::-1]).values()) < drawn
     assert any("300 µrad" in text.get_text() for text in figure.texts)
     low, high = above.get_ylim()
     assert low < noise.amplitude.min() and high > noise.amplitude.max()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from suspension_cli.elements import beam
+from suspension_cli.elements import tensioned_beam
 from tests.support import beam_mp
 from tests.support.beam_mp import MP
 from tests.support.references import kept
@@ -28,12 +28,12 @@ class Wire:
     length: float
 
     def waves(self, omega):
-        return beam.waves(self.rigidity, self.tension, self.mass, self.length / 2, omega)
+        return tensioned_beam.waves(self.rigidity, self.tension, self.mass, self.length / 2, omega)
 
     def found(self, omega):
         """(6, f), on (W_s, T_s, W_a, T_a)."""
         with np.errstate(all="raise", under="ignore"):
-            elements = beam.stiffness(self.rigidity, self.waves(np.atleast_1d(omega)))
+            elements = tensioned_beam.stiffness(self.rigidity, self.waves(np.atleast_1d(omega)))
         ww, wt, tt, pp, pd, dd = elements
         h = self.length / 2
         odd = (pp + self.tension * self.length - 2 * pd + dd) / h**2
@@ -41,7 +41,7 @@ class Wire:
 
     def below(self, omega):
         with np.errstate(all="raise", under="ignore"):
-            return beam.resonances_below(self.waves(np.asarray(omega)))
+            return tensioned_beam.resonances_below(self.waves(np.asarray(omega)))
 
 
 def random_wire(rng, slenderness, lossy):
@@ -83,7 +83,7 @@ def elements(rigidity, tension, mass, length, omega):
         for nudge in (0, "1e-25")
     )
     with beam_mp.exact():
-        pairs = [(exact[i, j], nudged[i, j]) for i, j in beam.ELEMENT_PLACES]
+        pairs = [(exact[i, j], nudged[i, j]) for i, j in tensioned_beam.ELEMENT_PLACES]
         return [one for one, _ in pairs], [
             float(abs(other - one) / abs(one) * MP.mpf(10) ** 25) for one, other in pairs
         ]
@@ -122,7 +122,7 @@ def test_stiffness_of_the_most_slender_wires(frequency, lossy):
 
 def test_far_from_the_real_axis_there_is_no_number_and_no_warning():
     """Where a search for poles strays."""
-    found = beam.sinc_cos(np.array([1000j, 1.0]))
+    found = tensioned_beam.sinc_cos(np.array([1000j, 1.0]))
     assert [np.isfinite(one).tolist() for one in found] == [[False, True]] * 2
 
 

@@ -83,8 +83,10 @@ def wire(
     change of length.
     """
     old = {name: _member(scene.wires, name, number) for name in inner_axes(Wires)}
-    upper, lower = _numbers(upper_offset), _numbers(lower_offset)
-    change, shift = _numbers(length_change), lower - upper
+    upper = _numbers(upper_offset)
+    lower = _numbers(lower_offset)
+    change = _numbers(length_change)
+    shift = lower - upper
     span = old["span"] + shift
     length = np.sqrt((span**2).sum(-1))
     # L - l without cancellation: (L^2 - l^2) / (L + l)
@@ -158,7 +160,8 @@ def scale(scene: Scene, part: str, number: int, factor: ArrayLike) -> Scene:
     elif part == "leg":
         number = scene.springs.label.index(scene.struts.label[number])
     elif part == "blade" and number >= len(scene.blades.label):
-        home, number = "springs", number - len(scene.blades.label)
+        home = "springs"
+        number = number - len(scene.blades.label)
     name = "mass" if part == "body" else "stiffness"
     axes = inner_axes(type(scene.parts[home]))[name] - 1
     return _scaled(scene, home, name, number, _numbers(factor)[(..., *[None] * axes)])
@@ -201,7 +204,8 @@ def _with(scene: Scene, part: str, number: int, **items: Array) -> Scene:
     old = scene.parts[part]
     changed = {}
     for name, item in items.items():
-        values, inner = getattr(old, name), inner_axes(type(old))[name]
+        values = getattr(old, name)
+        inner = inner_axes(type(old))[name]
         batch = np.broadcast_shapes(values.shape[:-inner], item.shape[: item.ndim - inner + 1])
         changed[name] = np.broadcast_to(values, batch + values.shape[-inner:]).copy()
         changed[name][(..., number, *(slice(None),) * (inner - 1))] = item

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from suspension_cli.design import reader
 from suspension_cli.design.imperfections import IMPERFECTIONS, swept
+from suspension_cli.scene.applied_imperfections import impose
 from suspension_cli.scene.arrays import inner_axes
 from suspension_cli.scene.expand import expand_as_drawn
-from suspension_cli.scene.imperfections import impose
 from tests.support.paths import CONFIGS
 
 SCENES = {

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import bending, spring, string, weight
+from suspension_cli.elements import bending, spring, taut_string, weight
 from suspension_cli.elements.element import Element
 from suspension_cli.scene.scene import Scene
 
 ELEMENTS: tuple[Element, ...] = (
     weight.ELEMENT,
-    string.ELEMENT,
+    taut_string.ELEMENT,
     bending.ELEMENT,
     spring.ELEMENT,
     spring.BLADES,

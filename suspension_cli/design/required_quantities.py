@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from suspension_cli.design import tables
-from suspension_cli.design.tables import Table, key
+from suspension_cli.design import key_rules
+from suspension_cli.design.typed_tables import Table, key
 from suspension_cli.design.units import Number
 
 
@@ -20,4 +20,4 @@ class RequiredQuantity(Table, frozen=True):
     )
     note: str = key("where the requirement comes from, for reports", "", max_length=200)
 
-    rules = (tables.any_of("at_least", "at_most"), tables.ordered("at_least", "at_most"))
+    rules = (key_rules.any_of("at_least", "at_most"), key_rules.ordered("at_least", "at_most"))

@@ -25,8 +25,10 @@ from suspension_cli.drawing.style import (
 )
 from suspension_cli.scene.scene import Scene
 
-ROW, SIZE = 0.15, 5.6
-"""Height of a row, in; font size, points."""
+ROW = 0.15
+"""Height of a row, in."""
+SIZE = 5.6
+"""Font size, points."""
 MOST = 40
 """Most rows of a table; the design file has all."""
 NONE = "–"
@@ -125,7 +127,8 @@ def _set(stage: Stage) -> tuple[str, ...]:
     if stage.wires is None:
         return (str(len(stage.wire)), *(NONE,) * 6)
     shape = set_geometry(stage.wires)
-    along, across = NONE, (NONE, NONE)
+    along = NONE
+    across = (NONE, NONE)
     if shape.is_ring:
         across = f"r {millimetres(shape.ring_upper)}", f"r {millimetres(shape.ring_lower)}"
     elif shape.count > 1:
@@ -152,7 +155,8 @@ def _blades(scene: Scene, stage: Stage) -> str:
 def _wires(design: Design, scene: Scene) -> Table:
     """Table of the wires of stages without a symmetric set."""
     explicit = {stage.name for stage in design.stage if stage.wires is None}
-    wires, rows = scene.wires, []
+    wires = scene.wires
+    rows = []
     for n, label in enumerate(wires.label):
         stage, _, number = label.rpartition(".")
         if stage in explicit:
@@ -186,13 +190,14 @@ def _flaws(design: Design) -> Table:
         part, name = perturbed_part(item)
         for kind in perturbed(part):
             value = getattr(item, kind.name)
-            if value is not None:
-                quantity = f"factor on {kind.quantity}" if kind.relative else kind.quantity
-                unit, per = ("", 1.0) if kind.relative else DISPLAYED[kind.unit]
-                numbers = [f"{per * one:.4g}" for one in np.atleast_1d(value)]
-                text = f"({', '.join(numbers)})" if len(numbers) > 1 else numbers[0]
-                text = f"{text} {unit}".rstrip().replace("-", "−")
-                rows.append((single_line(name, 20), quantity, text))
+            if value is None:
+                continue
+            quantity = f"factor on {kind.quantity}" if kind.relative else kind.quantity
+            unit, per = ("", 1.0) if kind.relative else DISPLAYED[kind.unit]
+            numbers = [f"{per * one:.4g}" for one in np.atleast_1d(value)]
+            text = f"({', '.join(numbers)})" if len(numbers) > 1 else numbers[0]
+            text = f"{text} {unit}".rstrip().replace("-", "−")
+            rows.append((single_line(name, 20), quantity, text))
         if item.wire is not None and item.hold == "natural-length":
             rows.append((item.wire, "unstretched length", "as designed, not trimmed"))
     title = "Imperfections (offsets and rotations along and about x, y, z)"
@@ -214,7 +219,8 @@ def write(
     for row, cells in enumerate(lines):
         y = top - ROW * (1.52 + row + (0.1 if row else 0.0))
         weight = "bold" if row else "normal"
-        first = NOTE if row == 0 else colours[row - 1] if colours else INK
+        colour = INK if row else NOTE
+        first = colours[row - 1] if row and colours else colour
         canvas.text(left + 0.03, y, cells[0], color=first, fontweight=weight, **look)
         for edge, cell in zip(edges[1:].tolist(), cells[1:], strict=True):
-            canvas.text(edge - 0.06, y, cell, color=INK if row else NOTE, ha="right", **look)
+            canvas.text(edge - 0.06, y, cell, color=colour, ha="right", **look)

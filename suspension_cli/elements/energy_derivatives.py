@@ -47,8 +47,10 @@ if TYPE_CHECKING:
 
     from suspension_cli.elements.configuration import Numbers
 
-_THREE, _SIX = np.arange(3)[:, None], np.arange(6)[:, None]
-"""Offsets of the coordinates of bodies, one body to a column."""
+_THREE = np.arange(3)[:, None]
+"""Offsets of the translations (or the rotations) of bodies, one body to a column."""
+_SIX = np.arange(6)[:, None]
+"""Offsets of all coordinates of bodies, one body to a column."""
 
 
 @dataclass
@@ -99,9 +101,12 @@ class Derivatives:
     """
 
     def __init__(self, now: Configuration, *, curved: bool = True, stretching: bool = True) -> None:
-        size, count = now.arrays.numbering.size + 1, now.arrays.count
+        size = now.arrays.numbering.size + 1
+        count = now.arrays.count
         dtype = np.result_type(now.arrays.dtype, now.shift.dtype)
-        self._now, self.curved, self.stretching = now, curved, stretching
+        self._now = now
+        self.curved = curved
+        self.stretching = stretching
         self.gradient = np.zeros((size, count), dtype=dtype)
         self.hessian = np.zeros((size, size, count) if curved else (0, 0, count), dtype=dtype)
         self.linked = np.zeros((size, size), dtype=bool)
@@ -129,7 +134,8 @@ class Derivatives:
     def finish(self) -> Derivatives:
         """Sum up what was added."""
         for attached, terms in self._terms.values():
-            ends, rates = attached.ends, (None, None)
+            ends = attached.ends
+            rates = (None, None)
             for body, first, own in _gradient(attached, terms):
                 (number,), total = sums(body)
                 self.gradient[6 * number + first + _THREE] += total @ own
@@ -137,7 +143,8 @@ class Derivatives:
                 rates = _rates(attached, terms)
                 for row, i, column, j, block in _blocks(attached, terms, *rates):
                     (one, other), total = sums(row, column)
-                    rows, columns = 6 * one + i + _THREE, 6 * other + j + _THREE
+                    rows = 6 * one + i + _THREE
+                    columns = 6 * other + j + _THREE
                     self.hessian[rows[:, None], columns] += total @ block
                 for row, column in (ends[0], ends[0]), (ends[1], ends[1]), (ends[1], ends[0]):
                     (one, other), _ = sums(row, column)
@@ -151,7 +158,8 @@ class Derivatives:
         self, out: Inexact[np.ndarray, "coordinate coordinate build"] | None = None
     ) -> Inexact[np.ndarray, "build coordinate coordinate"]:
         """Tangent stiffness, exactly symmetric; a view, builds first, of `out` if that is given."""
-        size, lower = len(self.hessian) - 1, self.hessian
+        size = len(self.hessian) - 1
+        lower = self.hessian
         result = np.empty((size, size, lower.shape[-1]), lower.dtype) if out is None else out
         for row in range(size):
             result[row, : row + 1] = result[: row + 1, row] = lower[row, : row + 1]
@@ -169,7 +177,8 @@ class Derivatives:
         (_, lower), _ = sums(ends.blade, ends.lower)
         tips = self._now.arrays.numbering.blade[blade]
         number, axis = np.nonzero(tips < len(self.gradient) - 1)
-        tip, body = tips[number, axis], upper[number]
+        tip = tips[number, axis]
+        body = upper[number]
         moves = self._now.turn[:, axis, body] + np.eye(3)[:, axis, None]
 
         def along(matrix: Matrix) -> Vector:
@@ -222,8 +231,13 @@ def _blocks(
     attached: Attached, terms: Terms, a: Matrix | None, b: Matrix | None
 ) -> list[tuple[Numbers, int, Numbers, int, Matrix]]:
     """List the blocks between translations (0) and rotations (3) of both bodies, rows first."""
-    (upper, lower, _), s, x_u, x_l = attached.ends, terms.s, terms.x_u, terms.x_l
-    arm, below, force = attached.upper_arm, attached.lower_arm, terms.turning_force
+    upper, lower, _ = attached.ends
+    s = terms.s
+    x_u = terms.x_u
+    x_l = terms.x_l
+    arm = attached.upper_arm
+    below = attached.lower_arm
+    force = terms.turning_force
     across = _of(transposed, x_u)
     turned = _total(
         _of(cross, a, arm), terms.y_uu, _of(turning, force, -arm), _of(times_cross, across, arm)

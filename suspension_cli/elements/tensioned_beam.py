@@ -1,5 +1,10 @@
 """Exact dynamic stiffness of a beam under tension, without overflow or cancellation.
 
+>>> frequency = np.array([300.0, 320.0, 330.0])  # the string alone has 316.2 Hz
+>>> wave = waves(rigidity=1e-3, tension=100.0, mass=1e-3, half=0.25, omega=2 * np.pi * frequency)
+>>> resonances_below(wave)
+array([0, 0, 1])
+
 A wire of bending stiffness EI, tension T and mass per length mu vibrates at omega with
 
     EI w'''' - T w'' - mu omega^2 w = 0,
@@ -83,16 +88,20 @@ def waves(
     length, kg/m; complex, mu - i b / omega, with a drag b per length; 0 for a wire without inertia.
     `omega` is in rad/s; complex to differentiate by a complex step.
     """
-    tau, m = tension / rigidity, mass * omega**2 / rigidity
+    tau = tension / rigidity
+    m = mass * omega**2 / rigidity
     alpha2 = (tau + np.sqrt(tau**2 + 4 * m)) / 2
     if np.any(still := alpha2 == 0):
         # without tension and at rest alpha = 0: any tiny alpha gives the limit
         alpha2 = np.where(still, (1e-8 / half) ** 2, alpha2)
     beta2 = m / alpha2
-    alpha, beta = np.sqrt(alpha2), np.sqrt(beta2)
+    alpha = np.sqrt(alpha2)
+    beta = np.sqrt(beta2)
     sinc, cos = sinc_cos(beta * half)
     tanh, gap = tanhc(alpha * half)
-    lag, tanh, sin = alpha2 * half**3 * gap, half * tanh, half * sinc
+    lag = alpha2 * half**3 * gap
+    tanh = half * tanh
+    sin = half * sinc
     behind = half * sinc_gap(beta * half, sinc, cos)
     even = _sum_or_rounding(beta2 * sin, alpha2 * cos * tanh)
     odd = _sum_or_rounding(behind, cos * lag)
@@ -120,9 +129,11 @@ def stiffness(
     `rigidity` is EI as given to `waves`. The elements are at `ELEMENT_PLACES`: N/m, N and N m for
     WW, WT and TT; N m for the odd ones.
     """
-    product, sum2 = wave.alpha2 * wave.beta2, wave.alpha2 + wave.beta2
+    product = wave.alpha2 * wave.beta2
+    sum2 = wave.alpha2 + wave.beta2
     bent = sum2 * wave.sin * wave.tanh
-    even, odd = 2 * rigidity / wave.even, 2 * rigidity / wave.odd
+    even = 2 * rigidity / wave.even
+    odd = 2 * rigidity / wave.odd
     return [
         -even * product * bent,
         even * product * wave.odd,
@@ -141,9 +152,11 @@ def resonances_below(wave: Waves) -> Int[np.ndarray, "*shape"]:
     1, one in each (k pi, (k + 1/2) pi), for k = 1, 2, ... .
     """
     quarter = np.floor(2 * (np.sqrt(wave.beta2) * wave.half / np.pi)).astype(int)
-    even, odd = (quarter + 1) // 2, quarter // 2
+    even = (quarter + 1) // 2
+    odd = quarter // 2
     # in an interval that contains a resonance, the sign of D or N shows if omega is above it
-    in_even, in_odd = quarter % 2 == 1, (quarter % 2 == 0) & (quarter > 0)
+    in_even = quarter % 2 == 1
+    in_odd = (quarter % 2 == 0) & (quarter > 0)
     even = even - (in_even & (wave.even * (-1) ** even < 0))
     odd = odd - (in_odd & (wave.odd * (-1) ** odd < 0))
     return even + odd
@@ -182,7 +195,8 @@ def sinc_gap(
     cos: Inexact[np.ndarray, "*shape"],
 ) -> Inexact[np.ndarray, "*shape"]:
     """sin(u)/u - cos(u), from both and, where they cancel, from u."""
-    near, result = np.abs(u) < 1, sinc - cos
+    near = np.abs(u) < 1
+    result = sinc - cos
     if np.any(near):
         square = u[near] ** 2
         result[near] = square * _gap_series(-square)

@@ -12,9 +12,10 @@ from scipy.optimize import brentq
 
 from suspension_cli.design.links import EddyCurrent
 from suspension_cli.rotations import cross_matrix
-from suspension_cli.scene import links
+from suspension_cli.scene import curved_wires
+from suspension_cli.scene.eddy_currents import eddy_damping
 
-WIRE = links.RoundWire.of(1.2e-3, 7e10, 0.33, 2.6e4)
+WIRE = curved_wires.RoundWire.of(1.2e-3, 7e10, 0.33, 2.6e4)
 END = np.array([0.08, 0.03, 0.05])
 
 
@@ -40,7 +41,7 @@ def _frame(points: Any) -> Any:
     return total
 
 
-def _points(curve: links.Curve) -> Any:
+def _points(curve: curved_wires.Curve) -> Any:
     return np.vstack([np.zeros(3), curve.point, curve.end])
 
 
@@ -66,9 +67,9 @@ def _dense(kind: str, length: float, count: int) -> Any:
 @pytest.mark.parametrize("kind", ["u", "catenary"])
 def test_stiffness_of_curves_against_frames_of_beams(kind: str) -> None:
     length = 0.4
-    curve = links.u_shape(END, length) if kind == "u" else links.catenary(END, length)
+    curve = curved_wires.u_shape(END, length) if kind == "u" else curved_wires.catenary(END, length)
     assert curve.length == pytest.approx(length, rel=1e-12)
-    found = links.curve_compliance(curve, WIRE)
+    found = curved_wires.curve_compliance(curve, WIRE)
     coarse, fine = (_frame(_dense(kind, length, n)) for n in (1001, 2001))
     expected = fine + (fine - coarse) / 3  # Richardson
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
@@ -77,21 +78,23 @@ def test_stiffness_of_curves_against_frames_of_beams(kind: str) -> None:
 
 def test_straight_wire_is_a_beam_and_a_polyline_a_frame() -> None:
     length = 0.3
-    k = links.curve_stiffness(links.polyline(np.array([[0, 0, 0], [length, 0, 0]])), WIRE)
+    k = curved_wires.curve_stiffness(
+        curved_wires.polyline(np.array([[0, 0, 0], [length, 0, 0]])), WIRE
+    )
     across, turning = 12 * WIRE.bending / length**3, 4 * WIRE.bending / length
     along, twisting = WIRE.stretching / length, WIRE.twisting / length
     expected = [along, across, across, twisting, turning, turning]
     assert np.diag(k) == pytest.approx(expected, rel=1e-12)
     points = np.array([[0, 0, 0], [0.1, 0.02, -0.2], [0.2, 0.1, -0.1], [0.3, 0.0, 0.1]])
-    found = links.curve_compliance(links.polyline(points), WIRE)
+    found = curved_wires.curve_compliance(curved_wires.polyline(points), WIRE)
     np.testing.assert_allclose(found, _frame(points), rtol=1e-11, atol=1e-12)
 
 
 def test_sag_of_a_straight_wire() -> None:
     """A horizontal beam clamped at both ends descends by w L^4 / 384 EI in its middle."""
     length = 0.2
-    curve = links.polyline(np.array([[0, 0, 0], [length, 0, 0]]))
-    descent, reaction = links.sag(curve, WIRE)
+    curve = curved_wires.polyline(np.array([[0, 0, 0], [length, 0, 0]]))
+    descent, reaction = curved_wires.sag(curve, WIRE)
     assert descent == pytest.approx(WIRE.weight * length**4 / (384 * WIRE.bending), rel=5e-3)
     assert reaction[2] == pytest.approx(-WIRE.weight * length / 2, rel=1e-9)
     assert reaction[4] == pytest.approx(WIRE.weight * length**2 / 12, rel=5e-3)
@@ -116,7 +119,7 @@ def test_eddy_currents_dissipate_the_power_of_the_damper() -> None:
         magnet = EddyCurrent(
             shape=shape, axis="z", conductivity=sigma, thickness=thickness, gap=g, moment=m
         )
-        return np.diag(links.eddy_damping(magnet))
+        return np.diag(eddy_damping(magnet))
 
     for shape, power in (("plate", plate), ("tube", tube)):
         expected, _ = quad(power, g, g + t)
