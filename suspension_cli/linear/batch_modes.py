@@ -101,7 +101,7 @@ def _alike(model: LinearSystem) -> list[tuple[tuple[Index, ...], Int[np.ndarray,
     """Group systems of a batch by the pattern of their matrices, which have the same blocks."""
     (count,) = model.batch
     nonzero = np.broadcast_to(model.mass != 0, (count, model.size, model.size))
-    nonzero = nonzero | (model.stiffness != 0)
+    nonzero = np.asarray(nonzero | (model.stiffness != 0))
     groups: list[Index] = [np.arange(count)]
     if (nonzero != nonzero[0]).any():
         packed = np.packbits(nonzero, axis=-1).reshape(count, -1)
