@@ -190,7 +190,8 @@ def solve_plainly(model: LinearSystem, block: Index) -> tuple[Block, Bool[np.nda
     mass = np.broadcast_to(
         model.mass[..., heavy[:, None], heavy], (len(stiffness), len(heavy), len(heavy))
     )
-    finite = np.isfinite(stiffness).all((-2, -1)) & np.isfinite(mass).all((-2, -1))
+    known = np.isfinite(stiffness).all((-2, -1)) & np.isfinite(mass).all((-2, -1))
+    finite = np.asarray(known)
     if not finite.all():
         stiffness[~finite] = np.eye(len(block))
         mass = np.where(finite[:, None, None], mass, np.eye(len(heavy)))
