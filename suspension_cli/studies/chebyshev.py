@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Inexact
+    from jaxtyping import Float, Inexact
 
     Sample = Callable[[Float[np.ndarray, "point axis"]], Inexact[np.ndarray, "point function"]]
     """Values of functions at points of the box; NaN where one has none."""
@@ -181,11 +181,3 @@ def _tails(coefficient: Inexact[np.ndarray, "*axes function"]) -> Float[np.ndarr
         last = np.take(size, np.arange(-LAST, 0), axis=axis)
         result.append(float((last.max(axes) / scale).max()))
     return np.array(result)
-
-
-def scaled_determinant(
-    matrix: Complex[np.ndarray, "point row row"],
-) -> Complex[np.ndarray, " point"]:
-    """Determinants of matrices over their median size, which no floating-point number may hold."""
-    sign, logarithm = np.linalg.slogdet(matrix)
-    return sign * np.exp(logarithm - np.median(logarithm))
