@@ -6,8 +6,9 @@ motion for vertical motion of the support. It is computed on grids of any number
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +23,8 @@ from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
 from suspension_cli.physics.couplings import CouplingRequest, couplings
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies import builds, sampling, variants
+from suspension_cli.studies import builds, interpolated, sampling, variants
+from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.extremes import find_extremes
 from suspension_cli.studies.job import Axis, Grid
 from suspension_cli.studies.run import Columns
@@ -69,24 +71,71 @@ class Sweep(Grid):
         """Compute the couplings of builds start to stop - 1, see `couplings`."""
         return self.compute_at(self.values(start, stop))
 
+    compared = ("ratio",)
+    """Columns by which an interpolated map is compared with full solutions."""
+
+    def sample(
+        self, values: dict[str, Float[np.ndarray, " build"]]
+    ) -> Complex[np.ndarray, "build function"]:
+        """Both motions times the determinant of the dynamic stiffness, and that, by frequency.
+
+        Analytic in the values, also where they make a mode cross a frequency. NaN where a build has
+        no result.
+        """
+        count = len(self.question.frequency)
+        result = np.full((len(next(iter(values.values()))), 3 * count), np.nan + 0j)
+        for found, here in self._balanced(values):
+            motions = couplings(found, self.question)
+            good = found.status == builds.GOOD
+            for n, frequency in enumerate(self.question.frequency):
+                own = interpolated.determinants(found.model, 2 * np.pi * frequency)
+                for k, factor in enumerate((motions["over"][:, n], motions["under"][:, n], 1.0)):
+                    result[here, k * count + n] = np.where(good, own * factor, np.nan)
+        return result
+
+    def results(self, functions: Complex[np.ndarray, "build function"]) -> Columns:
+        """Couplings and motions that follow from the functions of `sample`."""
+        over, under, determinant = np.split(functions, 3, axis=1)
+        number = len(functions)
+        with np.errstate(all="ignore"):
+            motions = {"over": over / determinant, "under": under / determinant}
+        return {
+            "ratio": builds.divide(over, under),
+            **motions,
+            "residual": np.full(number, np.nan),
+            "status": np.full(number, builds.GOOD, dtype=np.uint8),
+            "slack_wire": np.full(number, -1, dtype=np.int16),
+        }
+
     def compute_at(self, values: dict[str, Float[np.ndarray, " build"]]) -> Columns:
         """Compute the couplings of builds with these values of the parameters."""
         count = len(next(iter(values.values())))
-        paths = {name: value for name, value in values.items() if name not in PARAMETERS}
-        parts = [(self.scene, self.design, np.arange(count))]
-        spectrum, number = ("c16", (len(self.question.frequency),)), ("f8", ())
+        spectrum = ("c16", (len(self.question.frequency),))
         motions = {"ratio": spectrum, "over": spectrum, "under": spectrum}
-        outcome = {"residual": number, "status": ("u1", ()), "slack_wire": ("i2", ())}
+        outcome = {"residual": ("f8", ()), "status": ("u1", ()), "slack_wire": ("i2", ())}
         result = builds.blank(count, **motions, **outcome)
-        for scene, design, here in (
-            variants.scenes(self.text, paths, self.level) if paths else parts
-        ):
-            swept = {name: own[here] for name, own in values.items() if name in PARAMETERS}
-            imperfect, unstable = impose(scene, swept, self.question), self.allow_unstable
-            found = builds.balance(imperfect, design, level=self.level, allow_unstable=unstable)
+        for found, here in self._balanced(values):
             for name, value in couplings(found, self.question).items():
                 result[name][here] = value
         return result
+
+    def _balanced(
+        self, values: dict[str, Float[np.ndarray, " build"]]
+    ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
+        """Balance builds with these values, in batches of one topology, with their places."""
+        paths = {name: value for name, value in values.items() if name not in PARAMETERS}
+        count = len(next(iter(values.values())))
+        alike: Iterable[Any] = [(self.scene, self.design, np.arange(count))]
+        if paths:
+            alike = variants.scenes(self.text, paths, self.level)
+        for scene, design, here in alike:
+            swept = {name: own[here] for name, own in values.items() if name in PARAMETERS}
+            imperfect = impose(scene, swept, self.question)
+            unstable = self.allow_unstable
+            yield (
+                builds.balance(imperfect, design, level=self.level, allow_unstable=unstable),
+                here,
+            )
 
 
 def impose(
