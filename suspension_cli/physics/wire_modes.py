@@ -124,7 +124,7 @@ def solve(
     return replace(still, wire=names, wire_energy=energy).followed_by(modes).ascending()
 
 
-def solve_bodies(model: LinearSystem) -> Modes:
+def solve_undamped_bodies(model: LinearSystem) -> Modes:
     """Solve for the undamped modes of the bodies in any model.
 
     If wires have mass, those most like the modes without it.

@@ -43,8 +43,6 @@ class Quantity(ABC):
         Whether it needs wires that bend, as losses act there.
     wire_mass
         Whether wires must have mass.
-    precision
-        Relative error of its values, by rounding or where a search or an integral ends.
     largest
         Value that stands for an infinite one in a search for a design.
     vanishes
@@ -60,7 +58,6 @@ class Quantity(ABC):
     steady: ClassVar[bool] = True
     bends: ClassVar[bool] = False
     wire_mass: ClassVar[bool] = False
-    precision: ClassVar[float] = 1e-13
     largest: ClassVar[float] = math.inf
     vanishes: ClassVar[bool] = False
 

@@ -122,7 +122,7 @@ class Solved:
         fractions = np.full_like(fractions, np.nan)
         for n in np.flatnonzero(self.hangs).tolist():
             with contextlib.suppress(InputError):
-                modes = wire_modes.solve_bodies(self.system(n))
+                modes = wire_modes.solve_undamped_bodies(self.system(n))
                 if len(modes.omega_squared) == squared.shape[1]:
                     squared[n] = modes.omega_squared
                     fractions[n] = modes.fractions[:, : fractions.shape[-1]]
@@ -148,9 +148,14 @@ class Solved:
     @cached_property
     def top_fraction(self) -> Float[np.ndarray, "design mode"]:
         """Fraction of the kinetic energy of each mode in the top mass of its chain."""
-        flat = self.energy.reshape(-1, *self.energy.shape[2:])
+        energy = self.energy
+        if not (self.exact_modes and self.has_wire_mass):
+            # small fractions have smaller rounding errors from the shapes of unit length
+            shape = self.spectrum.shape[..., : 6 * energy.shape[2]]
+            energy = (shape**2).reshape(energy.shape)
+        flat = energy.reshape(-1, *energy.shape[2:])
         top = find_top_masses(np.nan_to_num(flat), self.found.model.top)
-        return flat[np.arange(len(flat)), top].sum(-1).reshape(self.energy.shape[:2])
+        return flat[np.arange(len(flat)), top].sum(-1).reshape(energy.shape[:2])
 
     @cached_property
     def frequency(self) -> Float[np.ndarray, "design mode"]:
