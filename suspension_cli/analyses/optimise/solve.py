@@ -5,8 +5,9 @@
     found.met, found.numbers.after, found.design
 
 Searches (`search`) start from the design itself and from the best designs of a Sobol sequence
-between the bounds, on the string model. The best result is the start of a search on the model that
-its quantities need, until they need no more complete one. Quantities of the result are those of
+between the bounds, on the cheapest model that is roughly right for the design itself. The best
+result is the start of a search on the model that its quantities need, until they need no more
+complete one. Quantities of the result are those of
 its TOML, read back.
 """
 
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 
 SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
+ROUGH = 0.1
+"""Relative error of the model on which all starts are searched, at the starting design."""
 SAME = 1e-2
 """Largest distance of equal designs, in fractions of the ranges between the bounds."""
 TERMS = "weighted sum of the logarithms of the quantities to minimise, less those to maximise"
@@ -78,8 +81,9 @@ def solve(
     """
     model_choice.demand_one_of(level, registry.SCENE_MODELS, "cannot compute derivatives")
     freed = FreeDesign.of(source.text, goals)
-    search = Search(Evaluator.of(freed, source))
-    _check_start(search.evaluator)
+    evaluator = Evaluator.of(freed, source)
+    _check_start(evaluator)
+    search = Search(replace(evaluator, level=_first_level(evaluator, level)))
     begins = [search.point(freed.begin), *_choose_starts(search, starts - 1, seed)]
     ends: list[Point | None] = []
     began = time.monotonic()
@@ -92,6 +96,18 @@ def solve(
     chosen, search, best = _continue(search, best, level, tolerance)
     best = search.compromise(best)
     return _summarise(search, chosen, best, _starts(begins, ends))
+
+
+def _first_level(evaluator: Evaluator, level: str) -> str:
+    """Name of the cheapest model up to `level` that is roughly right for the starting design."""
+    models = registry.SCENE_MODELS
+    if level != registry.AUTO:
+        most = registry.by_name(level).cost
+        models = tuple(model for model in models if model.cost <= most)
+    begin = evaluator.freed.begin
+    compare = evaluator.compare(begin)
+    design = evaluator.freed.design(begin)
+    return choice.choose(design, registry.AUTO, models, compare, ROUGH).level
 
 
 def _continue(
