@@ -99,15 +99,16 @@ def solve(
 
 
 def _first_level(evaluator: Evaluator, level: str) -> str:
-    """Name of the cheapest model up to `level` that is roughly right for the starting design."""
-    models = registry.SCENE_MODELS
+    """Name of the model on which all starts are searched: that which is wanted, without wire mass.
+
+    If it is ``auto``, the cheapest that is roughly right for the starting design.
+    """
     if level != registry.AUTO:
-        most = registry.by_name(level).cost
-        models = tuple(model for model in models if model.cost <= most)
+        return registry.BEAM.name if registry.by_name(level).has_wire_mass else level
     begin = evaluator.freed.begin
-    compare = evaluator.compare(begin)
     design = evaluator.freed.design(begin)
-    return choice.choose(design, registry.AUTO, models, compare, ROUGH).level
+    models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
+    return choice.choose(design, level, models, evaluator.compare(begin), ROUGH).level
 
 
 def _continue(
