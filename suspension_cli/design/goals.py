@@ -1,4 +1,8 @@
-"""Files of goals: limits and objectives of a design for `pendsus optimise`."""
+"""Files of goals: limits and objectives of a design for `pendsus optimise`.
+
+`[[requirement]]` limits any quantity, `[[objective]]` minimises or maximises one. `[[goal]]` is a
+short form for limits on several quantities at once, such as the frequencies of a family of modes.
+"""
 
 from __future__ import annotations
 
@@ -124,12 +128,51 @@ class Goal(Table, frozen=True):
     )
 
 
+class QuantityRequirement(Table, frozen=True):
+    """A limit on a quantity."""
+
+    quantity: str = key("name of a quantity, such as 'lowest pitch'", max_length=200)
+    at_least: Number | None = key("smallest value, in the quantity's SI unit")
+    at_most: Number | None = key(
+        "largest value; alone, of a quantity with a sign, that of its magnitude"
+    )
+    equals: Number | None = key("the value itself")
+    perturbation: list[Perturbation] | None = key(
+        "imperfections of the build that it is computed for", min_length=1
+    )
+    note: str = key("where the requirement comes from, for the report", "", max_length=200)
+
+    rules = (
+        tables.any_of("at_least", "at_most", "equals"),
+        tables.excludes("equals", "at_least", "at_most"),
+        tables.ordered("at_least", "at_most"),
+    )
+
+
+class Objective(Table, frozen=True):
+    """A quantity to minimise or maximise."""
+
+    minimise: str | None = key("name of a quantity, such as 'thermal test.x:10'", max_length=200)
+    maximise: str | None = key("name of a quantity", max_length=200)
+    weight: Positive = key("of its logarithm in the sum of all objectives", 1.0)
+    perturbation: list[Perturbation] | None = key(
+        "imperfections of the build that it is computed for", min_length=1
+    )
+
+    rules = (tables.exactly_one("minimise", "maximise"),)
+
+
 class Goals(Table, frozen=True):
     """A file of goals."""
 
-    goal: list[Goal] = key(min_length=1)
     free: list[Free] = key(min_length=1)
+    requirement: list[QuantityRequirement] = []
+    objective: list[Objective] = []
+    goal: list[Goal] = []
     equal: list[Equal] = []
+    design_requirements: bool = key(
+        "whether the design's own [[requirement]] tables are goals too", True
+    )
     title: str = ""
     reference: str = ""
     prefer: Literal["near", "margin"] = key("nearest design, or largest margins", "near")
@@ -137,7 +180,8 @@ class Goals(Table, frozen=True):
 
     def check(self) -> Problems:
         """Check that each number is free, or follows from free ones."""
-        free, tied = [item.name for item in self.free], [item.name for item in self.equal]
+        free = [item.name for item in self.free]
+        tied = [item.name for item in self.equal]
         for kind, own, others in (("free", free, []), ("equal", tied, free)):
             for n, name in enumerate(own):
                 if name in own[:n] + others:

@@ -31,7 +31,7 @@ TEMPLATES = ("single", "double", "triple", "quad", "blades")
 KINDS = {
     "design": ("stage",),
     "file of measurements": ("mode", "transfer_function", "experiment"),
-    "file of goals": ("goal",),
+    "file of goals": ("free", "goal"),
 }
 """Tables that TOML files of each kind have."""
 

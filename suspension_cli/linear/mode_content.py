@@ -117,11 +117,21 @@ def weights(
         ratio = np.nan_to_num(own / _at(own, mode)[..., None])
     if motion.number:
         ratio = np.where(leading(fractions) == motion.place, 0.0, ratio)
-    weight = (ratio >= SHARED) * 1.0
-    if smooth:
-        part = np.clip((ratio - APART) / (SHARED - APART), 0.0, 1.0)
-        weight = part**2 * (3 - 2 * part)
+    weight = share_weight(ratio, smooth=smooth)
     return np.where(np.arange(own.shape[-1]) == mode[..., None], 1.0, weight)
+
+
+def share_weight(
+    ratio: Float[np.ndarray, "*build"], *, smooth: bool
+) -> Float[np.ndarray, "*build"]:
+    """Weight of a fraction of energy by its ratio to a larger one: 1 from `SHARED` on.
+
+    If `smooth`, it falls gradually to 0 at `APART`; else it is 0 below `SHARED`.
+    """
+    if not smooth:
+        return (ratio >= SHARED) * 1.0
+    part = np.clip((ratio - APART) / (SHARED - APART), 0.0, 1.0)
+    return part**2 * (3 - 2 * part)
 
 
 def largest(

@@ -22,6 +22,7 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, damped, eigenmodes, quality, roots
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.frequency_terms import WireTerm, is_massive
+from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.system import LinearSystem
@@ -56,6 +57,9 @@ PRECISE = 1e-11
 """Relative error of a violin mode that is found by counting."""
 DIVIDED = 15
 """Frequencies at which modes are counted at once."""
+HIGHEST = 1.05
+"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
+wire mass lowers frequencies, except next to a violin mode."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
 
@@ -118,6 +122,20 @@ def solve(
         modes, wire=names, wire_energy=np.pad(modes.wire_energy, ((0, 0), (0, len(light))))
     )
     return replace(still, wire=names, wire_energy=energy).followed_by(modes).ascending()
+
+
+def solve_undamped_bodies(model: LinearSystem) -> Modes:
+    """Solve for the undamped modes of the bodies in any model.
+
+    If wires have mass, those most like the modes without it.
+    """
+    static = eigenmodes.solve(model.constant)
+    massive = any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
+    if not massive:
+        return static
+    found = solve(model, HIGHEST * float(np.nanmax(static.frequency)))
+    pairs = pair_bodies(static, found, model)
+    return found.select(np.sort(pairs[pairs >= 0]))
 
 
 def solve_between(model: LinearSystem, low: float, high: float) -> Modes:

@@ -9,11 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.optimise.evaluate import solve_modes
 from suspension_cli.analyses.sensitivity import solve as sensitivity
 from suspension_cli.design import paths, reader
 from suspension_cli.linear import eigenmodes, named_results, response, signals
 from suspension_cli.models import registry
+from suspension_cli.physics import wire_modes
 from tests.equilibrium.test_clamps import tables_as_built
 from tests.support.golden import CONFIGS
 from tests.support.scenes import plain
@@ -31,7 +31,9 @@ def beam(text, *overrides):
 def solved(text, *results, level="beam"):
     model = registry.by_name(level).system(reader.parse(text))
     requested = named_results.parse(
-        list(results) or ["modes"], solve_modes(model), signals.bodies_with_signals(model)
+        list(results) or ["modes"],
+        wire_modes.solve_undamped_bodies(model),
+        signals.bodies_with_signals(model),
     )
     return sensitivity.solve(text, requested, level), requested
 
@@ -47,7 +49,7 @@ def whole_run(text, level, requested, numbers):
         ]
         y = response.solve(model, np.array([item.frequency]), [item.input], outputs).value[0, :, 0]
         sizes.append(abs(y[0] if len(y) == 1 else y[0] / y[1]))
-    return np.array([*solve_modes(model).frequency, *sizes])
+    return np.array([*wire_modes.solve_undamped_bodies(model).frequency, *sizes])
 
 
 def sectioned():

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 COLUMNS = {
     "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
-    "limits": "goal limit=name value margin room met active multiplier",
+    "limits": "goal=group limit=name value margin room met active multiplier",
     "quantities": "name unit before after model",
     "modes": (
         "name label before_hz=before after_hz=after top_mass_fraction_before=fraction_before"
@@ -39,6 +39,8 @@ COLUMNS = {
     "starts": "violation_before=before violation_after=after arrived_at=place",
 }
 """Keys of JSON for each table of the result (`optimum`), with its columns where these differ."""
+TABLES = ("requirement", "objective", "goal", "free", "equal")
+"""Of a file of goals."""
 BOUNDS = ("lower", "", "upper")
 NEAREST = 3
 """Printed limits of a goal that is met: those with the least margin."""
@@ -108,7 +110,8 @@ class OptimiseAnalysis(Analysis):
         """Read the design and the goals."""
         from suspension_cli.design import goals, reader
 
-        run, file = ask(files["design"]), files["goals"]
+        run = ask(files["design"])
+        file = files["goals"]
         text = reader.read_text(file)
         inputs = {"file": file, "text": text, "goals": goals.read(file, text)}
         return replace(run, inputs=inputs)
@@ -119,15 +122,18 @@ class OptimiseAnalysis(Analysis):
         from suspension_cli.errors import InputError
         from suspension_cli.models.registry import Choice
 
-        setting, file = run.setting, run.inputs["file"]
+        setting = run.setting
+        file = run.inputs["file"]
         how = {name: setting[name] for name in ("starts", "seed", "tolerance")}
         how |= {"level": setting["fidelity"]}
         with run.log.progress() as bar:
             try:
-                found = optimise.solve(run.source.text, run.inputs["goals"], report=bar, **how)
+                found = optimise.solve(run.source, run.inputs["goals"], report=bar, **how)
             except InputError as error:
-                ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
-                raise error.in_file(file if ours else run.source.file) from None
+                if error.file:
+                    raise
+                of_goals = error.faults[0].key.split(".")[0] in TABLES
+                raise error.in_file(file if of_goals else run.source.file) from None
         choice = Choice(found.fidelity, found.reason, found.error)
         run.log.detail(f"search and check of {run.name}: {choice.line}")
         _warn(found, run.log)
@@ -148,10 +154,6 @@ class OptimiseAnalysis(Analysis):
         )
         for row in numbers:
             row["at_bound"] = BOUNDS[row["at_bound"] + 1] or None
-        for row, name in zip(limits, _names(found), strict=True):
-            row["goal"] = name
-        for row in quantities:
-            row["model"] = row["model"] or None
         return {
             "checked_on": found.fidelity,
             "estimated_error": found.error,
@@ -217,24 +219,18 @@ def _warn(found: Optimum, log: Log) -> None:
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             problem = "is 0 by the symmetry of the design, whatever its numbers are"
-            log.warn(f"{name} {problem}; give the goal a perturbation")
+            log.warn(f"{name} {problem}; give the requirement a perturbation")
     modes = zip(found.modes.label, found.modes.after, strict=True)
     if unstable := ", ".join(label for label, after in modes if math.isnan(after)):
-        remedy = "add a goal of kind band for these modes"
+        remedy = "require their frequencies"
         log.warn(f"the design found is unstable: {unstable}; {remedy}")
-
-
-def _names(found: Optimum) -> list[str]:
-    """Name of the goal of each limit, or its kind."""
-    from suspension_cli.design import goals
-
-    names = [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
-    return [names[goal - 1] for goal in found.limits.goal]
 
 
 def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
     """Rows for goals of one name: limits not met, active, or with the least margin; objectives."""
-    limits, each, names = found.limits, found.quantities, _names(found)
+    limits = found.limits
+    each = found.quantities
+    names = limits.group
     for name in dict.fromkeys(names):
         mine = [n for n, own in enumerate(names) if own == name]
         mine.sort(key=lambda n: (math.isfinite(limits.margin[n]), limits.margin[n]))
@@ -242,7 +238,8 @@ def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
         shown = max(sum(not limits.met[n] or limits.active[n] for n in mine), NEAREST)
         title = f"{name}, {shown} of {len(mine)} limits" if len(mine) > shown else name
         for n in mine[:shown]:
-            before, after = float(each.before[limits.quantity[n]]), float(limits.value[n])
+            before = float(limits.before[n])
+            after = float(limits.value[n])
             margin = round(100 * float(limits.room[n]), 4) + 0.0  # -0.0 becomes 0.0
             remark = "" if limits.met[n] else "NOT MET"
             remark = "active" if limits.met[n] and limits.active[n] else remark
@@ -256,12 +253,18 @@ def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
 
 def _verdict(found: Optimum) -> Iterator[str]:
     """Say how many limits are met, what prevents the others, and where the searches ended."""
-    limits, numbers, starts = found.limits, found.numbers, found.starts
-    count, missed = len(limits.name), int((~limits.met).sum())
+    limits = found.limits
+    numbers = found.numbers
+    starts = found.starts
+    count = len(limits.name)
+    missed = int((~limits.met).sum())
     said = [f"{count or 'no'} limit{'' if count == 1 else 's'}"]
-    if count:
-        said += [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"]
-    said += [f"{len(found.unknown)} NOT KNOWN"] if found.unknown else []
+    if missed:
+        said.append(f"{missed} NOT MET")
+    elif count:
+        said.append("met" if count == 1 else "all are met")
+    if found.unknown:
+        said.append(f"{len(found.unknown)} NOT KNOWN")
     yield ", ".join([*said, found.checked])
     yield from found.remarks
     held = [name for name, by in zip(limits.name, limits.multiplier, strict=True) if by]
@@ -270,7 +273,8 @@ def _verdict(found: Optimum) -> Iterator[str]:
     if missed and held:
         yield f"what is not met is limited by {', '.join(held)}"
     if len(starts.place) > 1:
-        here, met = int((starts.place == 1).sum()), int((starts.after <= 1e-8).sum())
+        here = int((starts.place == 1).sum())
+        met = int((starts.after <= 1e-8).sum())
         others = "" if met == len(starts.place) else f"; {met} met all limits"
         yield f"{here} of {len(starts.place)} searches ended at this design{others}"
 

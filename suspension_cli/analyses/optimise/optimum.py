@@ -65,17 +65,22 @@ class Quantities:
 class Limits:
     """Limits on the quantities, named like ``yaw 3 <= 5 Hz``.
 
-    `goal` is the number of the goal in its file, from 1, and `quantity` that of the quantity, from
-    0. `active` limits constrain the optimum; `multiplier` is the decrease of the objective per unit
-    by which the margin may shrink.
+    `group` names what is reported together, and `quantity` is the number of the quantity, from 0.
+    `before` and `value` are what the limit takes of both designs: a magnitude, or of two modes that
+    share a motion the worse one. Differences from the limit are relative to `scale`, and margins
+    logarithms if `logarithmic`. `active` limits constrain the optimum; `multiplier` is the decrease
+    of the objective per unit by which the margin may shrink.
     """
 
     name: tuple[str, ...] = field(metadata=scale_of("limit"))
-    goal: Int[np.ndarray, " limit"]
+    group: tuple[str, ...] = field(metadata=along("limit"))
     quantity: Int[np.ndarray, " limit"]
     sense: tuple[str, ...] = field(metadata=along("limit"))
     unit: tuple[str, ...] = field(metadata=along("limit"))
     asked: Float[np.ndarray, " limit"] = field(metadata=SI)
+    scale: Float[np.ndarray, " limit"] = field(metadata=SI)
+    logarithmic: Bool[np.ndarray, " limit"]
+    before: Float[np.ndarray, " limit"] = field(metadata=SI)
     value: Float[np.ndarray, " limit"] = field(metadata=SI)
     active: Bool[np.ndarray, " limit"]
     multiplier: Float[np.ndarray, " limit"]
@@ -83,10 +88,15 @@ class Limits:
     @property
     @derived()
     def margin(self) -> Float[np.ndarray, " limit"]:
-        """ln of value over limit, or of limit over value: negative if not met, or not equal."""
+        """ln of value over limit, or of limit over value: negative if not met, or not equal.
+
+        Of quantities with a sign the relative distance from the limit.
+        """
+        positive = np.where(self.logarithmic, self.value, 1.0)
+        limit = np.where(self.logarithmic, self.asked, 1.0)
         with np.errstate(divide="ignore"):
-            log = np.log(self.value) - np.log(self.asked)
-        return self._signed(log)
+            log = np.log(positive) - np.log(limit)
+        return self._signed(np.where(self.logarithmic, log, (self.value - self.asked) / self.scale))
 
     @property
     @derived()
@@ -102,11 +112,16 @@ class Limits:
     @property
     def room(self) -> Float[np.ndarray, " limit"]:
         """Relative distance of each value from its limit, negative if not met."""
-        return self.relative_room(self.value)
+        return self._relative_room(self.value)
 
-    def relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
+    @property
+    def room_before(self) -> Float[np.ndarray, " limit"]:
+        """Relative distance of each value of the starting design from its limit."""
+        return self._relative_room(self.before)
+
+    def _relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
         """Distances of values from the limits relative to these; of equalities at most 0."""
-        return self._signed(value / self.asked - 1) + 0.0  # -0.0 becomes 0.0
+        return self._signed((value - self.asked) / self.scale) + 0.0  # -0.0 becomes 0.0
 
     def _signed(self, above: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
         sense = np.array(self.sense, dtype=str)

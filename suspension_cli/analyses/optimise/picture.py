@@ -47,17 +47,13 @@ MIN_FRACTION = 1e-4
 
 def draw(found: Optimum, title: str) -> Figure:
     """Draw the figure of `pendsus optimise`; `title` names design and model."""
-    limits, before = found.limits, _room_before(found)
+    limits = found.limits
     others = np.flatnonzero(found.quantities.mode[limits.quantity] < 0)
     shown = [_modes(found), _numbers(found), *([_margins(found, others)] if len(others) else [])]
     heading = f"Optimised: {int(limits.met.sum())} of {len(limits.name)} limits met"
-    heading += f", {int((before >= -MET).sum())} before"
+    heading += f", {int((limits.room_before >= -MET).sum())} before"
     heading += f", {len(found.unknown)} unknown" if found.unknown else ""
     return panels.draw(heading, title, shown)
-
-
-def _room_before(found: Optimum) -> Float[np.ndarray, " limit"]:
-    return found.limits.relative_room(found.quantities.before[found.limits.quantity])
 
 
 def _rows(
@@ -114,7 +110,9 @@ def _limits_of_modes(
     found: Optimum, unit: str
 ) -> tuple[Float[np.ndarray, "side mode"], Bool[np.ndarray, "end mode"]]:
     """Range that limits on the quantity with this unit of each mode allow, and if it is missed."""
-    limits, quantities, before = found.limits, found.quantities, _room_before(found)
+    limits = found.limits
+    quantities = found.quantities
+    before = limits.room_before
     rows = len(found.modes.number)
     allowed, missed = np.array([[0.0] * rows, [np.inf] * rows]), np.zeros((2, rows), dtype=bool)
     limited = np.zeros(rows, dtype=bool)
@@ -156,7 +154,8 @@ def _numbers(found: Optimum) -> Panel:
 
 def _margins(found: Optimum, which: Int[np.ndarray, " row"]) -> Panel:
     """Room between values and limits, other than those on modes."""
-    limits, before = found.limits, _room_before(found)[which]
+    limits = found.limits
+    before = limits.room_before[which]
     after = 100 * np.nan_to_num(limits.room[which], nan=-1.0)
     ends = np.clip([100 * before, after], -MAX_ROOM, MAX_ROOM)
     least, most = np.nanmin(ends, initial=0.0), np.nanmax(ends, initial=1.0)

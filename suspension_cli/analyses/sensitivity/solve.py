@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.optimise.evaluate import solve_modes
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear.named_results import Ratio, Scalar
 from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import has_wire_mass
+from suspension_cli.physics import wire_modes
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, derivatives, parameters
 from suspension_cli.studies.builds import Builds
@@ -108,7 +108,7 @@ def solve(text: str, results: tuple[Scalar, ...], level: str = registry.STRING.n
     """
     design, numbers = reader.parse(text), parameters.every(text, level)
     model = registry.by_name(level).system(design)
-    modes = solve_modes(model)
+    modes = wire_modes.solve_undamped_bodies(model)
     ratios = [item for item in results if isinstance(item, Ratio)]
     count, massive = len(modes.frequency), has_wire_mass(model)
 
