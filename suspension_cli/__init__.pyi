@@ -630,15 +630,15 @@ def sensitivity(
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
-    """Compute the effect of every number of a design on modes, responses and couplings.
+    """Compute the effect of every number of a design on its modes, or on any quantity.
 
     Parameters
     ----------
     design : Design
         The design, or the path of its file.
     results : str or sequence of str
-        A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ.
-        Default: modes, which stands for every mode.
+        A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a
+        response OUTPUT/INPUT:HZ, .... Default: modes, which stands for every mode.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float
@@ -650,7 +650,7 @@ def sensitivity(
     -------
     Result
         With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
-        (parameters, results).
+        and `derivative_error` (parameters, results).
 
     Raises
     ------
