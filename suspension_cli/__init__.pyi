@@ -630,15 +630,15 @@ def sensitivity(
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
-    """Compute the effect of every number of a design on modes, responses and couplings.
+    """Compute the effect of every number of a design on its modes, or on any quantity.
 
     Parameters
     ----------
     design : Design
         The design, or the path of its file.
     results : str or sequence of str
-        A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ.
-        Default: modes, which stands for every mode.
+        A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a
+        response OUTPUT/INPUT:HZ, .... Default: modes, which stands for every mode.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float
@@ -650,7 +650,7 @@ def sensitivity(
     -------
     Result
         With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
-        (parameters, results).
+        and `derivative_error` (parameters, results).
 
     Raises
     ------
@@ -788,8 +788,7 @@ def tolerance(
     seed: int = 1,
     limit: float = 0.001,
     require: Names = (),
-    sampling: str = 'random',
-    sobol_indices: bool = False,
+    results: Names = (),
     input: str = 'support.z',
     observe: str | None = None,
     over: str | None = None,
@@ -804,7 +803,7 @@ def tolerance(
     fidelity: str = 'auto',
     folder: PathLike | None = None,
 ) -> Result:
-    """Compute the scatter of modes and cross-coupling over random builds, and its causes.
+    """Compute the scatter of quantities over random builds, yields, and the causes of scatter.
 
     Parameters
     ----------
@@ -817,13 +816,10 @@ def tolerance(
     limit : float
         Limit on the cross-coupling, whose yield is printed.
     require : str or sequence of str
-        A requirement beside those of the design: 'test pitch in 0.5:0.7', 'coupling < 1e-3', 'test
-        static pitch < 2e-3'; Hz, m, rad.
-    sampling : {"random", "sobol"}
-        Independent builds, or 8 scrambled Sobol sequences, whose statistical errors are smaller.
-    sobol_indices : bool
-        Print Sobol indices: the fraction of the variance of every result that each of the k
-        tolerances causes. Uses (k + 2) N of the builds, with N a power of two.
+        A requirement beside those of the design: 'test pitch in 0.5:0.7', 'coupling < 1e-3', 'Q of
+        test pitch < 50'; any quantity, in SI units.
+    results : str or sequence of str
+        A quantity whose statistics are computed too, such as 'thermal test.x:10'.
     input : str
         The input: a motion of the support, or a force.
     observe : str, optional
@@ -856,13 +852,14 @@ def tolerance(
     -------
     Result
         With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static` and `required`, whose
-        items have a `name`, `mean`, `deviation`, `quantiles`, ...; `yields`, `joint`, `indices`.
+        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`, `others` and
+        `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`, `share`, ...;
+        `yields`, `joint`.
 
     Raises
     ------
     InputError
-        If the design has no ``[tolerance]`` table.
+        If the design has no ``[tolerance]`` table, or no quantity of a name.
 
     Examples
     --------

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
     from suspension_cli.files.hdf5 import Provenance
-    from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
 
@@ -460,12 +459,6 @@ class Analysis(ABC):
         Each raises `InputError` for an unknown name, of which `pendsus check` warns. `known` are
         the bodies with signals.
         """
-        return ()
-
-    def parse_results(
-        self, design: Design, modes: Modes, stages: tuple[str, ...], known: tuple[str, ...]
-    ) -> Iterable[Callable[[], object]]:
-        """Calls as of `parse_names`, for names of results, including labels of modes."""
         return ()
 
     def path(self, result: Result, folder: Path) -> Path:

@@ -143,9 +143,9 @@ class QuantityRequirement(Table, frozen=True):
     note: str = key("where the requirement comes from, for the report", "", max_length=200)
 
     rules = (
-        tables.any_of("at_least", "at_most", "equals"),
-        tables.excludes("equals", "at_least", "at_most"),
-        tables.ordered("at_least", "at_most"),
+        key_rules.any_of("at_least", "at_most", "equals"),
+        key_rules.excludes("equals", "at_least", "at_most"),
+        key_rules.ordered("at_least", "at_most"),
     )
 
 
@@ -159,7 +159,7 @@ class Objective(Table, frozen=True):
         "imperfections of the build that it is computed for", min_length=1
     )
 
-    rules = (tables.exactly_one("minimise", "maximise"),)
+    rules = (key_rules.exactly_one("minimise", "maximise"),)
 
 
 class Goals(Table, frozen=True):

@@ -275,8 +275,7 @@ class Requirement(Table, frozen=True):
     """Requirement on every build, in SI units (Hz for modes)."""
 
     quantity: str = key(
-        "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
-        " a response OUTPUT/INPUT:FREQUENCY",
+        "name of a quantity, such as 'test pitch', 'coupling' or 'test static pitch'",
         max_length=200,
     )
     band: list[units.Number] | None = key("least and largest value", count=2)

@@ -64,6 +64,19 @@ def pair_by_shape(
     return choice, overlap[np.arange(len(choice)), choice]
 
 
+def pair_batch(
+    nominal: Float[np.ndarray, "mode coordinate"],
+    shapes: Float[np.ndarray, "build mode coordinate"],
+) -> Int[np.ndarray, "build mode"]:
+    """Find the mode of every build that each mode of a nominal design has become, by overlap."""
+    overlap = (nominal @ np.swapaxes(shapes, -1, -2)) ** 2
+    choice = overlap.argmax(-1)
+    several = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)
+    for n in np.flatnonzero(several).tolist():
+        choice[n] = pair_by_overlap(overlap[n])
+    return choice
+
+
 def pair_bodies(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
     """Pair the modes of two models of one design, of which `model` is one, by bodies' motion."""
     bodies = slice(6, 6 + 6 * len(model.body))

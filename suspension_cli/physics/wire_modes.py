@@ -26,6 +26,7 @@ from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models.spectrum_error import has_wire_mass
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Fibre
 
@@ -39,6 +40,9 @@ PER_WIRE = sum(COORDINATES[part] // 2 for part in PARTS)
 """Coordinates of a cut."""
 CUT_UNITS = ("m", "rad", "m", "rad", "m", "rad")
 """Their units: deflection and slope in both planes, stretching, twist."""
+HIGHEST = 1.05
+"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
+wire mass lowers frequencies, except next to a violin mode."""
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
 CLOSE = 1e-6
@@ -62,6 +66,16 @@ HIGHEST = 1.05
 wire mass lowers frequencies, except next to a violin mode."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
+
+
+def solve_undamped_bodies(model: LinearSystem) -> Modes:
+    """Solve for the undamped modes of bodies; with wire mass, those most like the modes without."""
+    static = eigenmodes.solve(model.constant)
+    if not has_wire_mass(model):
+        return static
+    found = solve(model, HIGHEST * float(np.nanmax(static.frequency)))
+    pairs = pair_bodies(static, found, model)
+    return found.select(np.sort(pairs[pairs >= 0]))
 
 
 def solve(
@@ -122,20 +136,6 @@ def solve(
         modes, wire=names, wire_energy=np.pad(modes.wire_energy, ((0, 0), (0, len(light))))
     )
     return replace(still, wire=names, wire_energy=energy).followed_by(modes).ascending()
-
-
-def solve_undamped_bodies(model: LinearSystem) -> Modes:
-    """Solve for the undamped modes of the bodies in any model.
-
-    If wires have mass, those most like the modes without it.
-    """
-    static = eigenmodes.solve(model.constant)
-    massive = any(isinstance(term, WireTerm) and term.strand.massive for term in model.terms)
-    if not massive:
-        return static
-    found = solve(model, HIGHEST * float(np.nanmax(static.frequency)))
-    pairs = pair_bodies(static, found, model)
-    return found.select(np.sort(pairs[pairs >= 0]))
 
 
 def solve_between(model: LinearSystem, low: float, high: float) -> Modes:

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from suspension_cli.models.choice import Comparison
 
 
-def compare_designs(quantities: Sequence[Quantity], designs: Sequence[Design]) -> Comparison:
+def compare_designs(
+    quantities: Sequence[Quantity], designs: Sequence[Design], *, allow_unstable: bool = False
+) -> Comparison:
     """Return the comparison of quantities of some designs, each relative to its own value.
 
     The quantity that changes most decides. The change is infinite where a design has an equilibrium
@@ -36,7 +38,7 @@ def compare_designs(quantities: Sequence[Quantity], designs: Sequence[Design]) -
     def solve(level: str) -> list[Solved]:
         batches = []
         for design in designs:
-            found = list(of_designs([design], level, needs))
+            found = list(of_designs([design], level, needs, allow_unstable=allow_unstable))
             if not found:
                 problem = f"has no equilibrium in the {level} model"
                 raise InputError.of("", problem, "change the design")

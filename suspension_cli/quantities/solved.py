@@ -17,7 +17,7 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes, mode_content
+from suspension_cli.linear import batch_modes, eigenmodes, mode_content, mode_pairing
 from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.eigenmodes import find_top_masses
 from suspension_cli.linear.mode_families import Families
@@ -33,6 +33,7 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene, select_scenes
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.job import nominal_system
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
@@ -81,6 +82,7 @@ class Solved:
         self._systems: dict[int, LinearSystem] = {}
         self._shifts: dict[tuple[str, int], Array] = {}
         self._ranked: dict[Families, list[Array]] = {}
+        self._followed: dict[str, Array] = {}
 
     @property
     def count(self) -> int:
@@ -179,6 +181,17 @@ class Solved:
                         number[n] = own
             self._ranked[families] = numbers
         return self._ranked[families]
+
+    def followed(self, nominal: str) -> Int[np.ndarray, "design mode"]:
+        """Numbers of the modes that those of a nominal design (TOML) have become, by their shapes.
+
+        In the order of that design's modes in the same model.
+        """
+        if nominal not in self._followed:
+            before = eigenmodes.spectrum(nominal_system(nominal, self.level)).shape
+            with np.errstate(all="ignore"):
+                self._followed[nominal] = mode_pairing.pair_batch(before, self.spectrum.shape)
+        return self._followed[nominal]
 
     def response(
         self, into: Signal, out: Signal, frequency: float

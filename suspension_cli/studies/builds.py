@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear import batch_modes
 from suspension_cli.linear.frequency_terms import is_light
-from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.statespace import ROUNDING, with_states_of_light
@@ -86,7 +86,7 @@ class Builds:
         """Columns that tell whether builds hang."""
         return {"residual": self.residual, "status": self.status, "slack_wire": self.wire}
 
-    @property
+    @cached_property
     def static(self) -> Float[np.ndarray, "build body 6"]:
         """Static displacements (x, y, z, m) and rotation vectors (rad) of bodies as drawn.
 
@@ -242,6 +242,30 @@ def transfer(
             none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
             result[none, :, o, i] = 0.0
     return result
+
+
+class Ratio(Protocol):
+    """A response at a frequency, Hz, or the ratio of two."""
+
+    @property
+    def over(self) -> Signal:
+        """The motion."""
+        ...
+
+    @property
+    def under(self) -> Signal | None:
+        """The motion that divides it; None for a response."""
+        ...
+
+    @property
+    def input(self) -> Signal:
+        """The input."""
+        ...
+
+    @property
+    def frequency(self) -> float:
+        """Frequency, Hz."""
+        ...
 
 
 def responses(builds: Builds, ratios: Sequence[Ratio]) -> Complex[np.ndarray, "build response"]:

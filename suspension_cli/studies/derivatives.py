@@ -118,7 +118,7 @@ def differentiate(
     `nominal` are the results of the design itself, if known. Raises `InputError` if the design has
     no equilibrium, or a wire is slack in it.
     """
-    step = np.array([_step(design, item) for item in numbers])
+    step = STEP * np.array([size_of_changes(design, item) for item in numbers])
     designs = [
         shifted(design, item.name, sign * h)
         for item, h in zip(numbers, step, strict=True)
@@ -217,14 +217,14 @@ def frequency_rates(
         return np.where(squared > 0, rates / (8 * np.pi**2 * modes.frequency), np.nan)
 
 
-def _step(design: Design, item: Parameter) -> float:
-    """Choose the step of a number, SI."""
+def size_of_changes(design: Design, item: Parameter) -> float:
+    """Choose the size of changes of a number that matter, SI; steps are small against it."""
     natural, unit = natural_step(item.name, item.value)
     if item.name.endswith("natural_length"):  # its difference from the loaded length matters
-        return STEP * natural
+        return natural
     if unit != "%":  # lengths and angles
-        return STEP * max(abs(item.value), natural)
-    return STEP * (abs(item.value) or _typical_size(design, item.name))
+        return max(abs(item.value), natural)
+    return abs(item.value) or _typical_size(design, item.name)
 
 
 def _typical_size(design: Design, name: str) -> float:

@@ -92,7 +92,7 @@ MAKES = {
     "xcouple": "xcouple configs/husman2000/figure6.toml --sweep k=1,1.1,mass=1 --workers 1",
     "tolerance": (
         "tolerance configs/husman2000/figure6.toml --fidelity string --workers 1 --set"
-        " \"tolerance.body=[{stage='test', com={normal=1e-4}}]\" --builds 192 --sobol-indices"
+        " \"tolerance.body=[{stage='test', com={normal=1e-4}}]\" --builds 192"
         " --require 'test.x/support.x:10 < 1' --require 'test yaw > 0.1'"
     ),
     "sweep": (
@@ -170,8 +170,7 @@ def words_of(line: str) -> list[str]:
         for word in shlex.split(line, comments=True)[1:]
     ]
     for option, fewer in AMOUNTS.items():
-        # Sobol indices need as many as are given
-        if option in words and not (option == "--builds" and "--sobol-indices" in words):
+        if option in words:
             n = words.index(option) + 1
             words[n] = str(min(int(words[n]), int(fewer)))
     return words

@@ -64,8 +64,8 @@ def whole(tmp_path_factory):
         "xcouple": ("xcouple", FILE, *GRID),
         "tolerance": (
             *("tolerance", RANDOM, "--fidelity", "string", "--builds", "150"),
-            *("--frequency", "10,50", "--sampling"),
-            *("sobol", "--require", "test.x/support.x:10 < 1", "--require", "coupling < 1e-3"),
+            *("--frequency", "10,50", "--result", "Q of test pitch"),
+            *("--require", "test.x/support.x:10 < 1", "--require", "coupling < 1e-3"),
         ),
     }
     return {
@@ -138,8 +138,6 @@ JOBS = {
     "violin": lossy_at_high_frequencies,
     "designs": over_designs,
     "random": lambda: builds_at_random(81),
-    # N = 16, so that these ranges are in several of the 19 matrices
-    "indices": lambda: builds_at_random(19 * 16, method="sobol", with_indices=True),
 }
 """Sweeps of every kind of matrix."""
 

@@ -15,7 +15,7 @@ from suspension_cli.design.checks import ImplausibleNumber
 from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value, suggest
-from suspension_cli.linear import named_results, signals
+from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import registry
 from suspension_cli.models.registry import Choice
@@ -24,7 +24,8 @@ from suspension_cli.physics.loads import Statics, WireWeights
 from suspension_cli.physics.near_limits import find_implausible_loads, find_slackest, find_stability
 from suspension_cli.physics.statics import list_wire_tables
 from suspension_cli.physics.temperatures import find_unknown_temperatures
-from suspension_cli.quantities import requirements
+from suspension_cli.quantities import requirements, vocabulary
+from suspension_cli.quantities.kinds.modes import ALL
 from suspension_cli.quantities.requirements import Verdict
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def check(source: Source) -> Check:
     found += [ImplausibleNumber.of(fault) for fault in unknown]
     found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
     found += [*unstable, *find_slackest(loads)]
-    found += find_unknown_names(design, modes, tomllib.loads(source.text))
+    found += find_unknown_names(source, modes, tomllib.loads(source.text))
     verdicts = judge_requirements(source, model)
     stable = None if model is None else not unstable
     return Check(choice, loads, stable, model, found, verdicts)
@@ -98,11 +99,13 @@ def judge_requirements(source: Source, level: str | None) -> tuple[Verdict, ...]
 
 
 def find_unknown_names(
-    design: Design, found: Modes | None, raw: dict[str, object]
+    source: Source, found: Modes | None, raw: dict[str, object]
 ) -> list[ImplausibleNumber]:
-    """Find unknown names in a design, whose tables are `raw`; labels if modes are `found`."""
+    """Find unknown names in a design, whose tables are `raw`; quantities if modes are `found`."""
     from suspension_cli.analyses import registry as analyses
 
+    design = source.design
+    quantities = names_of(source)
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
     on_ground = any(GROUND in item.between for _, item in design.between_bodies)
@@ -127,17 +130,18 @@ def find_unknown_names(
 
     unknown: list[ImplausibleNumber] = []
     for analysis in map(analyses.get, ANALYSES):
-        parsers = [*analysis.parse_names(design, stages, known)]
-        if found is not None:
-            parsers += analysis.parse_results(design, found, stages, known)
+        parsers = analysis.parse_names(design, stages, known)
         unknown += [warning for parse in parsers for warning in _collect_faults(parse)]
+    if found is not None:
+        for limits in requirements.of_tolerance(design):
+            unknown += _collect_faults(partial(requirements.find_one, limits, quantities))
     parse_text: dict[str, Callable[[str], object]] = {
         **dict.fromkeys(("input", "output", "over", "under", "impulse"), parse_signal),
         "observe": lambda text: parse_signal(f"{text.partition('@')[0]}.x"),
         "wire": partial(parse_among, wires, "wire"),
         "body": partial(parse_among, [*stages], "stage"),
         "vary": parse_path,
-        "result": lambda text: found and named_results.parse([text], found, known),
+        "result": lambda text: found and text != ALL and vocabulary.parse(text, quantities),
     }
     for where, key, value in _analysis_keys(design):
         if "." in key:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,11 +20,11 @@ LEAST = 0.0005
 
 
 class SensitivityAnalysis(Analysis):
-    """Compute the effect of every number of a design on modes, responses and couplings.
+    """Compute the effect of every number of a design on its modes, or on any quantity.
 
     Effects are those of 1 mm for lengths, 1 mrad for angles and 1 % for all else. They are first
-    derivatives that include the change of the equilibrium. The model is chosen by their error,
-    relative to the largest effect on each result. Writes DIR/NAME-sensitivity.h5 and .png.
+    derivatives that include the change of the equilibrium. The model is chosen by the error of the
+    quantities. Writes DIR/NAME-sensitivity.h5 and .png.
 
     Example: pendsus sensitivity my.toml --result "test longitudinal"
 
@@ -31,7 +32,7 @@ class SensitivityAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
-        (parameters, results).
+        and `derivative_error` (parameters, results).
 
     Raises
     ------
@@ -51,7 +52,17 @@ class SensitivityAnalysis(Analysis):
     draws_neglected = True
     arguments = (options.DESIGN,)
     parameters = (
-        options.RESULTS,
+        option(
+            "--result",
+            "results",
+            multiple=True,
+            metavar="QUANTITY",
+            help=(
+                "A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10',"
+                " a response OUTPUT/INPUT:HZ, ... (repeatable)."
+                "  [default: modes, which stands for every mode]"
+            ),
+        ),
         options.ALLOW_UNSTABLE,
         options.ACCURACY,
         *options.WRITING,
@@ -59,27 +70,34 @@ class SensitivityAnalysis(Analysis):
 
     def solve(self, run: Run) -> Result:
         """Differentiate every result with respect to every number."""
+        from suspension_cli.analyses.named_quantities import names_of
         from suspension_cli.analyses.sensitivity import solve as sensitivity
-        from suspension_cli.linear import eigenmodes, named_results
+        from suspension_cli.linear import eigenmodes
         from suspension_cli.models import registry
+        from suspension_cli.models.choice import choose
         from suspension_cli.physics import model_choice
+        from suspension_cli.quantities.differences import compare_designs
+        from suspension_cli.quantities.kinds.modes import describe_shared_motions
 
-        setting, source = run.setting, run.source
+        setting = run.setting
+        source = run.source
         wanted = setting["fidelity"]
+        unstable = setting["allow_unstable"]
         model_choice.demand_one_of(wanted, registry.SCENE_MODELS, "cannot compute derivatives")
-        choice, model = model_choice.choose(
-            source,
+        names = names_of(source)
+        models = model_choice.with_and_without_wire_mass(source)
+        asked = sensitivity.parse(setting["results"], names, source.text, models[-1].name)
+        choice = choose(
+            source.design,
             wanted,
-            model_choice.named_results(setting["results"]),
-            candidates=model_choice.with_and_without_wire_mass(source),
-            tolerance=setting["tolerance"],
+            models,
+            compare_designs(asked, [source.design], allow_unstable=unstable),
+            setting["tolerance"],
         )
-        model = model_choice.stable_system(
-            source, choice, setting["allow_unstable"], run.log, model, bends=True
-        )
-        requested = named_results.of_system(setting["results"], model)
-        found = sensitivity.solve(source.text, requested, choice.level)
-        for said in named_results.shared_motions(requested, eigenmodes.solve(model.constant)):
+        model = model_choice.stable_system(source, choice, unstable, run.log, bends=True)
+        quantities = sensitivity.parse(setting["results"], names, source.text, choice.level)
+        found = sensitivity.solve(source.text, quantities, choice.level, allow_unstable=unstable)
+        for said in describe_shared_motions(quantities, eigenmodes.solve(model.constant)):
             run.log.warn(f"{said}; the effects are those on the first of them")
         model_choice.warn_of_neglected(source, choice, run.log, registry.SCENE_MODELS)
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
@@ -97,6 +115,7 @@ class SensitivityAnalysis(Analysis):
             "parameters": table(found, "name=parameter value free step step_unit"),
             "results": table(found, "name=result unit nominal"),
             "derivative": found.derivative,
+            "derivative_error": found.derivative_error,
             "one_percent": found.one_percent,
             "per_step": found.per_step,
         }
@@ -108,7 +127,8 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.design.paths import format_with_unit
 
         found: Sensitivity = result.data
-        change, absolute = found.per_step, found.nominal == 0
+        change = found.per_step
+        absolute = found.nominal == 0
         shown = np.isfinite(change) & ((abs(change) >= LEAST) | (absolute & (change != 0)))
         cells = np.where(absolute, np.char.mod("%.1e", change), np.char.mod("%+.3f", change))
         cells[abs(change) < np.where(absolute, 5e-324, LEAST)] = "0"
@@ -127,7 +147,7 @@ class SensitivityAnalysis(Analysis):
             lines.append("")
             for n in here:
                 line = f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g} {units[n]}"
-                lines.append(line.rstrip())
+                lines.append(line.rstrip() + _error(found.error_share[n]))
                 columns[f"[{n + 1}]\n{units[n] if absolute[n] else '%'}"] = "+.3f"
             rows = [
                 (name, format_with_unit(name, found.value[k]), f"1 {step}", *cells[k, here])
@@ -142,6 +162,11 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.analyses.sensitivity import picture
 
         return {"": picture.draw(result.data, result.subtitle, result.given.design.perturbation)}
+
+
+def _error(share: float) -> str:
+    """Describe the error of derivatives over the largest; nothing where they are exact."""
+    return "" if share != share else f"  (error {100 * share:.1g} % of the largest change)"
 
 
 ANALYSIS = SensitivityAnalysis()

@@ -6,13 +6,16 @@ the second of the modes in which this motion has most of the energy, as `pendsus
 them. ``lowest pitch`` is the lowest of the modes with most energy in the pitch of all bodies.
 ``longitudinal-pitch 2`` is the second of the modes in which motions move that couple by symmetry
 (`linear.mode_families`).
+
+Where all modes are listed, as those of random builds, each is followed from the nominal design by
+its shape (`FollowedMode`).
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -28,7 +31,9 @@ from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Bool, Float, Int
+
+    from suspension_cli.linear.eigenmodes import Modes
 
 ALL = "modes"
 """Name that stands for every mode."""
@@ -110,6 +115,29 @@ class Frequency(FrequencyOfMode):
     def content(self, solved: Solved) -> Float[np.ndarray, "design mode"]:
         """That of the motion."""
         return solved.fractions[..., self.motion.place]
+
+    def is_shared(self, solved: Solved) -> Bool[np.ndarray, " design"]:
+        """Whether another mode of each design shares the motion, so that the name may mean both."""
+        return mode_content.find(solved.fractions, self.motion).shared & solved.hangs
+
+
+@dataclass(frozen=True)
+class FollowedMode(FrequencyOfMode):
+    """Frequency, Hz, of the mode that mode number `place` of a nominal design has become.
+
+    It has the shape that overlaps most with that of the nominal mode, one to one. `place` is from
+    0, in the order of the nominal design's modes in the same model.
+    """
+
+    place: int
+    nominal: str = field(repr=False)
+
+    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+        """Number of the mode paired with the nominal one."""
+        numbers = solved.followed(self.nominal)
+        if self.place >= numbers.shape[1]:  # models may differ in their tips of blades
+            return np.full(solved.count, -1)
+        return numbers[:, self.place]
 
 
 @dataclass(frozen=True)
@@ -199,6 +227,24 @@ def parse_mode(text: str, names: Names, option: str) -> FrequencyOfMode:
             return found[0]
     remedy = suggest(text, names.labels)
     raise InputError.of(option, "is the label of no mode", remedy, format_value(text))
+
+
+def describe_shared_motions(quantities: Sequence[Quantity], modes: Modes) -> list[str]:
+    """Say which modes of a design, named by their motions, share them with another mode."""
+    said = []
+    for one in quantities:
+        if not isinstance(one, Frequency):
+            continue
+        found = mode_content.find(modes.fractions, one.motion)
+        if found.shared:
+            first = f"{modes.frequency[int(found.mode)]:.5g}"
+            second = f"{modes.frequency[int(found.other)]:.5g}"
+            parts = f"{100 * found.fraction:.0f} and {100 * found.other_fraction:.0f} %"
+            said.append(
+                f"two modes share {one.text}: {first} and {second} Hz, with {parts} of their"
+                " kinetic energy in it"
+            )
+    return said
 
 
 def find_motion(text: str, names: Names) -> Motion | None:
