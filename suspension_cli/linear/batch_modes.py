@@ -70,7 +70,7 @@ def solve(model: LinearSystem) -> Spectrum:
         return _solve_blocks(model, model.blocks)
     (count,), size = model.batch, model.size
     nonzero = np.broadcast_to((model.mass != 0) | (model.stiffness != 0), (count, size, size))
-    packed = np.packbits(nonzero, axis=-1).reshape(count, -1)
+    packed = np.packbits(nonzero.reshape(count, size * size), axis=-1)
     groups: dict[bytes, list[int]] = {}  # systems of one pattern have the same blocks
     for n, row in enumerate(packed):
         groups.setdefault(row.tobytes(), []).append(n)

@@ -41,6 +41,10 @@ class Quantity(ABC):
         Whether it needs wires that bend, as losses act there.
     wire_mass
         Whether wires must have mass.
+    undamped
+        Whether it is of undamped modes, which are those of wires without mass.
+    slow
+        Whether it is computed design by design, which takes some 10 to 100 ms each.
     """
 
     text: str
@@ -51,6 +55,8 @@ class Quantity(ABC):
     steady: ClassVar[bool] = True
     bends: ClassVar[bool] = False
     wire_mass: ClassVar[bool] = False
+    undamped: ClassVar[bool] = False
+    slow: ClassVar[bool] = False
 
     @property
     def needs(self) -> Needs:

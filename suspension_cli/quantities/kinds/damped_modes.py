@@ -39,6 +39,7 @@ class Decay(Quantity):
     motion: Motion | None
 
     bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = "has no such mode that oscillates and decays"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

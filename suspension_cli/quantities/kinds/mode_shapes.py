@@ -32,6 +32,7 @@ class TopFraction(Quantity):
     motion: Motion
 
     steady: ClassVar[bool] = False
+    undamped: ClassVar[bool] = True
     missing = "has no such mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -53,6 +54,7 @@ class Distance(Quantity):
     second: Motion
 
     steady: ClassVar[bool] = False
+    undamped: ClassVar[bool] = True
     missing = "has no such modes, or one is unstable"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
