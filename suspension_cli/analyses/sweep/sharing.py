@@ -135,8 +135,11 @@ def _lacking(swept: SweepResult) -> Iterator[str]:
         if swept.missing is None or swept.degree[n]:
             continue
         places = (swept.status == builds.GOOD) & np.isnan(swept.value[..., n])
+        infinite = np.isinf(swept.value[..., n])
         if places.any():
             yield f"{name} has no value {_where(swept, places)}: the design {swept.missing[n]}"
+        if infinite.any():
+            yield f"{name} is infinite {_where(swept, infinite)}"
 
 
 def _shares(swept: SweepResult, one: Labelled) -> Iterator[str]:

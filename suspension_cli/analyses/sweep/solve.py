@@ -356,12 +356,12 @@ class SweepResult:
     @property
     def all_met(self) -> Bool[np.ndarray, "*axes"] | None:
         """Whether each point meets all requirements; None without any."""
-        return None if self.met is None else self.met.all(-1)
+        return None if self.met is None else np.asarray(self.met.all(-1))
 
     @property
     def worst_margin(self) -> Float[np.ndarray, "*axes"] | None:
         """Smallest margin at each point; NaN where one is unknown, None without requirements."""
-        return None if self.margin is None else self.margin.min(-1)
+        return None if self.margin is None else np.asarray(self.margin.min(-1))
 
 
 def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
