@@ -251,6 +251,17 @@ RESULTS = option(
         " (repeatable).  [default: modes, which stands for every mode]"
     ),
 )
+QUANTITIES = option(
+    "--result",
+    "results",
+    multiple=True,
+    metavar="QUANTITY",
+    help=(
+        "A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a"
+        " response OUTPUT/INPUT:HZ, ... (repeatable)."
+        "  [default: modes, which stands for every mode]"
+    ),
+)
 COUPLING = (
     option(
         "--input",

@@ -100,6 +100,8 @@ def solve(model: LinearSystem) -> Spectrum:
 def _alike(model: LinearSystem) -> list[tuple[tuple[Index, ...], Int[np.ndarray, " build"]]]:
     """Group systems of a batch by the pattern of their matrices, which have the same blocks."""
     (count,) = model.batch
+    if not count:
+        return []
     nonzero = np.broadcast_to(model.mass != 0, (count, model.size, model.size))
     nonzero = np.asarray(nonzero | (model.stiffness != 0))
     groups: list[Index] = [np.arange(count)]

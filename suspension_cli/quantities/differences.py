@@ -22,6 +22,8 @@ from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved, of_designs
 
 if TYPE_CHECKING:
+    from jaxtyping import Bool
+
     from suspension_cli.models.choice import Comparison
 
 
@@ -49,12 +51,12 @@ def compare_designs(
 
 
 def compare_batches(
-    quantities: Sequence[Quantity], solve: Callable[[str], Sequence[Solved]]
+    quantities: Sequence[Quantity], solve: Callable[[str], Sequence[Solved | None]]
 ) -> Comparison:
     """Return the comparison of quantities of batches of designs in two models.
 
-    `solve` balances the batches in a model, in the same order in each. A change is relative to the
-    largest value of its batch.
+    `solve` balances the batches in a model, in the same order in each; None stands for a batch that
+    the model cannot describe. A change is relative to the largest value of its batch.
     """
     known = cache(solve)
     steady = any(quantity.steady for quantity in quantities)
@@ -64,10 +66,12 @@ def compare_batches(
         name = "the results"
         exist = False
         for old, new in zip(known(simple.name), known(refined.name), strict=True):
-            before = old.is_steady if steady else old.hangs
-            after = new.is_steady if steady else new.hangs
+            before = _exists(old, steady=steady)
+            after = _exists(new, steady=steady)
             if (before != after).any():
                 return math.inf, ONE_MODEL_ONLY
+            if old is None or new is None:
+                continue
             exist = exist or bool(after.any())
             for quantity in quantities:
                 own = np.fmax.reduce(quantity.change(old, new), initial=-1.0)
@@ -81,3 +85,10 @@ def compare_batches(
         return max(worst, 0.0), name
 
     return change
+
+
+def _exists(batch: Solved | None, *, steady: bool) -> Bool[np.ndarray, " design"]:
+    """Which designs of a batch have an equilibrium, or if that is needed a steady state."""
+    if batch is None:
+        return np.zeros(1, dtype=bool)
+    return batch.is_steady if steady else batch.hangs

@@ -48,6 +48,10 @@ class Quantity(ABC):
     vanishes
         Whether it is 0 in some designs and positive on both sides of them, like the distance of
         modes that cross.
+    undamped
+        Whether it is of undamped modes, which are those of wires without mass.
+    slow
+        Whether it is computed design by design, which takes some 10 to 100 ms each.
     """
 
     text: str
@@ -60,6 +64,8 @@ class Quantity(ABC):
     wire_mass: ClassVar[bool] = False
     largest: ClassVar[float] = math.inf
     vanishes: ClassVar[bool] = False
+    undamped: ClassVar[bool] = False
+    slow: ClassVar[bool] = False
 
     @property
     def needs(self) -> Needs:

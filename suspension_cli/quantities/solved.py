@@ -107,8 +107,12 @@ class Solved:
     @cached_property
     def spectrum(self) -> Spectrum:
         """Undamped modes, ascending, of wires without mass; NaN where a design does not hang."""
+        hung = np.flatnonzero(self.hangs)
         with np.errstate(all="ignore"):
-            return batch_modes.solve(self.found.model.constant)
+            if len(hung) == self.count:
+                return batch_modes.solve(self.found.model.constant)
+            found = batch_modes.solve(self.found.model.constant.select(hung))
+        return Spectrum(*(_put(own, hung, self.count) for own in vars(found).values()))
 
     @cached_property
     def _modes(
@@ -334,6 +338,14 @@ class Solved:
         """Read something of the equilibrium: of models without one, that of strings."""
         known = registry.by_name(self.level).supports_builds
         return self.in_model(self.level if known else registry.STRING.name, read)
+
+
+def _put(values: Array, places: Int[np.ndarray, " place"], count: int) -> Array:
+    """Put values of some designs at their places among all; NaN, or of integers 0, elsewhere."""
+    empty = np.nan if values.dtype.kind == "f" else 0
+    result = np.full((count, *values.shape[1:]), empty, values.dtype)
+    result[places] = values
+    return result
 
 
 def of_designs(

@@ -1,8 +1,8 @@
-"""`pendsus sweep`: modes, responses and couplings over any parameters of a design."""
+"""`pendsus sweep`: any quantities over any parameters of a design."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
@@ -13,7 +13,8 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.sweep.solve import SweepResult
+    from suspension_cli.analyses.sweep.solve import ParameterSweep, SweepResult
+    from suspension_cli.physics.log import Log
     from suspension_cli.studies.job import Axis
 
 ALIKE = 0.4
@@ -21,10 +22,11 @@ ALIKE = 0.4
 
 
 class SweepAnalysis(Analysis):
-    """Compute modes, responses and couplings over a grid of a design's parameters.
+    """Compute modes, or any quantities, over a grid of a design's parameters.
 
     One parameter gives lines, two give maps. Modes are followed through crossings by their shapes.
-    Writes DIR/NAME-sweep.h5 and .png.
+    Limits of requirements are drawn, and what share of the grid meets them is printed. Writes
+    DIR/NAME-sweep.h5 and .png.
 
     Example: pendsus sweep my.toml --vary stage.test.wires.d=1e-3:5e-3:41
 
@@ -32,7 +34,7 @@ class SweepAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
-        (axis 1, axis 2, ..., results).
+        (axis 1, axis 2, ..., results); `met`, whether each point meets each requirement.
 
     Raises
     ------
@@ -64,7 +66,16 @@ class SweepAnalysis(Analysis):
                 "  [required]"
             ),
         ),
-        options.RESULTS,
+        options.QUANTITIES,
+        option(
+            "--require",
+            multiple=True,
+            metavar="TEXT",
+            help=(
+                "A requirement beside those of the design: 'test pitch in 0.5:0.7',"
+                " 'thermal test.x:10 < 1e-19', SI units and Hz (repeatable)."
+            ),
+        ),
         *options.SWEEP,
         options.ACCURACY,
         options.ALLOW_UNSTABLE,
@@ -75,61 +86,31 @@ class SweepAnalysis(Analysis):
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.sweep import solve as sweep
-        from suspension_cli.analyses.sweep.solve import ParameterSweep
-        from suspension_cli.linear import named_results
-        from suspension_cli.models import registry
+        from suspension_cli.analyses.sweep import sweep_models
+        from suspension_cli.analyses.sweep.point_errors import PointErrors
         from suspension_cli.physics import near_limits
-        from suspension_cli.studies import builds
 
-        setting, source = run.setting, run.source
-        over = axes(list(setting["vary"]))
-        unstable = setting["allow_unstable"]
-        simplest = registry.choose(source.design, setting["fidelity"])
-
-        def on(level: str, names: Sequence[str] = setting["results"]) -> ParameterSweep:
-            system = registry.by_name(level).system(source.design)
-            results = named_results.of_system(names, system)
-            return ParameterSweep(source.text, over, level, results, unstable)
-
-        try:
-            first = on(simplest.level)
-        except InputError:  # another model may have a mode of this label
-            if setting["fidelity"] != registry.AUTO:
-                raise
-            first = on(simplest.level, [])
-        follows = len(first.ratios) < len(first.results)
-        if follows and simplest.model.has_wire_mass:
-            remedy = "take beam, or ask for responses alone"
-            problem = "has no modes that could be followed"
-            raise InputError.of("--fidelity", problem, remedy, format_value(simplest.level))
+        asked = sweep_models.Asked.of(run.source, run.setting, axes(list(run.setting["vary"])))
+        wanted = asked.settle_model(run.setting["fidelity"], run.log.say)
+        first = asked.job(asked.simplest(wanted))
         first.check()
         study = sweeping.Study(
-            on,
-            [model for model in registry.MODELS if not (follows and model.has_wire_mass)],
-            sweep.result_change(first),
+            asked.job,
+            asked.usable(wanted),
+            PointErrors(first),
             sweep.first_points(first),
             sweep.extreme_points,
             sweep.write,
         )
-        choice = study.choose(source, setting)
+        chunk = run.setting["chunk"]
+        if first.is_slow:
+            chunk = min(chunk, sweep.TOGETHER)
+        run = replace(run, setting=run.setting | {"fidelity": wanted, "chunk": chunk})
+        choice = study.choose(run.source, run.setting)
         run.log.detail(f"{run.name}: {choice.line}")
         near_limits.warn_implausible(run.design, run.log)
         result = sweeping.fill(run, self, study, choice)
-        found: SweepResult = result.data
-        for reason, count in found.failures.items():
-            impossible = reason == builds.STATUS[builds.IMPOSSIBLE]
-            fault = on(result.choice.level).first_fault(found.status) if impossible else ""
-            why = f"{reason} ({fault})" if fault else reason
-            run.log.warn(
-                f"{count} of {found.status.size} points have no result: {why}; narrow the range"
-                " of --vary"
-            )
-        if found.overlap < ALIKE:
-            run.log.warn(
-                "the shapes of a mode at two neighbouring points have an overlap of only"
-                f" {found.overlap:.2f} (1: equal), so modes may be mixed up there; take a finer"
-                " grid"
-            )
+        _warn(result.data, asked.job(result.choice.level), run.log)
         return result
 
     def document(self, result: Result) -> Document:
@@ -144,32 +125,31 @@ class SweepAnalysis(Analysis):
             if n in labelled:
                 one = labelled[n]
                 row["fraction"] = one.content.fraction
-                row["other_values"], row["other_fraction"] = one.other, one.content.other_fraction
-        swept = table(answer.axes, "name values")
-        said = [*sharing.remarks(answer)]
-        return {"axes": swept, "results": results, "failures": answer.failures, "remarks": said}
+                row["other_values"] = one.other
+                row["other_fraction"] = one.content.other_fraction
+        document: Document = {
+            "axes": table(answer.axes, "name values"),
+            "results": results,
+            "failures": answer.failures,
+            "remarks": [*sharing.remarks(answer)],
+        }
+        if answer.margin is not None and answer.met is not None and answer.all_met is not None:
+            names = "requirement=required quantity=required_quantity unit=required_unit"
+            document["requirements"] = table(answer, f"{names} at_least at_most")
+            for n, row in enumerate(document["requirements"]):
+                row["share"] = answer.met[..., n].mean()
+                row["margin"] = answer.margin[..., n]
+            document["all_requirements"] = {"share": answer.all_met.mean(), "met": answer.all_met}
+        return document
 
     def text(self, result: Result) -> str:
-        """Return smallest and largest value of every result, and where modes share a motion."""
-        import numpy as np
-
+        """Return smallest and largest value of every result, requirements, and remarks."""
         from suspension_cli.analyses.sweep import sharing
 
         answer: SweepResult = result.data
-        rows = []
-        for n, name in enumerate(answer.result):
-            value, where, ends = answer.value[..., n], "nowhere on the grid", (None, None)
-            if np.isfinite(value).any():
-                top = np.unravel_index(int(np.nanargmax(value)), value.shape)
-                at = zip(answer.axes, top, strict=True)
-                where = ", ".join(f"{axis.name} = {axis.values[k]:.4g}" for axis, k in at)
-                ends = np.nanmin(value), np.nanmax(value)
-            rows.append((answer.nominal[n], *ends, answer.unit[n], name, where))
-        columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
-        columns |= {"unit": "", "result": "", "where it is largest": ""}
-        found = sharing.remarks(answer)
-        said = ["", *found] if answer.labelled else []
-        return "\n".join([result.choice.line, "", tables.render(columns, rows), *said]).rstrip()
+        parts = [result.choice.line, _tabulate(answer), _describe_requirements(answer)]
+        parts.append("\n".join(sharing.remarks(answer)))
+        return "\n\n".join(part for part in parts if part)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
@@ -177,6 +157,61 @@ class SweepAnalysis(Analysis):
 
         stages = [stage.name for stage in result.given.design.stage]
         return {"": picture.draw(result.data, result.subtitle, stages)}
+
+
+def _warn(found: SweepResult, job: ParameterSweep, log: Log) -> None:
+    """Warn of points without results, and of a grid that is too coarse to follow modes."""
+    from suspension_cli.studies import builds
+
+    for reason, count in found.failures.items():
+        impossible = reason == builds.STATUS[builds.IMPOSSIBLE]
+        fault = job.first_fault(found.status) if impossible else ""
+        why = f"{reason} ({fault})" if fault else reason
+        log.warn(
+            f"{count} of {found.status.size} points have no result: {why}; narrow the range of"
+            " --vary"
+        )
+    if found.overlap < ALIKE:
+        log.warn(
+            "the shapes of a mode at two neighbouring points have an overlap of only"
+            f" {found.overlap:.2f} (1: equal), so modes may be mixed up there; take a finer grid"
+        )
+
+
+def _tabulate(answer: SweepResult) -> str:
+    """Return a table with the smallest and largest value of every result."""
+    import numpy as np
+
+    rows = []
+    for n, name in enumerate(answer.result):
+        value = answer.value[..., n]
+        ends: tuple[float | None, float | None] = (None, None)
+        where = "nowhere on the grid"
+        if np.isfinite(value).any():
+            known = np.where(np.isfinite(value), value, np.nan)
+            top = np.unravel_index(int(np.nanargmax(known)), value.shape)
+            at = zip(answer.axes, top, strict=True)
+            where = ", ".join(f"{axis.name} = {axis.values[k]:.4g}" for axis, k in at)
+            ends = np.nanmin(known), np.nanmax(known)
+        rows.append((answer.nominal[n], *ends, answer.unit[n], name, where))
+    columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
+    columns |= {"unit": "", "result": "", "where it is largest": ""}
+    return tables.render(columns, rows)
+
+
+def _describe_requirements(answer: SweepResult) -> str:
+    """Say at how many points of the grid each requirement is met, and all; "" without any."""
+    if answer.required is None or answer.met is None or answer.all_met is None:
+        return ""
+    shares = [(name, answer.met[..., n]) for n, name in enumerate(answer.required)]
+    if len(shares) > 1:
+        shares.append(("all of these", answer.all_met))
+    count = answer.status.size
+    lines = [
+        f"  {name}: met at {met.sum()} of {count} points ({100 * met.mean():.3g} %)"
+        for name, met in shares
+    ]
+    return "\n".join(["requirements", *lines])
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

@@ -19,6 +19,7 @@ from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses import settings
 from suspension_cli.analyses.modes.command import MOST
 from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.swept_results import ModeAsDrawn
 from suspension_cli.analyses.xcouple.command import axes
 from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep
 from suspension_cli.design.derive import mirror
@@ -31,7 +32,6 @@ from suspension_cli.files.declared import INLINE, along, in_unit
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
-from suspension_cli.linear.named_results import Mode
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.choice import TOLERANCE, percent, relative_change
@@ -218,7 +218,9 @@ def _sweep(source: Source, model: Model) -> ParameterSweep:
     key = "density" if body.mass is None else "mass"
     values = getattr(body, key) * np.linspace(1 - SPREAD, 1 + SPREAD, DESIGNS)
     axis = Axis(f"stage.{name}.body.{key}", tuple(values.tolist()))
-    job = ParameterSweep(source.text, (axis,), model.name, (Mode("every", 0),))
+    job = ParameterSweep(
+        source.text, (axis,), model.name, (ModeAsDrawn("1", "Hz", 0, source.text, model.name),)
+    )
     job.check()
     return job
 

@@ -54,6 +54,7 @@ class OverBand(Quantity):
     high: float
 
     bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = "has no steady state, or an infinite response"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

@@ -33,6 +33,7 @@ class TopFraction(Quantity):
     mode: FrequencyOfMode
 
     steady: ClassVar[bool] = False
+    undamped: ClassVar[bool] = True
     missing = "has no such mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -55,6 +56,7 @@ class _BetweenModes(Quantity):
 
     steady: ClassVar[bool] = False
     vanishes: ClassVar[bool] = True
+    undamped: ClassVar[bool] = True
     missing = "has no such modes, or one is unstable"
 
     @abstractmethod

@@ -45,6 +45,7 @@ class FrequencyOfMode(Quantity):
     """Frequency of one mode of each design, Hz, undamped; NaN where it grows."""
 
     steady: ClassVar[bool] = False
+    undamped: ClassVar[bool] = True
     missing = "has no such mode, or it is unstable"
 
     @abstractmethod

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class _FromBudget(Quantity):
 
     surroundings: Surroundings = field(compare=False)
 
+    bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = UNSTABLE
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

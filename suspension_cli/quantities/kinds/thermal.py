@@ -41,6 +41,7 @@ class ThermalNoise(Quantity):
     frequency: float
 
     bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = "has no steady state, or a resonance without loss there"
 
     @property
@@ -61,6 +62,7 @@ class ForceNoise(Quantity):
     frequency: float
 
     bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = "has no steady state, or a resonance without loss there"
 
     @property
