@@ -96,7 +96,9 @@ def _bend(sides: Inexact[np.ndarray, "side ..."]) -> Float[np.ndarray, ...]:
 
 def flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
     """All elements of mass, stiffness, damping, loss and rotations of bodies, one after another."""
-    model, count, size = found.model, len(found.status), found.model.size
+    model = found.model
+    count = len(found.status)
+    size = model.size
     parts = [
         np.broadcast_to(part, (count, size, size)).reshape(count, -1)
         for part in (model.mass, model.stiffness, model.damping, model.loss)
@@ -146,7 +148,9 @@ def mode_matrix(
     found: Builds, modes: Modes, *, massive: bool
 ) -> Float[np.ndarray, "build mode mode"]:
     """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
-    model, shape, count = found.model, modes.shape, len(found.status)
+    model = found.model
+    shape = modes.shape
+    count = len(found.status)
     squared = np.maximum(modes.omega_squared, 0.0)
     soft = np.real(model.soft)[..., 6:, 6:] @ shape.T
     form = model.elongation[..., 6:] + np.zeros((count, 1, 1))

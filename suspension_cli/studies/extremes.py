@@ -32,7 +32,8 @@ def find_extremes(value: Inexact[np.ndarray, "*grid result"]) -> Int[np.ndarray,
     >>> find_extremes(resonance[:, None]).tolist()[:5]
     [8, 9, 10, 11, 12]
     """
-    shape, count = value.shape[:-1], value.shape[-1]
+    shape = value.shape[:-1]
+    count = value.shape[-1]
     flat = value.reshape(-1, count)
     low, high = _neighbours(shape)
     ranked = _in_turn([_ranked(flat[:, n], low, high) for n in _by_range(np.abs(flat))])
@@ -72,7 +73,8 @@ def _neighbours(
 
 def _by_range(size: Float[np.ndarray, "point result"]) -> list[int]:
     """Numbers of the results, that with the largest ratio of its extremes first."""
-    low, high = np.fmin.reduce(size, axis=0), np.fmax.reduce(size, axis=0)
+    low = np.fmin.reduce(size, axis=0)
+    high = np.fmax.reduce(size, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.nan_to_num(high / low, nan=-1.0)
     return np.argsort(-spread, kind="stable").tolist()
@@ -92,9 +94,11 @@ def _ranked(
         change = np.abs(value[high] - value[low])
         relative = np.abs(np.log(size[high] / size[low]))
     steep, steep_log = (_largest_pairs(one, low, high) for one in (change, relative))
-    largest, smallest = known[np.argmax(size[known])], known[np.argmin(size[known])]
+    largest = known[np.argmax(size[known])]
+    smallest = known[np.argmin(size[known])]
     pairs = [pair for both in zip_longest(steep, steep_log, fillvalue=()) for pair in both]
-    first, others = chain.from_iterable(pairs[:2]), chain.from_iterable(pairs[2:])
+    first = chain.from_iterable(pairs[:2])
+    others = chain.from_iterable(pairs[2:])
     return [int(largest), *first, int(smallest), *others]
 
 

@@ -88,7 +88,8 @@ def _of_part(part: Part, item: Distribution, number: int, label: str) -> Iterato
     whole = part in ("body", "link")
     if label != getattr(item, part, stage) and (whole or label.partition(".")[0] != stage):
         return
-    owner = f"{stage} {part if part == 'body' else f'{part}s'}" if stage else getattr(item, part)
+    several = part if part == "body" else f"{part}s"
+    owner = f"{stage} {several}" if stage else getattr(item, part)
     if part == "blade" and "." not in label:
         label = f"{label} blades"
     for row in scattered(part):

@@ -13,6 +13,8 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.design import reader
+from suspension_cli.equilibrium import nominal
+from suspension_cli.models import registry
 from suspension_cli.quantities import solved, vocabulary
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import evaluate
@@ -97,3 +99,21 @@ def test_the_command_evaluates_the_design_as_the_function_does(tmp_path):
     quality, margin = found.others
     assert quality.mean > 0 and margin.unit == "dB"
     assert found.document()["results"][0]["mean"] == quality.mean
+
+
+def test_text_and_picture_follow_from_the_file_alone(tmp_path, monkeypatch):
+    """Nothing is balanced or solved for them."""
+    raw = DAMPED | {"tolerance": SCATTER}
+    words = ("--builds", "4", "--workers", "1", "--fidelity", "string", "--no-plot", "-q")
+    more = ("--require", "test pitch > 0.1", "--result", "test height", "--out", tmp_path)
+    done = run("tolerance", written(tmp_path, raw), *words, *more)
+    assert done.exit_code == 0, done.stderr
+
+    def refuse(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(registry, "by_name", refuse)
+    monkeypatch.setattr(nominal, "expand", refuse)
+    found = sus.load(next(tmp_path.glob("*.h5")))
+    assert str(found).strip() == done.stdout.strip()
+    assert len(found.plot().axes) > 3
