@@ -232,9 +232,9 @@ def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
     assert np.abs(np.diff(value)).max() > 0.07
     assert np.abs(np.diff(low)).max() < 0.01
     assert np.abs(np.diff(high)).max() < 0.01
-    assert (low <= value).all()
-    assert (value <= high).all()
-    np.testing.assert_array_equal(low[[0, -1]], high[[0, -1]])
+    assert (low <= value * (1 + 1e-12)).all()
+    assert (value <= high * (1 + 1e-12)).all()
+    np.testing.assert_allclose(low[[0, -1]], high[[0, -1]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", vocabulary.every_kind(), ids=lambda kind: kind.pattern)
