@@ -15,6 +15,7 @@ from suspension_cli.models import registry
 from suspension_cli.quantities import solved, vocabulary
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import evaluate as evaluate_all
+from tests.support.exchanging import SMALL, D
 
 RELATIVE = 1e-9
 LOSSLESS = 1e-6
@@ -194,6 +195,46 @@ def test_distance_and_top_fraction_follow_from_modes(lossy):
     ratio = modes.frequency[pitch] / modes.frequency[along]
     assert distance == pytest.approx(max(ratio, 1 / ratio) - 1, rel=LOSSLESS)
     assert top == pytest.approx(modes.top_fraction[pitch], rel=LOSSLESS)
+
+
+def test_families_have_each_mode_once(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    families = names_of(lossy).families
+    texts = [
+        f"{name} {rank + 1}"
+        for name, size in zip(families.names, families.size, strict=True)
+        for rank in range(size)
+    ]
+    assert families.names == ("longitudinal-pitch", "transverse-roll", "vertical", "yaw")
+    values = evaluate(lossy, *texts)
+    np.testing.assert_allclose(sorted(values), modes.frequency, rtol=LOSSLESS)
+    yaw = [f for f, label in zip(modes.frequency, modes.label, strict=True) if "yaw" in label]
+    np.testing.assert_allclose(values[-len(yaw) :], yaw, rtol=LOSSLESS)
+
+
+def test_difference_is_that_of_two_modes(lossy):
+    one, other, apart = evaluate(
+        lossy, "yaw 1", "lowest vertical", "difference yaw 1, lowest vertical"
+    )
+    assert apart == pytest.approx(abs(one - other), rel=RELATIVE)
+
+
+@pytest.mark.parametrize("name", ["test pitch", "lowest pitch"])
+def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
+    """Pitch is the upper mode of two for large d, and the lower one for small d."""
+    design = sus.parse(SMALL)
+    heights = np.linspace(2e-4, 2e-3, 1200)
+    designs = [design.replace({D: d}).design for d in heights.tolist()]
+    quantity = vocabulary.parse_one(name, names_of(design), "--result")
+    [(_, batch)] = solved.of_designs(designs, "string", Needs.of([quantity]))
+    low, high = quantity.ends(batch, smooth=True)
+    value = quantity.values(batch)
+    assert np.abs(np.diff(value)).max() > 0.07
+    assert np.abs(np.diff(low)).max() < 0.01
+    assert np.abs(np.diff(high)).max() < 0.01
+    assert (low <= value * (1 + 1e-12)).all()
+    assert (value <= high * (1 + 1e-12)).all()
+    np.testing.assert_allclose(low[[0, -1]], high[[0, -1]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", vocabulary.every_kind(), ids=lambda kind: kind.pattern)

@@ -13,7 +13,8 @@ from suspension_cli.files.declared import ATTRIBUTE, along, derived, in_unit, sc
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
-HERTZ, SI = in_unit("Hz"), in_unit("{unit}")
+HERTZ = in_unit("Hz")
+SI = in_unit("{unit}")
 EQUAL = 1e-6
 """Difference of logarithms, and of fractions of ranges, that count as equal."""
 

@@ -15,6 +15,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.quantities import solved, vocabulary
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import evaluate
+from tests.support.commandline import assert_refused, run
 from tests.support.exchanging import SMALL
 from tests.support.optima import VERTICAL, WIRES, G, free
 
@@ -236,3 +237,54 @@ def test_a_steady_state_of_a_design_that_falls_over_is_not_claimed():
     found = pendulum(numbers, DOUBLE, requirement=wanted)
     assert np.isnan(found.limits.value).all()
     assert not found.met
+
+
+OPTIMA = {
+    "pitch below the pendulum mode": (
+        sus.parse(SMALL).text,
+        [Goal(kind="band", modes=["test pitch"], at_most=0.9)],
+        {f"{WIRES}.d": (-6e-4, 3e-3)},
+        [-1.54281879e-4],
+    ),
+    "two out of reach": (
+        VERTICAL.read_text(),
+        [
+            Goal(kind="isolation", response="test.x/support.x:10", at_most=1e-9),
+            Goal(kind="height", at_most=0.3),
+            Goal(kind="band", modes=["test pitch"], equals=3.0),
+            Goal(kind="band", modes=["test yaw"], at_least=50.0),
+        ],
+        {f"{WIRES}.l": (0.1, 0.5), f"{WIRES}.s": (0.005, 0.06)},
+        [0.2999997000001332, 0.016963192638011427],
+    ),
+    "couplings, stresses and an objective": (
+        DOUBLE,
+        [
+            Goal(kind="coupling", dof=["x"], at_least=0.2),
+            Goal(kind="stress", at_most=0.3),
+            Goal(kind="band", dof=["x"], lowest=1, minimise=True),
+        ],
+        {f"{WIRES}.l": (0.1, 0.5), "stage.upper.wires.l": (0.1, 0.5)},
+        [0.4015364941058627, 0.5],
+    ),
+}
+"""Optima of 1.0.0 before goals were requirements on quantities: design, goals, bounds, numbers."""
+
+
+@pytest.mark.parametrize("name", OPTIMA)
+def test_short_forms_have_the_optima_that_they_had(name):
+    text, goals, bounds, expected = OPTIMA[name]
+    numbers = [Free(name=path, lower=low, upper=high) for path, (low, high) in bounds.items()]
+    level = "string" if len(goals) == 4 else "beam"
+    found = searching.solve(sus.parse(text), Goals(goal=goals, free=numbers), level=level)
+    np.testing.assert_allclose(found.numbers.after, expected, rtol=1e-6)
+
+
+def test_a_fault_of_the_design_s_own_requirement_names_the_design(tmp_path):
+    design = tmp_path / "mine.toml"
+    design.write_text(VERTICAL.read_text() + REQUIRED.replace("transverse", "sideways"))
+    goals = tmp_path / "goals.toml"
+    goals.write_text(f'[[free]]\nname = "{WIRES}.l"\nlower = 0.1\nupper = 1.0\n')
+    result = run("optimise", design, goals, "--starts", "1", "--out", tmp_path / "out")
+    [line] = assert_refused(result, design, tmp_path / "out")
+    assert 'requirement.1.quantity = "test sideways"' in line
