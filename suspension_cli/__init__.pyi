@@ -6,6 +6,7 @@ from typing import Any
 
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
+from suspension_cli.analyses.record import Record as Record
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str

@@ -35,6 +35,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 NOT_STORED: Metadata = {"stored": False}
 """Of a field that no file holds; it has a default."""
+ADDED: Metadata = {"added": True}
+"""Of a field that files of earlier versions lack; it has a default."""
 INLINE: Metadata = {"inline": True}
 """Of a record, or tuple of records, whose fields are stored beside it instead of in a group."""
 ATTRIBUTE: Metadata = {"attribute": True}
@@ -155,7 +157,7 @@ def items(kind: Any) -> tuple[Item, ...]:
     """List what a class declares: its fields, then its derived properties."""
     found = []
     for one in dataclasses.fields(kind):
-        owner = next(base for base in kind.__mro__ if one.name in vars(base)["__annotations__"])
+        owner = next(b for b in kind.__mro__ if one.name in vars(b).get("__annotations__", ()))
         if one.metadata.get("stored", True):
             found.append(_item(one.name, str(one.type), owner.__module__, one.metadata, False))
     for name in dict.fromkeys(name for base in kind.__mro__[::-1] for name in vars(base)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -120,13 +121,16 @@ class _Writer:
             inside._add(column, item.dims or (item.key,), np.array(values, dtype=column.type))
 
 
-def read(group: Stored, kind: type[Record]) -> Record:
+def read(group: Stored, kind: type[Any], **given: Any) -> Any:
     """Read a record from a group.
 
-    Raises `KeyError` if something is missing, `ValueError` if a shape or type is not that which the
-    class declares, or a scale is not finite.
+    Fields that the group does not have are taken from those `given` by name, if they are not stored
+    or were added (`declared.ADDED`). Raises `KeyError` if something is missing, `ValueError` if a
+    shape or type is not that which the class declares, or a scale is not finite.
     """
-    return kind(**_Reader(group, {}).fields(kind))
+    found = _Reader(group, {}).fields(kind)
+    lacking = (one.name for one in dataclasses.fields(kind) if one.name not in found)
+    return kind(**found, **{name: given[name] for name in lacking if name in given})
 
 
 def read_list(group: Stored, kind: type[Record]) -> list[Record]:
@@ -161,6 +165,8 @@ class _Reader:
             if item.derived:
                 if item.form == "array" and stored:
                     self._checked(item, item.dims)
+            elif not stored and item.metadata.get("added"):
+                continue
             elif stored or not item.optional:
                 found[item.name] = getattr(self, f"_read_{item.form}")(item)
             else:
