@@ -12,7 +12,9 @@ from typing import Any
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.version import __version__
 
-RECORDS: dict[str, str] = {}
+RECORDS = {
+    "Thermal": "thermal.solve",
+}
 """Modules below `analyses` of the records that analyses return, by the names of their classes."""
 __all__ = [
     "Design",

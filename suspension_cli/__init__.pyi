@@ -7,6 +7,7 @@ from typing import Any
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
 from suspension_cli.analyses.record import Record as Record
+from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str
@@ -740,7 +741,7 @@ def thermal(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Thermal:
     """Compute thermal noise of motions, split by cause.
 
     Parameters
@@ -765,9 +766,10 @@ def thermal(
 
     Returns
     -------
-    Result
-        Its `data` is a list of `physics.thermal_noise.Thermal`, one for each output, with
-        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
+    Thermal
+        With `frequency` (f,) in Hz, `amplitude` (f, outputs) in m/sqrt(Hz) or rad/sqrt(Hz) and
+        `contribution` (f, outputs, sources); `motions` has an item per output, with `parts` by
+        source.
 
     Raises
     ------
@@ -778,8 +780,8 @@ def thermal(
     --------
     >>> import suspension_cli as sus
     >>> found = sus.thermal(sus.example("geo-silica-triple"), frequency=[10.0, 100.0])
-    >>> found.data[0].amplitude.shape
-    (2,)
+    >>> found.amplitude.shape
+    (2, 1)
     """
 
 def tolerance(

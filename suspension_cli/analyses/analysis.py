@@ -336,7 +336,8 @@ class Analysis(ABC):
         if not self.has_file:
             remedy = "print it, or take document()"
             raise InputError.of("", f"{self.name} has no results file", remedy)
-        stored.write(file.create_group(self.name), result.data)
+        content = result if isinstance(result, Record) else result.data
+        stored.write(file.create_group(self.name), content)
 
     def read_result(self, file: h5py.File, run: Origin, extra: Document) -> Any:
         """Read a result from an open results file; `extra` is what text and JSON report more."""
@@ -440,13 +441,12 @@ class Analysis(ABC):
         return result
 
 
-def describe_mirrors(setting: Settings) -> Document:
-    """Extra of a result that --mirrors changed: their number."""
-    return {"mirrors": setting["mirrors"]} if setting["mirrors"] != 1 else {}
+def describe_mirrors(mirrors: float) -> Document:
+    """JSON of the number of mirrors whose powers are added, unless it is 1."""
+    return {"mirrors": mirrors} if mirrors != 1 else {}
 
 
-def name_mirrors(result: Any, tilt: float = 0.0) -> str:
+def name_mirrors(mirrors: float, tilt: float = 0.0) -> str:
     """End of a title, ``", 4 mirrors"``, and along a beam that rises by an angle in rad."""
     along = f" along a beam that rises by {1e6 * tilt:.3g} urad" if tilt else ""
-    mirrors = f", {result.extra['mirrors']:g} mirrors" if "mirrors" in result.extra else ""
-    return along + mirrors
+    return along + (f", {mirrors:g} mirrors" if mirrors != 1 else "")

@@ -155,7 +155,7 @@ class BudgetAnalysis(Analysis):
         ]
         for note in notes:
             run.log.warn(note)
-        extra = describe_mirrors(setting)
+        extra = describe_mirrors(setting["mirrors"])
         if setting["arm"]:
             extra["tilt_rad"] = thermal_noise.compute_arm_tilt(setting["arm"])
         return Result(self, run.source, choice, found, extra, command=run.command)
@@ -178,7 +178,11 @@ class BudgetAnalysis(Analysis):
         lines = [result.choice.line, f"ground: {_describe_ground(first)}"]
         for one in result.data:
             tilt = result.extra.get("tilt_rad", 0.0) * (one.output.partition("@")[0][-2:] == ".x")
-            lines += ["", f"{one.output}{name_mirrors(result, tilt)}, {span}", *_tabulate(one)]
+            lines += [
+                "",
+                f"{one.output}{name_mirrors(result.extra.get('mirrors', 1.0), tilt)}, {span}",
+                *_tabulate(one),
+            ]
         if first.drive is not None:
             units = ("N", "A", "V", "counts", "of range")
             columns = {"coil": ""} | {f"RMS\n{unit}": ".3g" for unit in units}
@@ -191,7 +195,11 @@ class BudgetAnalysis(Analysis):
         """Draw a panel per output."""
         from suspension_cli.analyses.budget import picture
 
-        return {"": picture.draw(result.data, result.subtitle + name_mirrors(result))}
+        return {
+            "": picture.draw(
+                result.data, result.subtitle + name_mirrors(result.extra.get("mirrors", 1.0))
+            )
+        }
 
 
 def _sources(one: Budget) -> dict[str, str]:

@@ -184,7 +184,6 @@ def _measured(responses: Sequence[MeasuredResponse]) -> dict[Quantity, tuple[Cur
 def curves_of(result: Any) -> dict[Quantity, tuple[Curve, str]]:
     """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
     from suspension_cli.analyses.response import picture as response
-    from suspension_cli.analyses.thermal import picture as thermal
 
     found, curves = result.data, {}
 
@@ -206,7 +205,7 @@ def curves_of(result: Any) -> dict[Quantity, tuple[Curve, str]]:
                 )
                 add(Quantity("response", out, into), found.unit[o][i], *both)
     elif result.analysis.name == "thermal":
-        for noise, fine in zip(found, thermal.refine(result), strict=True):
+        for noise, fine in zip(result.motions, result.curves, strict=True):
             both = (values for one in (noise, fine) for values in (one.frequency, one.amplitude))
             add(Quantity("noise", noise.output, ""), f"{noise.unit}/sqrt(Hz)", *both)
     return curves

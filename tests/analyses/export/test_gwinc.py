@@ -71,7 +71,7 @@ def angle():
 
 def thermal(design, frequency, angle):
     """Thermal noise of four mirrors as gwinc counts them."""
-    level, upright = sus.thermal(design, outputs=["test.x", "test.z"], frequency=frequency).data
+    level, upright = sus.thermal(design, outputs=["test.x", "test.z"], frequency=frequency).motions
     return 4 * (level.amplitude**2 + (angle * upright.amplitude) ** 2)
 
 
