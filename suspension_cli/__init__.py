@@ -13,6 +13,7 @@ from suspension_cli.conventions import ANALYSES
 from suspension_cli.version import __version__
 
 RECORDS = {
+    "Response": "response.solve",
     "Thermal": "thermal.solve",
 }
 """Modules below `analyses` of the records that analyses return, by the names of their classes."""

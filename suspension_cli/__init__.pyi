@@ -7,6 +7,7 @@ from typing import Any
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
 from suspension_cli.analyses.record import Record as Record
+from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
@@ -578,7 +579,7 @@ def response(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Response:
     """Compute frequency responses of motions to motions of the support and to forces.
 
     Parameters
@@ -605,10 +606,9 @@ def response(
 
     Returns
     -------
-    Result
-        With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
-        (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
-        tuple of `analyses.response.solve.Comparison`.
+    Response
+        With `frequency` (f,) in Hz and `value` (f, outputs, inputs), complex, in SI units. With
+        `measured`, the attribute `measured` is a tuple of `analyses.response.solve.Comparison`.
 
     Raises
     ------

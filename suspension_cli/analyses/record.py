@@ -19,7 +19,7 @@ that its text and its pictures need: these solve nothing, and do not build the m
 that only pictures need have the dimension `declared.FINE`. The field `run` comes by keyword,
 ``Thermal(frequency, ..., run=run.origin(self, choice))``, and is not stored with the others: a
 results file has its contents as root attributes. A record may extend a class of `physics/` or
-`linear/` that has its fields, ``class Modes(eigenmodes.Modes, Record)``, and is made from an object
+`linear/` that has its fields, ``class Modes(Record, eigenmodes.Modes)``, and is made from an object
 of that class by `Record.extending`. No field may have the name of an attribute of `Record`.
 """
 
@@ -271,6 +271,9 @@ class Presented:
         return Provenance(
             run.design.text, run.command, run.model, run.choice.reason, run.error, run.warnings
         )
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
 
     def __str__(self) -> str:
         return self.run.analysis.text(self)

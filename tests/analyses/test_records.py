@@ -18,11 +18,22 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.linear import response
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
 
+MEASURED = ROOT / "measured" / "triple"
 FEW = np.geomspace(0.3, 30, 40)
 PICTURES = {
+    "response": lambda: sus.response(
+        sus.example("double"), inputs=["support.x", "upper.force_x"], frequency=FEW
+    ),
+    "response with loops closed": lambda: sus.response(
+        sus.example("triple-damped"), frequency=FEW, closed_loop=True, fidelity="string"
+    ),
+    "response measured": lambda: sus.response(
+        sus.read(MEASURED / "triple.toml"), measured=MEASURED / "measured.toml"
+    ),
     "thermal": lambda: sus.thermal(
         sus.example("geo-silica-triple"), outputs=["test.x", "test.pitch"], frequency=FEW
     ),

@@ -183,8 +183,6 @@ def _measured(responses: Sequence[MeasuredResponse]) -> dict[Quantity, tuple[Cur
 
 def curves_of(result: Any) -> dict[Quantity, tuple[Curve, str]]:
     """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
-    from suspension_cli.analyses.response import picture as response
-
     found, curves = result.data, {}
 
     def add(
@@ -195,15 +193,11 @@ def curves_of(result: Any) -> dict[Quantity, tuple[Curve, str]]:
         curves[what] = curve, unit
 
     if result.analysis.name == "response":
-        fine = response.refine(result)
+        more, fine = result.curve
         for o, out in enumerate(found.output):
             for i, into in enumerate(found.input):
-                both = (
-                    values
-                    for one in (found, fine)
-                    for values in (one.frequency, one.value[:, o, i])
-                )
-                add(Quantity("response", out, into), found.unit[o][i], *both)
+                values = found.frequency, found.value[:, o, i], more, fine[:, o, i]
+                add(Quantity("response", out, into), found.unit[o][i], *values)
     elif result.analysis.name == "thermal":
         for noise, fine in zip(result.motions, result.curves, strict=True):
             both = (values for one in (noise, fine) for values in (one.frequency, one.amplitude))
