@@ -25,6 +25,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWa
 MEASURED = ROOT / "measured" / "triple"
 FEW = np.geomspace(0.3, 30, 40)
 PICTURES = {
+    "damp": lambda: sus.damp(
+        sus.example("triple-damped"), frequency=FEW, duration=5.0, fidelity="string"
+    ),
     "response": lambda: sus.response(
         sus.example("double"), inputs=["support.x", "upper.force_x"], frequency=FEW
     ),
