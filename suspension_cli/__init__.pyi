@@ -6,6 +6,8 @@ from typing import Any
 
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
+from suspension_cli.analyses.damp.solve import Damped as Damped
+from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
@@ -171,7 +173,7 @@ def damp(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Damped:
     """Close the loops of the design's [control] table.
 
     Parameters
@@ -197,9 +199,9 @@ def damp(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
-        loop, `sensitivity` of all at once, `noise` (f, sensors), ...
+    Damped
+        With `closed` poles, `margin` of each loop, `sensitivity` of all at once, `noise`
+        (f, sensors), ...
 
     Raises
     ------
@@ -420,7 +422,7 @@ def modes(
     damping: str | Mapping[str, Grid] | None = None,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Modes:
     """Compute the normal modes: frequencies, shapes, Q.
 
     Parameters
@@ -441,9 +443,8 @@ def modes(
 
     Returns
     -------
-    Result
-        With the attributes of `linear.eigenmodes.Modes`: `frequency` (m,) in Hz, `q` (m,), `label`,
-        `shape`, ...
+    Modes
+        With `frequency` (m,) in Hz, `q` (m,), `label`, `shape`, ...
 
     Raises
     ------

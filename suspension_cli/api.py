@@ -392,22 +392,22 @@ def animate(result: Record, mode: int | str, path: PathLike) -> Path:
     PosixPath('yaw.gif')
     """
     from suspension_cli.analyses.modes import picture
-    from suspension_cli.equilibrium.nominal import expand
+    from suspension_cli.equilibrium.nominal import expand_geometry
     from suspension_cli.files.whole_files import write_bytes
 
-    result = _of_analysis(result, "modes", "has no modes that move")
+    found = _of_analysis(result, "modes", "has no modes that move")
     path = options.path(path, "path")
     with python_names():
         if not isinstance(mode, (int, str)):
             remedy = "give its number, from 1, or its label"
             raise InputError.of("mode", "names no mode", remedy, options.shown(mode))
-        numbers = picture.parse_names(result.data, text_of(mode), "mode")
+        numbers = picture.parse_names(found, text_of(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
             raise InputError.of("mode", problem, remedy, options.shown(mode))
         number = numbers[0]
-        scene = expand(result.given.design)
-        moving = picture.animate(result.data, number, result.given.design, scene)
+        design = found.run.design.design
+        moving = picture.animate(found, number, design, expand_geometry(design))
         write_bytes(Path(path), moving, key="path")
     return Path(path)
 

@@ -245,12 +245,10 @@ def test_notebook_with_finesse(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "cavity.png").stat().st_size > 1e4
 
 
-@pytest.mark.parametrize("name", ["budget", "compare", "fit", "optimise", "modes"])
+@pytest.mark.parametrize("name", ["budget", "compare", "fit", "optimise"])
 def test_what_the_help_of_the_data_lists_are_attributes_of_the_result(name, tmp_path):
     """Whatever the result itself calls its design, name or model; also after it was stored."""
-    design = sus.template("single").replace(
-        {"analysis": {name: {"fidelity": "string" if name == "modes" else "beam"}}}
-    )
+    design = sus.template("single").replace({"analysis": {name: {"fidelity": "beam"}}})
     goals = tmp_path / "goals.toml"
     goals.write_text(
         'goal = [{ kind = "band", modes = ["test longitudinal"], equals = 0.8 }]\n'
@@ -261,7 +259,6 @@ def test_what_the_help_of_the_data_lists_are_attributes_of_the_result(name, tmp_
         "compare": lambda: sus.compare(design, design.replace({"design.name": "other"})),
         "fit": lambda: sus.fit(FITTED, CONFIGS / "husman2000" / "table1-case4.toml", starts=1),
         "optimise": lambda: sus.optimise(design, goals, starts=1),
-        "modes": lambda: sus.modes(design),
     }[name]()
     found.save(tmp_path / "stored.h5")
     for one in (found, sus.load(tmp_path / "stored.h5")):

@@ -18,13 +18,25 @@ from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.linear import response
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from tests.support import plants
 from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
 
 MEASURED = ROOT / "measured" / "triple"
+HANGING = (
+    f"{plants.FIVE}\n[[perturbation]]\nwire = 'test.3'\nk_factor = 1.2\n"
+    "upper_offset = [0.002, 0.0, 0.001]\n"
+)
+"""A design whose pose, blade load and trimmed wire are found by balancing it."""
 FEW = np.geomspace(0.3, 30, 40)
 PICTURES = {
+    "modes": lambda: sus.modes(sus.example("quadruple"), fidelity="beam"),
+    "modes of an imperfect design": lambda: sus.modes(sus.example("imperfect"), fidelity="string"),
+    "modes of a design with natural lengths": lambda: sus.modes(
+        sus.parse(HANGING), fidelity="string"
+    ),
+    "modes of wires": lambda: sus.modes(sus.example("husman2000/figure6"), max_frequency=300.0),
     "damp": lambda: sus.damp(
         sus.example("triple-damped"), frequency=FEW, duration=5.0, fidelity="string"
     ),

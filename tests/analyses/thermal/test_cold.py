@@ -226,7 +226,7 @@ def test_losses_of_modes(tmp_path):
         file = tmp_path / f"{name}.toml"
         file.write_text(BARE.replace("mine", name).replace("loss = { angle = 0.0 }", table))
         result = run("modes", file, "--no-plot", "--out", tmp_path, "--fidelity", "beam")
-        quality.append(sus.load(tmp_path / "cold-modes.h5").data.q)
+        quality.append(sus.load(tmp_path / "cold-modes.h5").q)
         texts.append(" ".join(result.stdout.split()))
     ratio = np.max(quality[0] / quality[1])
     stated = f"surface and thermoelastic loss of mine (a factor of {ratio:.3g}) in the Q of a mode"
