@@ -13,6 +13,7 @@ from suspension_cli.conventions import ANALYSES
 from suspension_cli.version import __version__
 
 RECORDS = {
+    "Budget": "budget.solve",
     "Modes": "modes.solve",
     "Damped": "damp.solve",
     "Response": "response.solve",

@@ -6,6 +6,7 @@ from typing import Any
 
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
+from suspension_cli.analyses.budget.solve import Budget as Budget
 from suspension_cli.analyses.damp.solve import Damped as Damped
 from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.record import Record as Record
@@ -31,7 +32,7 @@ def budget(
     mirrors: float = 1.0,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Budget:
     """Compute the motion of the mirror by cause, with cumulative RMS.
 
     Parameters
@@ -62,10 +63,10 @@ def budget(
 
     Returns
     -------
-    Result
-        Its `data` is a list of `physics.noise_budget.Budget`, one for each output, with
-        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
-        (f,) above each frequency, and `requirement`.
+    Budget
+        With `frequency` (f,) in Hz, `amplitude` (f, outputs) in m/sqrt(Hz) or rad/sqrt(Hz),
+        `contribution` (f, outputs, causes), `rms` and `rms_velocity` (f, outputs) above each
+        frequency; `motions` has an item per output, with `parts` by cause and `requirement`.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def budget(
     --------
     >>> import suspension_cli as sus
     >>> found = sus.budget(sus.example("double"), frequency=[1.0, 10.0], ground=["nlnm"])
-    >>> found.data[0].cause
+    >>> found.cause
     ('ground.x', 'ground.y', 'ground.z', 'thermal')
     """
 

@@ -245,7 +245,7 @@ def test_notebook_with_finesse(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "cavity.png").stat().st_size > 1e4
 
 
-@pytest.mark.parametrize("name", ["budget", "compare", "fit", "optimise"])
+@pytest.mark.parametrize("name", ["compare", "fit", "optimise"])
 def test_what_the_help_of_the_data_lists_are_attributes_of_the_result(name, tmp_path):
     """Whatever the result itself calls its design, name or model; also after it was stored."""
     design = sus.template("single").replace({"analysis": {name: {"fidelity": "beam"}}})
@@ -255,7 +255,6 @@ def test_what_the_help_of_the_data_lists_are_attributes_of_the_result(name, tmp_
         'free = [{ name = "stage.test.wires.l", lower = 0.1, upper = 1.0 }]\n'
     )
     found = {
-        "budget": lambda: sus.budget(design, outputs="test.x", ground="nlnm", frequency=[1.0, 2.0]),
         "compare": lambda: sus.compare(design, design.replace({"design.name": "other"})),
         "fit": lambda: sus.fit(FITTED, CONFIGS / "husman2000" / "table1-case4.toml", starts=1),
         "optimise": lambda: sus.optimise(design, goals, starts=1),

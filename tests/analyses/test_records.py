@@ -31,6 +31,9 @@ HANGING = (
 """A design whose pose, blade load and trimmed wire are found by balancing it."""
 FEW = np.geomspace(0.3, 30, 40)
 PICTURES = {
+    "budget": lambda: sus.budget(
+        sus.example("triple-damped"), ground=["nlnm"], frequency=FEW, arm=4000.0, mirrors=4.0
+    ),
     "modes": lambda: sus.modes(sus.example("quadruple"), fidelity="beam"),
     "modes of an imperfect design": lambda: sus.modes(sus.example("imperfect"), fidelity="string"),
     "modes of a design with natural lengths": lambda: sus.modes(
