@@ -14,8 +14,10 @@ from suspension_cli.version import __version__
 
 RECORDS = {
     "Budget": "budget.solve",
-    "Modes": "modes.solve",
+    "Check": "check.solve",
     "Damped": "damp.solve",
+    "Export": "export.solve",
+    "Modes": "modes.solve",
     "Response": "response.solve",
     "Thermal": "thermal.solve",
 }

@@ -7,7 +7,9 @@ from typing import Any
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
 from suspension_cli.analyses.budget.solve import Budget as Budget
+from suspension_cli.analyses.check.solve import Check as Check
 from suspension_cli.analyses.damp.solve import Damped as Damped
+from suspension_cli.analyses.export.solve import Export as Export
 from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
@@ -83,7 +85,7 @@ def budget(
 
 def check(
     design: Design | PathLike,
-) -> Result:
+) -> Check:
     """Check a design, and list what its wires and blades carry.
 
     Parameters
@@ -93,10 +95,8 @@ def check(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `verdicts`,
-        `warnings`, which
-        are Python warnings too.
+    Check
+        With `stable`, `statics`, `verdicts`, and `warnings`, which are Python warnings too.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def export(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     tolerance: float = 0.001,
-) -> Result:
+) -> Export:
     """Export the state space of the model as DIR/NAME-statespace.*, or a noise budget of gwinc.
 
     Parameters
@@ -297,10 +297,10 @@ def export(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
-        `analyses.export.gwinc_tables.Tables`: `table`, and the `accuracy` of interpolation.
+    Export
+        With `system` (matrices `a`, `b`, `c`, `d`), `band` in Hz, and `agreement` with the violin
+        model; for gwinc `analyses.export.gwinc_tables.GwincTables`, with `table` and the
+        `accuracy` of interpolation.
 
     Raises
     ------

@@ -527,7 +527,7 @@ def gwinc(result: Record, frequency: Any = None) -> Any:
     """
     from suspension_cli.analyses.export import gwinc_budget
 
-    made: Any = getattr(result, "data", None)
+    made: Any = result
     if not hasattr(made, "interferometer"):
         remedy = 'give a result of sus.export(..., format="gwinc")'
         raise InputError.of("result", "has no table for gwinc", remedy, options.shown(result))
@@ -546,7 +546,7 @@ def _of_analysis(result: object, name: str, problem: str) -> Any:
 
 def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
-    made = _of_analysis(result, "export", "has no state space").data
+    made = _of_analysis(result, "export", "has no state space")
     if getattr(made, "zpk", "") is not None:
         remedy = "give a result of sus.export"
         raise InputError.of("result", "has no state space", remedy, "export")

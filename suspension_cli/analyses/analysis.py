@@ -26,7 +26,6 @@ import sys
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -46,7 +45,6 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.eigenmodes import Modes
-    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.models.registry import Choice
 
 Progress = Callable[[int, int, float], None]
@@ -197,7 +195,6 @@ class Result(Presented):
     extra: Document = dataclasses.field(default_factory=dict)
     file: Path | None = None
     command: str = ""
-    linear_system: LinearSystem | None = None
     holder: object = None
 
     def __post_init__(self) -> None:
@@ -213,32 +210,10 @@ class Result(Presented):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "data":
             raise AttributeError(name)
-        return getattr(self._only, name)
-
-    @property
-    def _only(self) -> Any:
-        """The data; of a list of one, as of the noise of one motion, that one."""
-        data = self.data
-        return data[0] if isinstance(data, list) and len(data) == 1 else data
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Contents to copy or pickle: without the linear system, which holds functions."""
-        own = vars(self) | {"linear_system": None}
-        own.pop("completed", None)
-        return own
-
-    @cached_property
-    def completed(self) -> Result:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The result with all that its pictures need, as it is saved: drawing it solves nothing."""
-        return self.analysis.completed(self)
+        return getattr(self.data, name)
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *(n for n in dir(self._only) if n[0] != "_")})
-
-    def _of_data(self, name: str, otherwise: Any) -> Any:
-        """An attribute that the data may have, else that of the result."""
-        data = self.data[0] if isinstance(self.data, list) and self.data else self.data
-        return getattr(data, name, otherwise)
+        return sorted({*super().__dir__(), *(n for n in dir(self.data) if n[0] != "_")})
 
     @property
     def design(self) -> Any:
@@ -248,22 +223,22 @@ class Result(Presented):
     @property
     def source(self) -> Any:
         """The design that was analysed, unless `data` has a source."""
-        return self._of_data("source", self.given)
+        return getattr(self.data, "source", self.given)
 
     @property
     def name(self) -> Any:
         """Name of the design; of `compare` those of its items, of `fit` those of parameters."""
-        return self._of_data("name", self.given.name)
+        return getattr(self.data, "name", self.given.name)
 
     @property
     def title(self) -> Any:
         """Title of the design, or its name."""
-        return self._of_data("title", self.given.title)
+        return getattr(self.data, "title", self.given.title)
 
     @property
     def model(self) -> Any:
         """Name of the model; of `compare` those of its items."""
-        return self._of_data("model", self.choice.level)
+        return getattr(self.data, "model", self.choice.level)
 
     @property
     def estimated_error(self) -> float:
@@ -276,8 +251,6 @@ class Analysis(ABC):
 
     The docstring of its class is the help of the command; sections of it (Returns, Raises,
     Examples) are for the Python function alone.
-
-    If the class of the result has fields of each output (`declared.EACH`), `Result.data` is a list.
     """
 
     name: ClassVar[str]  # of the HDF5 group, the function and the command (see `command_name`)
@@ -288,7 +261,7 @@ class Analysis(ABC):
     draws_neglected: ClassVar[bool] = False  # pictures say at the bottom what the model neglects
     arguments: ClassVar[tuple[click.Argument, ...]] = ()
     inputs: ClassVar[tuple[Input, ...]] = (Input(),)  # of the Python function, for `arguments`
-    returns: ClassVar[str] = ""  # type of what the Python function returns, if no record
+    returns: ClassVar[str] = ""  # type of what the Python function returns, if not `result_type`
     parameters: ClassVar[tuple[Option, ...]] = ()  # arguments of the Python function too
     drawn_with: ClassVar[tuple[Option, ...]] = ()  # options that pictures depend on
 
@@ -320,14 +293,15 @@ class Analysis(ABC):
 
     def returned_type(self) -> Any:
         """What the Python function returns: the class of the record, or a name."""
+        if "." in self.returns:
+            return _imported(self.returns)
         kind = self.record_type() if self.result_type and not self.returns else None
         is_record = isinstance(kind, type) and issubclass(kind, Record)
         return kind if is_record else self.returns or "Result"
 
     def record_type(self) -> Any:
         """Import the class whose fields declare what is stored."""
-        module, _, name = self.result_type.rpartition(".")
-        return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
+        return _imported(self.result_type)
 
     def fill(self, file: h5py.File, result: Any) -> None:
         """Write the result into a group of the open results file."""
@@ -352,15 +326,9 @@ class Analysis(ABC):
 
     def load(self, file: h5py.File) -> object:
         """Read `Result.data` from an open results file."""
-        from suspension_cli.files import declared, stored
+        from suspension_cli.files import stored
 
-        kind = self.record_type()
-        is_list = any(item.each for item in declared.items(kind))
-        return (stored.read_list if is_list else stored.read)(file[self.name], kind)
-
-    def completed(self, result: Any) -> Any:
-        """Add what pictures have to solve for, so that it is stored; see `Result.completed`."""
-        return result
+        return stored.read(file[self.name], self.record_type())
 
     def figures(self, result: Any, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
@@ -439,6 +407,12 @@ class Analysis(ABC):
     def returned(self, result: Any, files: Settings) -> Any:
         """What the Python function returns."""
         return result
+
+
+def _imported(path: str) -> Any:
+    """Import a class by its path in the package."""
+    module, _, name = path.rpartition(".")
+    return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
 
 
 def describe_mirrors(mirrors: float) -> Document:

@@ -156,11 +156,6 @@ class Presented:
     run: Origin
 
     @property
-    def completed(self) -> Self:
-        """The result with all that its pictures need."""
-        return self
-
-    @property
     def subtitle(self) -> str:
         """Title of the design and name of the model, for the second line of a picture."""
         run = self.run
@@ -189,7 +184,7 @@ class Presented:
             raise InputError.of(key, problem, suggest(key, list(known)))
         with python_names():
             given = options.from_arguments(analysis.command_name, analysis.drawn_with, setting)
-        drawn = analysis.figures(self.completed, known | given)
+        drawn = analysis.figures(self, known | given)
         if analysis.draws_neglected:
             from suspension_cli.drawing.style import name_neglected
 
@@ -232,7 +227,7 @@ class Presented:
 
         target = Path(options.path(path, "path"))
         with python_names(out="path"):
-            self.run.analysis.save(target, self.completed)
+            self.run.analysis.save(target, self)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the contents of the results file as an `xarray.Dataset` (needs xarray).
@@ -308,6 +303,10 @@ class Record(Presented):
         """Make a record from an object of the class that it extends, and its other fields."""
         own = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
         return cls(**(own | fields))
+
+    def in_file(self, file: Path) -> Self:
+        """The record with the results file that it was written to."""
+        return dataclasses.replace(self, run=dataclasses.replace(self.run, file=file))
 
     @property
     def design(self) -> Source:
