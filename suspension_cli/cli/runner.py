@@ -129,7 +129,6 @@ def _demand_distinct_names(sources: Sequence[Source]) -> None:
 
 def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
     """Write the files of a result: HDF5, CSV and pictures; return it with its file."""
-    from suspension_cli.analyses import labelled
     from suspension_cli.files.hdf5 import replacing
     from suspension_cli.files.whole_files import write_bytes
 
@@ -149,7 +148,10 @@ def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
 
     with _results_complete(path):
         others = analysis.others(result, path)
-        others += labelled.write_csv(result, path) if setting.get("as_csv") else []
+        if setting.get("as_csv"):
+            from suspension_cli.analyses import labelled
+
+            others += labelled.write_csv(result, path)
         for other in others:
             voice.say(f"wrote {other}")
         pictures = setting.get("plot", False)

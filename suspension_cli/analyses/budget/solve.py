@@ -74,7 +74,8 @@ class Budget(Record):
     mirrors
         Number of equal, independent suspensions whose powers are added.
     tilt
-        Angle by which the direction of each motion rises above x, rad.
+        Angle by which the direction of each motion rises above x, rad; None in files of earlier
+        versions.
     """
 
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
@@ -180,7 +181,7 @@ def solve(analysis: Analysis, run: Run) -> Budget:
         requirement=tuple(one.requirement for one in found),
         drive=first.drive,
         mirrors=setting["mirrors"],
-        tilt=np.array([signal.tilt for signal in parsed]) if setting["arm"] else None,
+        tilt=np.array([signal.tilt for signal in parsed]),
         run=run.origin(analysis, choice),
     )
 
