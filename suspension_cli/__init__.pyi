@@ -6,6 +6,14 @@ from typing import Any
 
 from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
+from suspension_cli.analyses.budget.solve import Budget as Budget
+from suspension_cli.analyses.check.solve import Check as Check
+from suspension_cli.analyses.damp.solve import Damped as Damped
+from suspension_cli.analyses.export.solve import Export as Export
+from suspension_cli.analyses.modes.solve import Modes as Modes
+from suspension_cli.analyses.record import Record as Record
+from suspension_cli.analyses.response.solve import Response as Response
+from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str
@@ -26,7 +34,7 @@ def budget(
     mirrors: float = 1.0,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Budget:
     """Compute the motion of the mirror by cause, with cumulative RMS.
 
     Parameters
@@ -57,10 +65,10 @@ def budget(
 
     Returns
     -------
-    Result
-        Its `data` is a list of `physics.noise_budget.Budget`, one for each output, with
-        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
-        (f,) above each frequency, and `requirement`.
+    Budget
+        With `frequency` (f,) in Hz, `amplitude` (f, outputs) in m/sqrt(Hz) or rad/sqrt(Hz),
+        `contribution` (f, outputs, causes), `rms` and `rms_velocity` (f, outputs) above each
+        frequency; `motions` has an item per output, with `parts` by cause and `requirement`.
 
     Raises
     ------
@@ -71,13 +79,13 @@ def budget(
     --------
     >>> import suspension_cli as sus
     >>> found = sus.budget(sus.example("double"), frequency=[1.0, 10.0], ground=["nlnm"])
-    >>> found.data[0].cause
+    >>> found.cause
     ('ground.x', 'ground.y', 'ground.z', 'thermal')
     """
 
 def check(
     design: Design | PathLike,
-) -> Result:
+) -> Check:
     """Check a design, and list what its wires and blades carry.
 
     Parameters
@@ -87,10 +95,8 @@ def check(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `verdicts`,
-        `warnings`, which
-        are Python warnings too.
+    Check
+        With `stable`, `statics`, `verdicts`, and `warnings`, which are Python warnings too.
 
     Raises
     ------
@@ -168,7 +174,7 @@ def damp(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Damped:
     """Close the loops of the design's [control] table.
 
     Parameters
@@ -194,9 +200,9 @@ def damp(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
-        loop, `sensitivity` of all at once, `noise` (f, sensors), ...
+    Damped
+        With `closed` poles, `margin` of each loop, `sensitivity` of all at once, `noise`
+        (f, sensors), ...
 
     Raises
     ------
@@ -252,7 +258,7 @@ def export(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     tolerance: float = 0.001,
-) -> Result:
+) -> Export:
     """Export the state space of the model as DIR/NAME-statespace.*, or a noise budget of gwinc.
 
     Parameters
@@ -291,10 +297,10 @@ def export(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
-        `analyses.export.gwinc_tables.Tables`: `table`, and the `accuracy` of interpolation.
+    Export
+        With `system` (matrices `a`, `b`, `c`, `d`), `band` in Hz, and `agreement` with the violin
+        model; for gwinc `analyses.export.gwinc_tables.GwincTables`, with `table` and the
+        `accuracy` of interpolation.
 
     Raises
     ------
@@ -417,7 +423,7 @@ def modes(
     damping: str | Mapping[str, Grid] | None = None,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Modes:
     """Compute the normal modes: frequencies, shapes, Q.
 
     Parameters
@@ -438,9 +444,8 @@ def modes(
 
     Returns
     -------
-    Result
-        With the attributes of `linear.eigenmodes.Modes`: `frequency` (m,) in Hz, `q` (m,), `label`,
-        `shape`, ...
+    Modes
+        With `frequency` (m,) in Hz, `q` (m,), `label`, `shape`, ...
 
     Raises
     ------
@@ -576,7 +581,7 @@ def response(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Response:
     """Compute frequency responses of motions to motions of the support and to forces.
 
     Parameters
@@ -603,10 +608,9 @@ def response(
 
     Returns
     -------
-    Result
-        With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
-        (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
-        tuple of `analyses.response.solve.Comparison`.
+    Response
+        With `frequency` (f,) in Hz and `value` (f, outputs, inputs), complex, in SI units. With
+        `measured`, the attribute `measured` is a tuple of `analyses.response.solve.Comparison`.
 
     Raises
     ------
@@ -739,7 +743,7 @@ def thermal(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Thermal:
     """Compute thermal noise of motions, split by cause.
 
     Parameters
@@ -764,9 +768,10 @@ def thermal(
 
     Returns
     -------
-    Result
-        Its `data` is a list of `physics.thermal_noise.Thermal`, one for each output, with
-        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
+    Thermal
+        With `frequency` (f,) in Hz, `amplitude` (f, outputs) in m/sqrt(Hz) or rad/sqrt(Hz) and
+        `contribution` (f, outputs, sources); `motions` has an item per output, with `parts` by
+        source.
 
     Raises
     ------
@@ -777,8 +782,8 @@ def thermal(
     --------
     >>> import suspension_cli as sus
     >>> found = sus.thermal(sus.example("geo-silica-triple"), frequency=[10.0, 100.0])
-    >>> found.data[0].amplitude.shape
-    (2,)
+    >>> found.amplitude.shape
+    (2, 1)
     """
 
 def tolerance(

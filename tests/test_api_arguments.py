@@ -247,7 +247,7 @@ def test_designs_are_keys_of_dictionaries():
 def test_paths_stand_for_designs_in_every_function(tmp_path):
     path = tmp_path / "single.toml"
     path.write_text(SINGLE.text)
-    assert sus.check(path).name == sus.info(str(path)).name == "single"
+    assert sus.check(path).run.name == sus.info(str(path)).name == "single"
     assert isinstance(sus.report(path, tmp_path / "x.html", sections="numbers"), Path)
 
 

@@ -282,6 +282,7 @@ def stability(_: str) -> str:
 
 def stub() -> str:
     """Stub of the package: the functions of analyses with signatures and docstrings."""
+    homes = sorted({"Record": "record", **sus.RECORDS}.items(), key=lambda item: item[1])
     lines = [
         '"""The public API, for editors and type checkers; made by `make reference`."""',
         "",
@@ -291,6 +292,7 @@ def stub() -> str:
         "",
         "from suspension_cli import api, errors",
         "from suspension_cli.analyses.analysis import Result as Result",
+        *(f"from suspension_cli.analyses.{home} import {name} as {name}" for name, home in homes),
         "from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths",
         "",
         "__version__: str",
@@ -308,12 +310,13 @@ def stub() -> str:
                 given = "" if each.default is each.empty else f" = {each.default!r}"
                 lines.append(f"    {star}{each.name}: {each.annotation}{given},")
             text = textwrap.indent(inspect.getdoc(function) or "", "    ")
+            returned = inspect.signature(function).return_annotation
             lines += [
-                f") -> {inspect.signature(function).return_annotation}:",
+                f") -> {getattr(returned, '__name__', returned)}:",
                 f'    """{text.strip()}',
                 '    """',
             ]
-        elif not name.startswith("_") and name not in ("Result", "Design"):
+        elif not name.startswith("_") and name not in ("Record", "Result", "Design", *sus.RECORDS):
             lines.append(f"{name} = {'errors' if hasattr(errors, name) else 'api'}.{name}")
     return re.sub(r"[ \t]+\n", "\n", "\n".join(lines)) + "\n"
 

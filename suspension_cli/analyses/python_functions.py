@@ -46,14 +46,15 @@ def describe(function: Callable[..., Any], analysis: Any) -> None:
             listed.append(_of_option(param, value, analysis.parameters))
     if analysis.fills_file:
         listed.append(_of_input(FOLDER, Parameter.KEYWORD_ONLY))
-    signature = inspect.Signature([one for one, _ in listed], return_annotation=analysis.returns)
+    returned = analysis.returned_type()
+    signature = inspect.Signature([one for one, _ in listed], return_annotation=returned)
     annotations = {name: one.annotation for name, one in signature.parameters.items()}
     text = inspect.cleandoc(str(type(analysis).__doc__))
     head, sections = text.split("\n\n", 1)[0], text[text.index("\nReturns\n-") :]
     described = "\n".join(description for _, description in listed)
     function.__doc__ = f"{head}\n\nParameters\n----------\n{described}\n{sections}\n"
     function.__name__ = function.__qualname__ = analysis.name
-    function.__annotations__ = annotations | {"return": analysis.returns}
+    function.__annotations__ = annotations | {"return": returned}
     vars(function)["__signature__"] = signature
 
 

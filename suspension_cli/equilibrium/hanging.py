@@ -128,13 +128,18 @@ def lengthened(
     )
 
 
-def apply(scene: Scene, item: Perturbation) -> Scene:
-    """Apply one `[[perturbation]]` of a design file to a scene, see `impose`."""
+def apply(scene: Scene, item: Perturbation, *, trim: bool = True) -> Scene:
+    """Apply one `[[perturbation]]` of a design file to a scene, see `impose`.
+
+    Without `trim` tensions are not those of the pose in which the suspension hangs: nothing is
+    balanced.
+    """
     part, name = perturbed_part(item)
     given = {row.name: getattr(item, row.name) for row in perturbed(part)}
     amounts = {name: amount for name, amount in given.items() if amount is not None}
     number = applied_imperfections.members(scene, part)[name]
-    return impose(scene, part, number, amounts, item.hold)
+    act = impose if trim else applied_imperfections.impose
+    return act(scene, part, number, amounts, item.hold)
 
 
 def impose(

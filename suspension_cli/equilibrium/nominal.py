@@ -62,6 +62,17 @@ _latest: list[tuple[Design, Scene]] = []
 """The design expanded last, and its scene."""
 
 
+def expand_geometry(design: Design) -> Scene:
+    """Expand a design into the scene that drawings show: nothing is balanced.
+
+    Places and lengths are those of `expand`; loads of blades and tensions are not.
+    """
+    scene = with_added(scene_expand.expand_as_drawn(design), design)
+    for item in design.perturbation:
+        scene = apply(scene, item, trim=False)
+    return scene
+
+
 def expand_nominal(design: Design) -> Scene:
     """Expand a design into its scene, without imperfections.
 

@@ -152,12 +152,12 @@ def test_poles_of_control_by_frequency_and_q():
     figure = found.plot()
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     opened, closed, growing = (lines[name] for name in ("open", "closed", "closed, grows"))
-    poles = found.data.closed
+    poles = found.closed
     np.testing.assert_array_equal(growing.get_xdata(), poles.frequency[poles.growth_rate > 0])
     np.testing.assert_array_equal(growing.get_ydata(), -poles.q[poles.growth_rate > 0])
     assert np.median(closed.get_ydata()) < 1e-3 * np.median(opened.get_ydata())
-    rate = found.data.closed.growth_rate
-    where = found.data.closed.state[int(rate.argmax())]
+    rate = found.closed.growth_rate
+    where = found.closed.state[int(rate.argmax())]
     assert f"Local control UNSTABLE: {where} grows at {rate.max():.3g}/s" in said(figure)
     assert figure.axes[4].get_ylabel() == "phase (degrees)"
 

@@ -356,7 +356,7 @@ def test_links_of_wires_have_the_losses_of_their_material():
 
     def noise(changes):
         way = {"outputs": ["m.x"], "frequency": [1.0], "fidelity": "beam"}
-        found = sus.thermal(design.replace(changes), **way).data[0]
+        found = sus.thermal(design.replace(changes), **way).motions[0]
         return found.density.sum(0)[0]
 
     constant = noise({"link.heat.loss_angle": bulk})

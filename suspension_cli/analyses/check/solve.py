@@ -1,4 +1,10 @@
-"""Check of a design: whether it balances, its loads, and what is implausible in it."""
+"""Check of a design: whether it balances, its loads, and what is implausible in it.
+
+>>> import suspension_cli as sus
+>>> found = sus.check(sus.template("single"))
+>>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
+(True, 0, 13.75)
+"""
 
 from __future__ import annotations
 
@@ -9,6 +15,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.named_quantities import names_of
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
 from suspension_cli.design import checks
 from suspension_cli.design.checks import ImplausibleNumber
@@ -18,7 +25,6 @@ from suspension_cli.errors import Fault, InputError, format_value, suggest
 from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import registry
-from suspension_cli.models.registry import Choice
 from suspension_cli.physics import statics
 from suspension_cli.physics.loads import Statics, WireWeights
 from suspension_cli.physics.near_limits import find_implausible_loads, find_slackest, find_stability
@@ -29,24 +35,28 @@ from suspension_cli.quantities.kinds.modes import ALL
 from suspension_cli.quantities.requirements import Verdict
 
 if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.design.reader import Source
 
 
-@dataclass(frozen=True)
-class Check:
+@dataclass(frozen=True, eq=False, repr=False)
+class Check(Record):
     """A valid design: loads of its wires and blades, and implausible numbers.
+
+    Its model is the simplest that is valid.
 
     Attributes
     ----------
-    choice : Choice
-        The simplest valid model.
+    statics : Statics
+        Loads of wires, blades, links and legs, and the pose.
     stable, stability_model : bool, str or None
         Whether it is stable, and in which model; None if not computed.
+    warnings : list of ImplausibleNumber
+        What is valid but implausible.
     verdicts : tuple of Verdict
         Values of what `[[requirement]]` limits, in the stability model.
     """
 
-    choice: Choice
     statics: Statics
     stable: bool | None
     stability_model: str | None
@@ -59,14 +69,15 @@ class Check:
         return self.statics.weights
 
 
-def check(source: Source) -> Check:
-    """Check a design.
+def check(analysis: Analysis, run: Run) -> Check:
+    """Check a design, and warn of what is implausible.
 
     Raises
     ------
     InputError
         If it does not balance, with the implausible numbers that may be the reason.
     """
+    source = run.source
     design = source.design
     found = checks.find_implausible(design)
     try:
@@ -83,7 +94,10 @@ def check(source: Source) -> Check:
     found += find_unknown_names(source, modes, tomllib.loads(source.text))
     verdicts = judge_requirements(source, model)
     stable = None if model is None else not unstable
-    return Check(choice, loads, stable, model, found, verdicts)
+    for item in found:
+        run.log.warn(f"{run.name}: {item.line('')}")
+    origin = run.origin(analysis, choice)
+    return Check(loads, stable, model, found, verdicts, run=origin)
 
 
 def judge_requirements(source: Source, level: str | None) -> tuple[Verdict, ...]:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,12 +18,13 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
-    from suspension_cli.analyses.analysis import Result, Run
+    from suspension_cli.analyses.analysis import Run
+    from suspension_cli.analyses.record import Presented
     from suspension_cli.design.measured import Measured, Mode
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
 
-    Given = str | Path | Result | Source
+    Given = str | Path | Presented | Source
 
 COMPARED = ("modes", "response", "thermal")
 """Results that can be compared."""
@@ -77,7 +78,7 @@ class Item:
     name: str
     source: Source | None = None
     run: Run | None = None
-    result: Result | None = None
+    result: Any = None
     modes: Sequence[Mode] = ()
     curves: dict[Quantity, tuple[Curve, str]] = field(default_factory=dict)
     file: str = ""
@@ -141,13 +142,13 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
     import h5py
 
     from suspension_cli.analyses import registry
-    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.analyses.record import Presented
     from suspension_cli.design import measured, reader
     from suspension_cli.files.hdf5 import is_results_file, open_results
     from suspension_cli.measurements.read import read_bare
 
-    if isinstance(given, Result):
-        return _of_result(given, given.given.file)
+    if isinstance(given, Presented):
+        return _of_result(given, given.run.design.file)
     if isinstance(given, reader.Source):
         run = ask(given)
         return Item(run.name, run.source, run, file=given.file)
@@ -180,11 +181,8 @@ def _measured(responses: Sequence[MeasuredResponse]) -> dict[Quantity, tuple[Cur
     return curves
 
 
-def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
+def curves_of(result: Any) -> dict[Quantity, tuple[Curve, str]]:
     """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
-    from suspension_cli.analyses.response import picture as response
-    from suspension_cli.analyses.thermal import picture as thermal
-
     found, curves = result.data, {}
 
     def add(
@@ -195,17 +193,13 @@ def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
         curves[what] = curve, unit
 
     if result.analysis.name == "response":
-        fine = response.refine(result)
+        more, fine = result.curve
         for o, out in enumerate(found.output):
             for i, into in enumerate(found.input):
-                both = (
-                    values
-                    for one in (found, fine)
-                    for values in (one.frequency, one.value[:, o, i])
-                )
-                add(Quantity("response", out, into), found.unit[o][i], *both)
+                values = found.frequency, found.value[:, o, i], more, fine[:, o, i]
+                add(Quantity("response", out, into), found.unit[o][i], *values)
     elif result.analysis.name == "thermal":
-        for noise, fine in zip(found, thermal.refine(result), strict=True):
+        for noise, fine in zip(result.motions, result.curves, strict=True):
             both = (values for one in (noise, fine) for values in (one.frequency, one.amplitude))
             add(Quantity("noise", noise.output, ""), f"{noise.unit}/sqrt(Hz)", *both)
     return curves
@@ -231,13 +225,14 @@ def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
     return found
 
 
-def _of_result(result: Result, file: str) -> Item:
-    if result.analysis.name not in COMPARED:
-        problem = f"has results of {result.analysis.command_name}, which are not compared"
+def _of_result(result: Presented, file: str) -> Item:
+    run = result.run
+    if run.analysis.name not in COMPARED:
+        problem = f"has results of {run.analysis.command_name}, which are not compared"
         names = f"{', '.join(COMPARED[:-1])} or {COMPARED[-1]}"
         fault = Fault("", problem, f"name results of {names}, or the designs themselves")
-        raise InputError([fault], result.given.file)
-    return Item(result.given.name, result.given, result=result, curves=curves_of(result), file=file)
+        raise InputError([fault], run.design.file)
+    return Item(run.name, run.design, result=result, curves=curves_of(result), file=file)
 
 
 def _with_own_names(items: list[Item]) -> list[Item]:

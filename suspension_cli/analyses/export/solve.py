@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.export.relaxation import check_size, relax
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
@@ -105,6 +106,13 @@ class Exported:
     def frequency(self) -> Float[np.ndarray, " frequency"]:
         """Frequencies compared, Hz."""
         return np.geomspace(*self.tried, GRID)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Export(Record, Exported):
+    """An exported system: matrices, bands of agreement, and the format that was asked for."""
+
+    format: str = "mat"
 
 
 @dataclass(frozen=True)

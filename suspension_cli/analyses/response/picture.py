@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.response.solve import make_transfer
 from suspension_cli.drawing import curves, panels
-from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import PALETTE, LineLook, stage_colours
-from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.response import Response
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Result
     from suspension_cli.analyses.response.solve import Comparison
-    from suspension_cli.drawing.added_points import Solve
+    from suspension_cli.linear.response import Response
     from suspension_cli.scene.arrays import Array
 
 PHASE = 1.1
 """Height of a panel of phases, in."""
-MANY = 8
-"""Number of responses above which the frequencies of modes alone are added."""
 MANY_POINTS = 300
 """Number of measured points above which they are drawn small and without error bars."""
 MARKERS = ("o", "D", "^", "s", "v")
@@ -78,24 +69,6 @@ def _label_magnitude(unit: str, kind: Scale) -> str:
     if kind == "db":
         return "magnitude (dB)" if unit in ("m/m", "") else f"magnitude (dB re 1 {unit})"
     return f"magnitude ({unit})" if unit else "magnitude"
-
-
-def refine(result: Result) -> Response:
-    """Take the frequencies that resolve resonances and zeros in addition, solving if need be."""
-    data: Response = result.data
-    if data.fine_frequency is not None and data.fine is not None:
-        return replace(data, frequency=data.fine_frequency, value=data.fine)
-
-    def build() -> tuple[Solve, Array]:
-        model = result.linear_system or result.choice.model.system(result.given.design)
-        names, closed = (data.input, data.output), data.closed_loop
-        wanted = make_transfer(result.given.design, model, names, data.frequency, closed=closed)
-        modes = np.empty(0) if closed else eigenmodes.solve(model.constant).frequency
-        return partial(wanted.values, model), modes
-
-    few = data.value[0].size <= MANY
-    frequency, value = add_from_model(build, data.frequency, data.value, few=few)
-    return replace(data, frequency=frequency, value=value)
 
 
 def draw_measured(

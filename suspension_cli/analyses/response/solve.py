@@ -1,4 +1,14 @@
-"""Responses with loops closed, their peaks, and measured ones: ratios, chi^2, shifts of peaks."""
+"""Responses with loops open or closed, their peaks, and measured ones beside them.
+
+>>> import suspension_cli as sus
+>>> found = sus.response(sus.example("double"), frequency=[1.0, 10.0], fidelity="string")
+>>> found.output, found.value.shape
+(('test.x',), (2, 1, 1))
+
+A measured response is compared with the modelled one by the ratio of both, chi^2, and the shifts of
+resonances. Near resonances and zeros the curve of the picture has more frequencies than are asked
+for (`Response.fine`).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +16,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,29 +24,34 @@ import numpy as np
 from scipy.optimize import elementwise, linear_sum_assignment
 
 from suspension_cli.analyses import readings
+from suspension_cli.analyses.record import Record
 from suspension_cli.design import measured as tables
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Measured
-from suspension_cli.drawing.added_points import NARROWEST, add_points
+from suspension_cli.drawing.added_points import NARROWEST, add_from_model, add_points
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import INLINE, in_unit
 from suspension_cli.grids import parse_frequencies
-from suspension_cli.linear import damped, signals
+from suspension_cli.linear import damped, eigenmodes, response, signals
 from suspension_cli.linear.frequency_terms import is_light
-from suspension_cli.linear.response import Peaks, Response
+from suspension_cli.linear.response import Peaks
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read, resonances
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.choice import Transfer
-from suspension_cli.physics import local_control
+from suspension_cli.physics import local_control, model_choice, near_limits
+from suspension_cli.physics.closed_loop import find_steady_poles
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
+    from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.statespace import Poles
 
+MANY = 8
+"""Number of responses above which the frequencies of modes alone are added for the picture."""
 LOW = 0.1
 """Fraction of the largest magnitude on the grid from which a peak may be the largest."""
 NOISY = 1 / 3
@@ -159,11 +175,79 @@ class Comparison:
         return self.peak / self.pole - 1
 
 
-@dataclass(frozen=True)
-class ComparedResponse(Response):
-    """Responses with the measured transfer functions that they are compared with."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Response(Record, response.Response):
+    """Responses, and measured transfer functions that they are compared with.
+
+    Attributes
+    ----------
+    frequency
+        Hz.
+    input, output
+        Signals.
+    unit
+        Unit of each output over each input, [output][input].
+    value
+        Complex, SI.
+    closed_loop
+        Whether the loops of the design's local control are closed.
+    largest
+        Peaks within the band, also between the frequencies; None beside measured functions.
+    fine_frequency, fine
+        Values at more frequencies, which resolve resonances, for the picture; None beside measured
+        functions.
+    measured
+        Measured transfer functions, each with its prediction.
+    """
 
     measured: tuple[Comparison, ...] = ()
+
+    @property
+    def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency o i"]]:
+        """Frequencies (Hz) and values of the picture."""
+        if self.fine_frequency is None or self.fine is None:
+            return self.frequency, self.value
+        return self.fine_frequency, self.fine
+
+
+def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
+    """Solve for every input at every frequency; by `default` frequencies cover measurements."""
+    setting = run.setting
+    ends = setting["inputs"], setting["outputs"]
+    items = read_files(setting["measured"] or (), ends)
+    ask = partial(request, setting=setting, items=items, design=run.design, default=default)
+    unstable = setting["allow_unstable"]
+    choice, model = model_choice.choose(run.source, setting["fidelity"], ask)
+    allowed = unstable or setting["closed_loop"]
+    model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
+    wanted = ask(model)
+    near_limits.warn_of_tables(run.design, wanted.frequency, run.log)
+    closed = None
+    if isinstance(wanted, ClosedTransfer):
+        poles = find_steady_poles(run.design, model, choice.model, "response", run.log, unstable)
+        closed = wanted, poles
+        resonances = poles.frequency
+    else:
+        resonances = eigenmodes.solve(model.constant).frequency
+    found = response.Response(
+        wanted.frequency,
+        tuple(signal.text for signal in wanted.inputs),
+        tuple(signal.text for signal in wanted.outputs),
+        response.units(wanted.inputs, wanted.outputs),
+        wanted.values(model, wanted.frequency),
+        closed_loop=closed is not None,
+    )
+    measured = compare(model, items, found, closed) if items else ()
+    for text in filter(None, map(slip, measured)):
+        run.log.warn(text)
+    if not items:
+        at_all = partial(wanted.values, model)
+        modes = np.empty(0) if closed else resonances
+        few = found.value[0].size <= MANY
+        curve = add_from_model(lambda: (at_all, modes), found.frequency, found.value, few=few)
+        largest = find_peaks(found, at_all, resonances)
+        found = replace(found, largest=largest, fine_frequency=curve[0], fine=curve[1])
+    return Response.extending(found, measured=measured, run=run.origin(analysis, choice))
 
 
 def read_files(files: Sequence[str], ends: Sequence[Sequence[str]]) -> tuple[Item, ...]:
@@ -241,7 +325,7 @@ def request(
 
 
 def find_peaks(
-    answer: Response,
+    answer: response.Response,
     solve: Callable[[Array], Complex[np.ndarray, "frequency output input"]],
     modes: Array,
 ) -> Peaks:
@@ -290,7 +374,7 @@ def find_peaks(
 def compare(
     model: LinearSystem,
     items: Sequence[Item],
-    found: Response,
+    found: response.Response,
     closed: tuple[ClosedTransfer, Poles] | None = None,
 ) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.

@@ -1,0 +1,113 @@
+"""Results stand alone: pictures and texts follow from the record alone, also of a file, and records
+are typed."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import pickle
+import typing
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.analyses import record
+from suspension_cli.drawing import style
+from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.linear import response
+from suspension_cli.linear.system import LinearSystem
+from suspension_cli.models import registry
+from tests.support import plants
+from tests.support.paths import ROOT
+
+pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
+
+MEASURED = ROOT / "measured" / "triple"
+HANGING = (
+    f"{plants.FIVE}\n[[perturbation]]\nwire = 'test.3'\nk_factor = 1.2\n"
+    "upper_offset = [0.002, 0.0, 0.001]\n"
+)
+"""A design whose pose, blade load and trimmed wire are found by balancing it."""
+FEW = np.geomspace(0.3, 30, 40)
+PICTURES = {
+    "budget": lambda: sus.budget(
+        sus.example("triple-damped"), ground=["nlnm"], frequency=FEW, arm=4000.0, mirrors=4.0
+    ),
+    "modes": lambda: sus.modes(sus.example("quadruple"), fidelity="beam"),
+    "modes of an imperfect design": lambda: sus.modes(sus.example("imperfect"), fidelity="string"),
+    "modes of a design with natural lengths": lambda: sus.modes(
+        sus.parse(HANGING), fidelity="string"
+    ),
+    "modes of wires": lambda: sus.modes(sus.example("husman2000/figure6"), max_frequency=300.0),
+    "damp": lambda: sus.damp(
+        sus.example("triple-damped"), frequency=FEW, duration=5.0, fidelity="string"
+    ),
+    "response": lambda: sus.response(
+        sus.example("double"), inputs=["support.x", "upper.force_x"], frequency=FEW
+    ),
+    "response with loops closed": lambda: sus.response(
+        sus.example("triple-damped"), frequency=FEW, closed_loop=True, fidelity="string"
+    ),
+    "response measured": lambda: sus.response(
+        sus.read(MEASURED / "triple.toml"), measured=MEASURED / "measured.toml"
+    ),
+    "thermal": lambda: sus.thermal(
+        sus.example("geo-silica-triple"), outputs=["test.x", "test.pitch"], frequency=FEW
+    ),
+}
+"""A result of each analysis that returns a record with pictures."""
+RECORDS = [getattr(sus, name) for name in sus.__all__ if name in sus.RECORDS]
+
+
+def refuse(*_: object, **__: object) -> None:
+    raise AssertionError("a stored result is solved for again")
+
+
+def forbid_models(monkeypatch) -> None:
+    """Let nothing build, balance or solve a model."""
+    monkeypatch.setattr(registry, "by_name", refuse)
+    monkeypatch.setattr(LinearSystem, "__post_init__", refuse, raising=False)
+    monkeypatch.setattr(response, "solve", refuse)
+    monkeypatch.setattr(response, "transfer", refuse)
+    monkeypatch.setattr(equilibrium, "solve", refuse)
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_pictures_and_texts_follow_from_the_file_alone(name, tmp_path, monkeypatch):
+    found = PICTURES[name]()
+    drawn = {end: style.encode(figure, "png") for end, figure in found.figures().items()}
+    found.save(tmp_path / "a.h5")
+    (tmp_path / "a.h5").rename(tmp_path / "b.h5")
+    assert drawn
+    with monkeypatch.context() as without:
+        forbid_models(without)
+        again = sus.load(tmp_path / "b.h5")
+        stored = again.figures()
+        assert {end: style.encode(figure, "png") for end, figure in stored.items()} == drawn
+        assert type(again) is type(found) and isinstance(again, record.Record)
+        assert str(again) == str(found)
+        assert again.document() == found.document()
+        assert again.run.warnings == found.run.warnings
+        assert pickle.loads(pickle.dumps(found)).document() == found.document()
+    assert again.run.file == tmp_path / "b.h5" and found.run.file is None
+    assert again.design.text == found.design.text
+
+
+@pytest.mark.parametrize("kind", RECORDS, ids=[kind.__name__ for kind in RECORDS])
+def test_records_are_typed_and_documented(kind):
+    """No field hides an attribute that all records have; editors know the type of each."""
+    common = {name for name in dir(record.Record) if name[0] != "_"}
+    fields = {one.name for one in dataclasses.fields(kind)} - {"run"}
+    assert not fields & common
+    assert kind.__doc__ and not kind.__dataclass_params__.eq
+    assert all(one.type != "Any" for one in dataclasses.fields(kind))
+    assert "__getattr__" not in {name for base in kind.__mro__ for name in vars(base)}
+
+
+def test_functions_name_their_records():
+    for kind in RECORDS:
+        name = sus.RECORDS[kind.__name__].partition(".")[0]
+        function = getattr(sus, name)
+        assert inspect.signature(function).return_annotation is kind
+        assert typing.get_type_hints(function)["return"] is kind
