@@ -1,4 +1,8 @@
-"""Cross-coupling of imperfect builds (Husman et al. 2000, section 6).
+"""Cross-coupling of imperfect builds (Husman et al. 2000, section 6)::
+
+    axes = (Axis("k", (0.9, 1.0, 1.1)), Axis("offset", (-1e-3, 0.0, 1e-3)))
+    job = Sweep(source.text, axes, couplings.parse_request(system, setting, "test"))
+    ratio = job.compute(0, job.count)["ratio"]
 
 Cross-coupling is the ratio of two motions for one input, by default longitudinal over vertical
 motion for vertical motion of the support. It is computed on grids of any number of imperfections.
@@ -73,17 +77,24 @@ class Sweep(Grid):
         """Compute the couplings of builds with these values of the parameters."""
         count = len(next(iter(values.values())))
         paths = {name: value for name, value in values.items() if name not in PARAMETERS}
-        parts = [(self.scene, self.design, np.arange(count))]
-        spectrum, number = ("c16", (len(self.question.frequency),)), ("f8", ())
-        motions = {"ratio": spectrum, "over": spectrum, "under": spectrum}
-        outcome = {"residual": number, "status": ("u1", ()), "slack_wire": ("i2", ())}
-        result = builds.blank(count, **motions, **outcome)
-        for scene, design, here in (
-            variants.scenes(self.text, paths, self.level) if paths else parts
-        ):
+        spectrum = "c16", (len(self.question.frequency),)
+        result = builds.blank(
+            count,
+            ratio=spectrum,
+            over=spectrum,
+            under=spectrum,
+            residual=("f8", ()),
+            status=("u1", ()),
+            slack_wire=("i2", ()),
+        )
+        one_design = [(self.scene, self.design, np.arange(count))]
+        designs = variants.scenes(self.text, paths, self.level) if paths else one_design
+        for scene, design, here in designs:
             swept = {name: own[here] for name, own in values.items() if name in PARAMETERS}
-            imperfect, unstable = impose(scene, swept, self.question), self.allow_unstable
-            found = builds.balance(imperfect, design, level=self.level, allow_unstable=unstable)
+            imperfect = impose(scene, swept, self.question)
+            found = builds.balance(
+                imperfect, design, level=self.level, allow_unstable=self.allow_unstable
+            )
             for name, value in couplings(found, self.question).items():
                 result[name][here] = value
         return result
@@ -157,7 +168,9 @@ class Coupling:
 
 def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
     """Write the couplings of all builds of a job."""
-    ask, wires, known = job.question, job.scene.wires, job.on_grid(columns)
+    ask = job.question
+    wires = job.scene.wires
+    known = job.on_grid(columns)
     motions = {f"{name}_input": known.pop(name) for name in ("over", "under")}
     record = Coupling(
         axes=job.axes,
