@@ -674,6 +674,7 @@ def sweep(
     *,
     vary: Mapping[str, Grid],
     results: Names = (),
+    require: Names = (),
     workers: int = 1,
     scheduler: str | None = None,
     chunk: int = 512,
@@ -683,7 +684,7 @@ def sweep(
     fidelity: str = 'auto',
     folder: PathLike | None = None,
 ) -> Result:
-    """Compute modes, responses and couplings over a grid of a design's parameters.
+    """Compute modes, or any quantities, over a grid of a design's parameters.
 
     Parameters
     ----------
@@ -692,8 +693,11 @@ def sweep(
     vary : mapping
         A parameter and its values: stage.test.wires.s=1e-3:0.05:50:log.
     results : str or sequence of str
-        A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ.
-        Default: modes, which stands for every mode.
+        A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a
+        response OUTPUT/INPUT:HZ or any other. Default: modes, which stands for every mode.
+    require : str or sequence of str
+        A requirement beside those of the design: 'test pitch in 0.5:0.7', 'thermal test.x:10 <
+        1e-19', SI units and Hz.
     workers : int
         Number of processes.
     scheduler : str, optional
@@ -715,7 +719,7 @@ def sweep(
     -------
     Result
         With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
-        (axis 1, axis 2, ..., results).
+        (axis 1, axis 2, ..., results); `met`, whether each point meets each requirement.
 
     Raises
     ------

@@ -258,10 +258,12 @@ QUANTITIES = option(
     metavar="QUANTITY",
     help=(
         "A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a"
-        " response OUTPUT/INPUT:HZ, ... (repeatable)."
+        " response OUTPUT/INPUT:HZ or any other (repeatable)."
         "  [default: modes, which stands for every mode]"
     ),
 )
+COUPLING_LIMIT = 1e-3
+"""Limit on the cross-coupling, unless `[analysis.tolerance]` gives another."""
 COUPLING = (
     option(
         "--input",

@@ -51,7 +51,7 @@ class Quantity(ABC):
     undamped
         Whether it is of undamped modes, which are those of wires without mass.
     slow
-        Whether it is computed design by design, which takes some 10 to 100 ms each.
+        Whether it is computed design by design, which takes some 0.05 to 0.5 s each.
     """
 
     text: str

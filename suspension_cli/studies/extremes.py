@@ -23,10 +23,13 @@ FAILED = 2
 """Pairs of neighbours of which one failed."""
 
 
-def find_extremes(value: Inexact[np.ndarray, "*grid result"]) -> Int[np.ndarray, " point"]:
+def find_extremes(
+    value: Inexact[np.ndarray, "*grid result"], most: int = MOST
+) -> Int[np.ndarray, " point"]:
     """Find points, by their numbers in the grid, with extreme and fast changing results.
 
-    NaN are failed points. Those of results that vary most over the grid are first.
+    At most `most`, not counting those beside failed points, which are NaN. Those of results that
+    vary most over the grid are first.
 
     >>> resonance = 1 / np.abs(np.linspace(0.9, 1.2, 31) - 1.003)
     >>> find_extremes(resonance[:, None]).tolist()[:5]
@@ -40,7 +43,7 @@ def find_extremes(value: Inexact[np.ndarray, "*grid result"]) -> Int[np.ndarray,
     known = np.asarray(np.isfinite(flat).any(1))
     beside = np.flatnonzero(known[low] != known[high])
     some = beside[np.linspace(0, len(beside) - 1, min(FAILED, len(beside))).astype(int)]
-    return np.unique(np.array([*ranked[:MOST], *low[some], *high[some]], dtype=int))
+    return np.unique(np.array([*ranked[:most], *low[some], *high[some]], dtype=int))
 
 
 def find_largest(value: Inexact[np.ndarray, "point result"]) -> Int[np.ndarray, " point"]:

@@ -42,7 +42,7 @@ from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.requirements import Requirement
 from suspension_cli.quantities.solved import Solved, of_designs
 from suspension_cli.studies import builds, variants
-from suspension_cli.studies.extremes import find_extremes
+from suspension_cli.studies.extremes import MOST, find_extremes
 from suspension_cli.studies.job import Axis, Grid, nominal_system
 from suspension_cli.studies.run import Columns
 
@@ -56,6 +56,8 @@ POINTS = 9
 """Largest number of points at which models are compared before the sweep."""
 FEW = 3
 """The same, if a quantity is computed design by design."""
+FEW_EXTREMES = 6
+"""Largest number of points at which models are compared after such a sweep."""
 TOGETHER = 16
 """Points computed at once, if a quantity is computed design by design: progress is seen then."""
 
@@ -494,4 +496,5 @@ def extreme_points(job: ParameterSweep, columns: Columns) -> Int[np.ndarray, " p
     rank = None
     if job.followed:
         rank, _ = follow(job, known)
-    return find_extremes(complete(job, known, rank))
+    most = FEW_EXTREMES if job.is_slow else MOST
+    return find_extremes(complete(job, known, rank), most)

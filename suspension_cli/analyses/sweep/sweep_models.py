@@ -24,6 +24,13 @@ if TYPE_CHECKING:
     from suspension_cli.studies.job import Axis
 
 
+WHY = {
+    "beam": "as losses act where wires bend",
+    "violin": "as it is about wires with mass",
+}
+"""Why quantities are computed in these models, if a simpler one is wanted."""
+
+
 @dataclass(frozen=True)
 class Asked:
     """Axes and names of results as given, with which the sweep is made in any model."""
@@ -74,6 +81,14 @@ class Asked:
         """Whether a quantity needs wires that bend, in this design."""
         return quantity.bends and not registry.BEAM.unsuitable(self.source.design)
 
+    def _level(self, quantity: Quantity, wanted: str) -> str:
+        """Name of the model in which a quantity is computed if a model is wanted."""
+        if quantity.wire_mass:
+            return registry.VIOLIN.name
+        if self._bends(quantity) and not registry.by_name(wanted).bends_wires:
+            return registry.BEAM.name
+        return wanted
+
     def settle_model(self, wanted: str, say: Callable[[str], None]) -> str:
         """Return the model to compute in: the one wanted, or the simplest that the results allow.
 
@@ -87,14 +102,14 @@ class Asked:
             remedy = "take beam, or leave out frequencies of undamped modes"
             problem = "has no modes that could be followed"
             raise InputError.of("--fidelity", problem, remedy, format_value(model.name))
-        if model.bends_wires:
+        raised = {one.text: self._level(one, wanted) for one in self._quantities}
+        for level in dict.fromkeys(raised.values()):
+            if level != wanted:
+                names = ", ".join(name for name, own in raised.items() if own == level)
+                say(f"{names}: computed in the {level} model, {WHY[level]}")
+        if wanted in raised.values():
             return wanted
-        bent = [one.text for one in self._quantities if self._bends(one)]
-        if not bent:
-            return wanted
-        beam = registry.BEAM.name
-        say(f"{', '.join(bent)}: computed in the {beam} model, as losses act where wires bend")
-        return beam if len(bent) == len(self._quantities) else wanted
+        return max(raised.values(), key=[*registry.FILES].index)
 
     def usable(self, wanted: str) -> list[Model]:
         """Models in which the sweep can be computed, from the cheapest to the most complete."""

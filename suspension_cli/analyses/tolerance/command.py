@@ -89,7 +89,7 @@ class ToleranceAnalysis(Analysis):
         option(
             "--limit",
             type=click.FloatRange(0.0, min_open=True),
-            default=1e-3,
+            default=options.COUPLING_LIMIT,
             help="Limit on the cross-coupling, whose yield is printed.",
         ),
         option(

@@ -110,7 +110,9 @@ class CouplingAnalysis(Analysis):
         from suspension_cli.physics import model_choice
         from suspension_cli.physics.couplings import parse_request
 
-        setting, source, unstable = run.setting, run.source, run.setting["allow_unstable"]
+        setting = run.setting
+        source = run.source
+        unstable = setting["allow_unstable"]
         strings = registry.STRING.system(run.design)
         requested = parse_request(strings, setting, mirror(run.design))
         if setting["matrix"]:
@@ -143,13 +145,16 @@ class CouplingAnalysis(Analysis):
         answer: Coupling = result.data
         single = len(answer.frequency) == 1
         ratio = answer.ratio[..., 0] if single else answer.ratio
-        names = "input", "over", "under", "hold", "failures"
         return {
             "axes": table(answer.axes, "name values"),
             "ratio_real": np.real(ratio),
             "ratio_imag": np.imag(ratio),
             "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
-            **{name: getattr(answer, name) for name in names},
+            "input": answer.input,
+            "over": answer.over,
+            "under": answer.under,
+            "hold": answer.hold,
+            "failures": answer.failures,
         }
 
     def text(self, result: Result) -> str:
@@ -211,7 +216,8 @@ class MatrixAnalysis(Analysis):
         from suspension_cli.models.choice import Transfer
         from suspension_cli.physics import model_choice
 
-        setting, frequency = run.setting, np.array(requested.frequency)
+        setting = run.setting
+        frequency = np.array(requested.frequency)
         body, at, point = (setting["observe"] or requested.over.body).partition("@")
 
         def request(system: LinearSystem) -> Transfer:
@@ -267,11 +273,8 @@ class MatrixAnalysis(Analysis):
 
 
 def _limit(design: Design) -> float:
-    """Limit on the coupling: that of the design's `[analysis.tolerance]`, or its default."""
-    from suspension_cli.analyses import registry, settings
-
-    analysis = registry.get("tolerance")
-    return float(settings.defaults(analysis, design.analysis.get("tolerance", {}))["limit"])
+    """Limit on the coupling: that of the design's `[analysis.tolerance]`, or the usual one."""
+    return float(design.analysis.get("tolerance", {}).get("limit", options.COUPLING_LIMIT))
 
 
 def axes(text: str, table: Document) -> tuple[Axis, ...]:
@@ -281,24 +284,29 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.job import Axis, distinct
 
-    result, problem, remedy = [], "", ""
+    result = []
     for part in re.split(r",(?!\s*[-+.\d])", text):  # numbers are further values of a list
         name, equals, values = (piece.strip() for piece in part.partition("="))
         if name not in PARAMETERS and "." not in name:
-            problem = f"there is no imperfection {name!r}"
             remedy = suggest(name, list(PARAMETERS)) + " or a dotted path"
-        elif "." in name and not equals:
-            problem, remedy = f"{name} has no grid", f"write {name}=start:stop:count"
-        if problem:
+            problem = f"there is no imperfection {name!r}"
             raise InputError.of("--sweep", problem, remedy, format_value(text))
+        if "." in name and not equals:
+            remedy = f"write {name}=start:stop:count"
+            raise InputError.of("--sweep", f"{name} has no grid", remedy, format_value(text))
         factor = name in PARAMETERS and PARAMETERS[name][0].relative
-        default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)
-        kept = table.get(name, default)
-        given = values or (",".join(map(str, kept)) if isinstance(kept, list) else str(kept))
+        given = values or _default_grid(name, table, is_factor=factor)
         lowest = 1 / LARGEST if factor else -LARGEST
         grid = parse_grid(given, f"--sweep {name}", lowest=lowest, highest=LARGEST)
         result.append(Axis(name, tuple(grid)))
     return distinct(result, "--sweep", text)
+
+
+def _default_grid(name: str, table: Document, *, is_factor: bool) -> str:
+    """Grid of a parameter in the design's table, or the usual one, as text."""
+    usual = DEFAULT_GRID.get(name, FACTOR_GRID if is_factor else OTHER_GRID)
+    given = table.get(name, usual)
+    return ",".join(map(str, given)) if isinstance(given, list) else str(given)
 
 
 ANALYSIS = CouplingAnalysis()

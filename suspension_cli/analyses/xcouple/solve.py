@@ -1,4 +1,8 @@
-"""Cross-coupling of imperfect builds (Husman et al. 2000, section 6).
+"""Cross-coupling of imperfect builds (Husman et al. 2000, section 6)::
+
+    axes = (Axis("k", (0.9, 1.0, 1.1)), Axis("offset", (-1e-3, 0.0, 1e-3)))
+    job = Sweep(source.text, axes, couplings.parse_request(system, setting, "test"))
+    ratio = job.compute(0, job.count)["ratio"]
 
 Cross-coupling is the ratio of two motions for one input, by default longitudinal over vertical
 motion for vertical motion of the support. It is computed on grids of any number of imperfections.
@@ -111,9 +115,15 @@ class Sweep(Grid):
         """Compute the couplings of builds with these values of the parameters."""
         count = len(next(iter(values.values())))
         spectrum = ("c16", (len(self.question.frequency),))
-        motions = {"ratio": spectrum, "over": spectrum, "under": spectrum}
-        outcome = {"residual": ("f8", ()), "status": ("u1", ()), "slack_wire": ("i2", ())}
-        result = builds.blank(count, **motions, **outcome)
+        result = builds.blank(
+            count,
+            ratio=spectrum,
+            over=spectrum,
+            under=spectrum,
+            residual=("f8", ()),
+            status=("u1", ()),
+            slack_wire=("i2", ()),
+        )
         for found, here in self._balanced(values):
             for name, value in couplings(found, self.question).items():
                 result[name][here] = value
@@ -206,7 +216,9 @@ class Coupling:
 
 def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
     """Write the couplings of all builds of a job."""
-    ask, wires, known = job.question, job.scene.wires, job.on_grid(columns)
+    ask = job.question
+    wires = job.scene.wires
+    known = job.on_grid(columns)
     motions = {f"{name}_input": known.pop(name) for name in ("over", "under")}
     record = Coupling(
         axes=job.axes,
