@@ -366,47 +366,6 @@ def fit(
     """
 gwinc = api.gwinc
 import_sumcon = api.import_sumcon
-
-def info(
-    design: Design | PathLike,
-    *,
-    input: str = 'support.x',
-    output: str | None = None,
-    frequency: Grid = '0.1:100:2000',
-    tolerance: float = 0.001,
-) -> Result:
-    """Compute the errors of the models of a design, and name the model that `auto` takes.
-
-    Parameters
-    ----------
-    design : Design
-        The design, or the path of its file.
-    input : str
-        Input of the response.
-    output : str, optional
-        Output of the response and of the thermal noise. Default: x of the mirror.
-    frequency : grid
-        Frequencies of the response and the noise, Hz.
-    tolerance : float
-        Largest relative error of the result that fidelity="auto" accepts.
-
-    Returns
-    -------
-    Result
-        With the attributes of `analyses.info.command.Info`: `errors`, `choices`, `first_violin`.
-
-    Raises
-    ------
-    InputError
-        If the design does not balance, or a signal does not exist.
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> found = sus.info(sus.example("geo-silica-triple"), tolerance=0.01)
-    >>> [choice.level for choice in found.choices.values()]
-    ['beam', 'violin', 'violin']
-    """
 load = api.load
 
 def modes(
@@ -889,7 +848,8 @@ def tradeoff(
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`.
+        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`,
+        `choices`, `first_violin`.
 
     Raises
     ------

@@ -75,7 +75,7 @@ def follow_mode(text: str, path: str, value: Any, mode: str, level: str) -> Any:
     job = ParameterSweep(
         text, (Axis(path, tuple(value.tolist())),), level, (named_results.Mode(mode, -1),)
     )
-    number = named_results.labels(job.nominal).index(mode)
+    number = job.nominal.numbered_label.index(mode)
     points = job.compute(0, job.count)
     rank, _ = mode_pairing.follow(
         points["omega_squared"],

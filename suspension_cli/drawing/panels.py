@@ -50,6 +50,10 @@ PEAKS, RULES = 0.25, 0.14
 """Room above axes for the frequencies of peaks, or for the texts of rules, in."""
 SAMPLE, APART = 0.22, 0.15
 """Length of the sample of a line beside its name, and distance to the next name, in."""
+PHASE = 1.1
+"""Height of a panel of phases, in."""
+ZERO = "0 by symmetry at all frequencies"
+"""Remark in a panel whose curves all vanish."""
 MANY = 12
 """Number of curves above which peaks have no labels."""
 REACH = 1.5

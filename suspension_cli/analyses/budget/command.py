@@ -348,12 +348,12 @@ def _model(
     run: Run, grid: Array, outputs: Sequence[str], notes: list[str]
 ) -> tuple[Choice, LinearSystem, bool]:
     """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
-    from suspension_cli.analyses.check.missing_losses import state_missing_losses
     from suspension_cli.linear import signals
     from suspension_cli.models import registry
     from suspension_cli.models.choice import Transfer
     from suspension_cli.physics import model_choice, thermal_noise
     from suspension_cli.physics.lossless import describe_lossless, find_lossless
+    from suspension_cli.physics.missing_losses import state_missing_losses
     from suspension_cli.physics.near_limits import describe_falsified_losses
 
     source, wanted, arm = run.source, run.setting["fidelity"], run.setting["arm"]

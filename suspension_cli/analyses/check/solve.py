@@ -15,7 +15,7 @@ from suspension_cli.design.checks import ImplausibleNumber
 from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value, suggest
-from suspension_cli.linear import named_results, signals
+from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import registry
 from suspension_cli.models.registry import Choice
@@ -24,7 +24,9 @@ from suspension_cli.physics.loads import Statics, WireWeights
 from suspension_cli.physics.near_limits import find_implausible_loads, find_slackest, find_stability
 from suspension_cli.physics.statics import list_wire_tables
 from suspension_cli.physics.temperatures import find_unknown_temperatures
-from suspension_cli.quantities import requirements
+from suspension_cli.quantities import requirements, vocabulary
+from suspension_cli.quantities.kinds.modes import ALL
+from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.requirements import Verdict
 
 if TYPE_CHECKING:
@@ -79,7 +81,7 @@ def check(source: Source) -> Check:
     found += [ImplausibleNumber.of(fault) for fault in unknown]
     found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
     found += [*unstable, *find_slackest(loads)]
-    found += find_unknown_names(design, modes, tomllib.loads(source.text))
+    found += find_unknown_names(source, modes)
     verdicts = judge_requirements(source, model)
     stable = None if model is None else not unstable
     return Check(choice, loads, stable, model, found, verdicts)
@@ -97,12 +99,12 @@ def judge_requirements(source: Source, level: str | None) -> tuple[Verdict, ...]
     return requirements.judge(found, source.design, level)
 
 
-def find_unknown_names(
-    design: Design, found: Modes | None, raw: dict[str, object]
-) -> list[ImplausibleNumber]:
-    """Find unknown names in a design, whose tables are `raw`; labels if modes are `found`."""
+def find_unknown_names(source: Source, found: Modes | None) -> list[ImplausibleNumber]:
+    """Find unknown names in a design; those of quantities if modes are `found`."""
     from suspension_cli.analyses import registry as analyses
 
+    design = source.design
+    raw = tomllib.loads(source.text)
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
     on_ground = any(GROUND in item.between for _, item in design.between_bodies)
@@ -137,7 +139,7 @@ def find_unknown_names(
         "wire": partial(parse_among, wires, "wire"),
         "body": partial(parse_among, [*stages], "stage"),
         "vary": parse_path,
-        "result": lambda text: found and named_results.parse([text], found, known),
+        "result": partial(_parse_quantity, names_of(source) if found is not None else None),
     }
     for where, key, value in _analysis_keys(design):
         if "." in key:
@@ -147,6 +149,12 @@ def find_unknown_names(
             faults = _collect_faults(partial(parse_text[key], value))
             unknown += [replace(item, key=where, value=format_value(value)) for item in faults]
     return unknown
+
+
+def _parse_quantity(names: Names | None, text: str) -> None:
+    """Raise `InputError` if a design has no such quantity; nothing is known without modes."""
+    if names is not None and text != ALL:
+        vocabulary.parse(text, names, "")
 
 
 def _analysis_keys(design: Design) -> Iterator[tuple[str, str, object]]:

@@ -15,7 +15,6 @@ from suspension_cli.analyses.compare.solve import (
     interpolate,
     with_ratio,
 )
-from suspension_cli.analyses.response.picture import PHASE, ZERO
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
@@ -89,9 +88,9 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
             ratios.append(Line(curve.ratio_frequency, np.abs(curve.ratio), "_", *how))
     unit = overlay.unit.replace("sqrt(Hz)", "√Hz")
     quantity = "magnitude" if response else single_line(overlay.output, 30)
-    shown = [Panel(f"{quantity} ({unit})", sizes, scale="log", empty=ZERO)]
+    shown = [Panel(f"{quantity} ({unit})", sizes, scale="log", empty=panels.ZERO)]
     if response:
-        shown.append(Panel("phase (degrees)", phases, PHASE, "phase", empty=" "))
+        shown.append(Panel("phase (degrees)", phases, panels.PHASE, "phase", empty=" "))
     if len(curves) > 1 and any(curve.value.any() for curve in curves):
         known = np.concatenate([np.ones(1), *(np.asarray(line.y) for line in ratios)])
         known = known[np.isfinite(known) & (known > 0)]

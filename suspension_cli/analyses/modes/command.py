@@ -17,7 +17,7 @@ from suspension_cli.analyses.analysis import (
     Run,
     Settings,
 )
-from suspension_cli.analyses.options import option
+from suspension_cli.analyses.options import MOST_WIRE_MODES, option
 from suspension_cli.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 HIGHEST = 1000.0
 """Hz, up to which the violin model lists modes."""
-MOST = 1000
-"""Modes of wires with mass above which a run is refused unless --all is given."""
 
 
 class ModesAnalysis(Analysis):
@@ -86,7 +84,10 @@ class ModesAnalysis(Analysis):
             "--all",
             "every",
             is_flag=True,
-            help=f"Compute all modes of wires with mass, even if there are more than {MOST}.",
+            help=(
+                "Compute all modes of wires with mass, even if there are more than"
+                f" {MOST_WIRE_MODES}."
+            ),
         ),
         option(
             "--damping",
@@ -163,12 +164,14 @@ class ModesAnalysis(Analysis):
         """Return a table of the modes."""
         import numpy as np
 
-        from suspension_cli.linear import named_results
         from suspension_cli.linear.eigenmodes import TOP
 
         modes: Modes = result.data
-        names, verdicts, groups = named_results.labels(modes), modes.verdict, modes.groups
-        first, fraction = [group[0] for group in groups], modes.damping_fraction
+        names = modes.numbered_label
+        verdicts = modes.verdict
+        groups = modes.groups
+        first = [group[0] for group in groups]
+        fraction = modes.damping_fraction
         columns: dict[str, tuple[str, Sequence[float | str | None]]] = {
             "#": ("d", [n + 1 for n in first]),
             "frequency\nHz": ("#.5g", [_frequency(modes, n) for n in first]),
@@ -305,8 +308,8 @@ def _state_losses(run: Run, choice: Choice) -> tuple[Choice, list[str]]:
     """Add losses that materials lack to what is neglected; also list what makes Q wrong."""
     import numpy as np
 
-    from suspension_cli.analyses.check.missing_losses import state_missing_losses
     from suspension_cli.linear import eigenmodes
+    from suspension_cli.physics.missing_losses import state_missing_losses
     from suspension_cli.physics.near_limits import describe_falsified_losses
 
     lines = describe_falsified_losses(run.design, choice.level)
@@ -327,14 +330,14 @@ class TooManyModes(InputError):
 
 
 def _admit(run: Run, number: int, top: float, cause: str) -> None:
-    """Refuse more than `MOST` modes without --all, with what may be implausible in the design."""
+    """Refuse more than `MOST_WIRE_MODES` without --all, with what may be implausible."""
     from suspension_cli.physics import near_limits
 
-    if number <= MOST or run.setting["every"]:
+    if number <= MOST_WIRE_MODES or run.setting["every"]:
         return
     problem = (
-        f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than {MOST:,}"
-        " take minutes"
+        f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than"
+        f" {MOST_WIRE_MODES:,} take minutes"
     )
     remedy = (
         "check lengths and radii of wires (m), give a lower --max-frequency, or --all to compute"

@@ -78,10 +78,10 @@ class ThermalAnalysis(Analysis):
 
         import numpy as np
 
-        from suspension_cli.analyses.check.missing_losses import state_missing_losses
         from suspension_cli.design.derive import mirror
         from suspension_cli.physics import model_choice, near_limits, thermal_noise
         from suspension_cli.physics.lossless import describe_lossless, find_lossless
+        from suspension_cli.physics.missing_losses import state_missing_losses
 
         setting = run.setting
         frequency, arm = np.array(parse_frequencies(setting["frequency"])), setting["arm"]
