@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses import verdicts
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
 from suspension_cli.design import checks
@@ -24,7 +25,7 @@ from suspension_cli.physics.loads import Statics, WireWeights
 from suspension_cli.physics.near_limits import find_implausible_loads, find_slackest, find_stability
 from suspension_cli.physics.statics import list_wire_tables
 from suspension_cli.physics.temperatures import find_unknown_temperatures
-from suspension_cli.quantities import requirements, vocabulary
+from suspension_cli.quantities import vocabulary
 from suspension_cli.quantities.kinds.modes import ALL
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.requirements import Verdict
@@ -82,21 +83,9 @@ def check(source: Source) -> Check:
     found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
     found += [*unstable, *find_slackest(loads)]
     found += find_unknown_names(source, modes)
-    verdicts = judge_requirements(source, model)
+    found_verdicts = verdicts.judge(source, model)
     stable = None if model is None else not unstable
-    return Check(choice, loads, stable, model, found, verdicts)
-
-
-def judge_requirements(source: Source, level: str | None) -> tuple[Verdict, ...]:
-    """Evaluate what `[[requirement]]` of a design limits, in a model by its name.
-
-    Raises `InputError` if a requirement names no quantity of the design.
-    """
-    wanted = requirements.of_design(source.design)
-    if not wanted or level is None:
-        return ()
-    found = requirements.find(wanted, names_of(source))
-    return requirements.judge(found, source.design, level)
+    return Check(choice, loads, stable, model, found, found_verdicts)
 
 
 def find_unknown_names(source: Source, found: Modes | None) -> list[ImplausibleNumber]:

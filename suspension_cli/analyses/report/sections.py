@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.analyses import options, registry, settings, tables
+from suspension_cli.analyses import options, registry, settings, tables, verdicts
 from suspension_cli.analyses.analysis import RelayedLog, Result, Run
 from suspension_cli.analyses.options import default_values
 from suspension_cli.analyses.report import page
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.design.wires import Wire, WireSet
     from suspension_cli.models.registry import Choice
+    from suspension_cli.quantities.requirements import Verdict
     from suspension_cli.scene.scene import Scene
 
 SHARED = (options.FIDELITY, options.ACCURACY, *options.BEAM)
@@ -37,6 +38,10 @@ FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("ya
 """Motions of the support and of the mirror in the default responses."""
 UNSTABLE = ", or give --allow-unstable"
 """End of messages that recommend an option that `report` lacks."""
+
+
+REQUIREMENTS = "Requirements"
+"""Title of the verdicts on the first page."""
 
 
 class Omitted(Exception):
@@ -57,7 +62,8 @@ class Composition:
     """State of a report during its composition.
 
     `request` is the run of the report itself, `scene` the design without imperfections; `folder` is
-    for analyses that write files, and `title` is that of the current section.
+    for analyses that write files, and `title` is that of the current section. `checked` is the
+    result of `check`, once computed.
     """
 
     request: Run
@@ -66,6 +72,7 @@ class Composition:
     folder: Path
     parts: list[Part] = field(default_factory=list)
     title: str = ""
+    checked: Result | None = None
 
     @property
     def source(self) -> Source:
@@ -106,6 +113,12 @@ class Composition:
         self.list(command, result.choice if analysis.has_model else None)
         return result
 
+    def check(self) -> Result:
+        """Run `check`, once for the requirements on the first page and its own section."""
+        if self.checked is None:
+            self.checked = self.run("check")
+        return self.checked
+
     def answer(self, result: Result) -> Iterator[Block]:
         """Return the printed text of a result."""
         with tables.collecting() as found:
@@ -119,6 +132,25 @@ class Composition:
         """Return the pictures of a result with one caption."""
         for figure in result.figures().values():
             yield page.picture(figure, caption)
+
+
+def requirements(report: Composition) -> Iterator[Block]:
+    """Verdicts on the requirements of the design, as `check` prints them."""
+    found: Sequence[Verdict] = report.check().data.verdicts
+    if not found:
+        raise Omitted("Not judged: no model of the design is stable or valid.")
+    yield Paragraph([verdicts.summarise(found)], "verdict")
+    with tables.collecting() as tabulated:
+        verdicts.tabulate(found)
+    yield page.table(tabulated[0])
+    noted = [one.requirement for one in found if one.requirement.limits.note]
+    for one in noted:
+        yield Paragraph([f"{one.quantity.text}: {one.limits.note}"], "model")
+
+
+def check(report: Composition) -> Iterator[Block]:
+    """Loads, stability and requirements."""
+    yield from report.answer(report.check())
 
 
 def drawing(report: Composition) -> Iterator[Block]:
@@ -292,7 +324,7 @@ COUPLINGS = "Motion of the mirror per motion of the support."
 SECTIONS: dict[str, tuple[str, Build]] = {
     "drawing": ("Drawing", drawing),
     "numbers": ("Main numbers", numbers),
-    "check": ("Check", _printed("check", "")),
+    "check": ("Check", check),
     "modes": ("Modes", _printed("modes", SHAPES)),
     "response": ("Responses", response),
     "coupling": ("Couplings", _printed("xcouple", COUPLINGS, "--matrix", matrix=True)),
@@ -327,13 +359,18 @@ def compose(run: Run) -> str:
 
     from suspension_cli.equilibrium.nominal import expand, expand_nominal
 
-    wanted, log = parse_sections(run.setting["sections"]), run.log
+    wanted = parse_sections(run.setting["sections"])
+    log = run.log
     scene = expand_nominal(run.design)
     expand(run.design)
     _check_signals(run)
     sections = []
+    judged: list[Block] = []
     with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
         report = Composition(run, scene, RelayedLog(log), Path(folder))
+        if run.design.requirement:
+            report.title = REQUIREMENTS
+            judged = _contents(report, requirements)
         for number, name in enumerate(wanted):
             bar(number, len(wanted), 0.0)
             report.title, build = SECTIONS[name]
@@ -343,7 +380,7 @@ def compose(run: Run) -> str:
     text = _as_written(run.source)
     return page.environment().get_template("page.html").render(
         about=run.design.design, file=report.file, overrides=run.source.overrides,
-        version=__version__, sections=sections, parts=report.parts,
+        version=__version__, requirements=judged, sections=sections, parts=report.parts,
         text=escape(page.printable(text)),
         encoded=page.encode_text(text.encode()),
     )  # fmt: skip
