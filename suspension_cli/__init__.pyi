@@ -108,6 +108,7 @@ def check(
 def compare(
     *items: Design | Result | PathLike,
     variants: Names = (),
+    results: Names = (),
     inputs: Names = (),
     outputs: Names = (),
     noises: Names = (),
@@ -115,7 +116,7 @@ def compare(
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
-    """Compare designs, results and measurements: modes, responses, noises.
+    """Compare designs, results and measurements: modes, quantities, responses, noises.
 
     Parameters
     ----------
@@ -123,6 +124,9 @@ def compare(
         Two or more with the variants; files as of ``pendsus compare``. At least one has a design.
     variants : str or sequence of str
         Add the first design with other values, under a name.
+    results : str or sequence of str
+        Compare this quantity (docs/quantities.md): test pitch, Q of test pitch, stress test wires,
+        thermal test.x:10, .... Default: those of the designs' requirements.
     inputs : str or sequence of str
         Compare responses to this input, e.g. support.x.
     outputs : str or sequence of str
@@ -140,7 +144,7 @@ def compare(
     -------
     Result
         With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `overlay`.
+        `quantities`, `overlay`.
 
     Raises
     ------
@@ -320,12 +324,12 @@ def fit(
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
-    """Fit numbers of designs to measured mode frequencies and transfer functions.
+    """Fit numbers of designs to measured modes, quantities and transfer functions.
 
     Parameters
     ----------
     measured : path
-        TOML file of modes or files of transfer functions, and of the free numbers.
+        TOML file of modes, quantities or files of transfer functions, and the free numbers.
     design : Design, optional
         The design; None where `measured` names designs itself.
     starts : int

@@ -21,6 +21,7 @@ from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import escape_unprintable
 from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import TABLES
+from suspension_cli.quantities.requirements import displayed_unit
 from suspension_cli.studies.parameters import natural_step
 from suspension_cli.version import __version__
 
@@ -278,6 +279,8 @@ def report(found: Fit) -> str:
     responses, parts = found.responses, [first_lines(found), [_parameters(found)]]
     if found.label:
         parts.append([_modes(found)])
+    if found.quantity:
+        parts.append([_quantities(found)])
     if responses is not None:
         parts += [[text] for text in _response_tables(responses)]
         parts.append(_explanations(found, responses))
@@ -347,6 +350,25 @@ def _modes(found: Fit) -> str:
     columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
     numbers = found.measured, found.uncertainty, found.before, found.after, found.residual
     return tables.render(columns, zip(*numbers, found.modes, strict=True))
+
+
+def _quantities(found: Fit) -> str:
+    columns = {"measured": ".5g", "+-": ".2g", "before": ".5g", "after": ".5g"}
+    columns |= {"unit": "", "residual": "+.2f", "quantity": ""}
+    rows = []
+    for n, name in enumerate(found.quantities):
+        unit, factor = displayed_unit(found.quantity_unit[n])
+        numbers = [
+            factor * float(values[n])
+            for values in (
+                found.value_measured,
+                found.value_uncertainty,
+                found.value_before,
+                found.value_after,
+            )
+        ]
+        rows.append((*numbers, unit, found.value_residual[n], name))
+    return tables.render(columns, rows)
 
 
 def _response_tables(found: ResponseFit) -> list[str]:
@@ -453,6 +475,11 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
     modes = table(found, f"experiment=of {columns} after_hz=after residual")
     for row in modes:
         row["experiment"] = found.experiment[row["experiment"]]
+    columns = "name=quantity unit=quantity_unit measured=value_measured"
+    columns += " uncertainty=value_uncertainty before=value_before after=value_after"
+    quantities = table(found, f"experiment=value_of {columns} residual=value_residual")
+    for row in quantities:
+        row["experiment"] = found.experiment[row["experiment"]]
     exchange = None
     if found.exchange is not None:
         one = found.exchange
@@ -464,6 +491,7 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
         "parameters": parameters,
         "covariance": found.covariance,
         "modes": modes,
+        "quantities": quantities,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,

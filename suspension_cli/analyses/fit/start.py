@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from suspension_cli.analyses.fit import measured_values
 from suspension_cli.analyses.fit.problem import Experiment, Problem
 from suspension_cli.analyses.fit.result import EXCHANGE, FACTOR, SIGN, Correction
 from suspension_cli.design import paths, reader
@@ -104,12 +105,24 @@ def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level:
             f"parameter.{n + 1}", problem, "give a start between them, or widen them"
         )
     experiments = []
-    for n, (text, modes, own, file) in enumerate(
-        zip(texts, measured.modes, shared.T, files, strict=True)
+    for n, (text, modes, values, own, file) in enumerate(
+        zip(texts, measured.modes, measured.quantities, shared.T, files, strict=True)
     ):
         names = tuple(item.name for item, here in zip(free, own, strict=True) if here)
-        one = Experiment(text, level, modes, names, start[own], measured.where(n), file)
+        where = measured.where(n)
+        one = Experiment(
+            text,
+            level,
+            modes,
+            names,
+            start[own],
+            where,
+            file,
+            measured=tuple(values),
+            quantities=measured_values.look_up(values, text, file, where),
+        )
         _check_start(one, np.flatnonzero(own))
+        one.values(one.start)
         experiments.append(one)
     return Problem(experiments, free, shared, start)
 
