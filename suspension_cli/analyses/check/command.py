@@ -80,7 +80,8 @@ class CheckAnalysis(Analysis):
         from suspension_cli.analyses.check.load_tables import list_documents
 
         found: Check = result.data
-        loads, own = found.statics, found.weights
+        loads = found.statics
+        own = found.weights
         document: Document = {
             "file": result.given.file,
             "stable": found.stable,
@@ -110,9 +111,11 @@ class CheckAnalysis(Analysis):
         from suspension_cli.analyses.check.load_tables import render
 
         found: Check = result.data
-        loads, count = found.statics, len(found.warnings)
+        loads = found.statics
+        count = len(found.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
-        file, choice = escape_unprintable(result.given.file) or result.given.name, found.choice
+        file = escape_unprintable(result.given.file) or result.given.name
+        choice = found.choice
         lines = [f"{file}: {verdict}; simplest valid model: {choice.level} ({choice.reason})"]
         tabulated = (loads.wires, loads.blades, loads.legs, loads.filters, loads.cavities)
         lines += [render(parts) for parts in tabulated if parts]

@@ -80,7 +80,8 @@ def short(name: str) -> str:
 
 def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     """Say which parameters the data determine without priors, one statement per line."""
-    p, free = problem.count, np.isinf(fitted.prior_sigma)
+    p = problem.count
+    free = np.isinf(fitted.prior_sigma)
     # of parameters without prior: the value itself
     scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
     rows = problem.data_rows(slope) * scale
@@ -124,7 +125,8 @@ def combinations(
     found = []
     left = np.flatnonzero(uncertain).tolist()
     for some in itertools.chain(*(itertools.combinations(left, size) for size in (2, 3))):
-        group, summed = [*some], all(lengths[n] for n in some)
+        group = [*some]
+        summed = all(lengths[n] for n in some)
         if not summed and (value[group] <= 0).any():
             continue
         unit = np.ones(len(group)) if summed else value[group]
@@ -138,7 +140,8 @@ def combinations(
         if relative < TOGETHER:
             line = _describe_combination([names[n] for n in group], weight, error, summed)
             found.append((len(group), relative, {*group}, line))
-    lines, taken = list[str](), set[int]()
+    lines = list[str]()
+    taken = set[int]()
     for _, _, members, line in sorted(found, key=lambda item: item[:2]):
         if not taken & members:
             taken |= members
@@ -173,7 +176,8 @@ def next_measurements(
     functions, and a calibration error of `GAIN`. The information J^T J of a candidate is added to
     that of the fit (Fisher).
     """
-    p, scale = problem.count, problem.unknowns.scale
+    p = problem.count
+    scale = problem.unknowns.scale
     scaled = slope * scale
     whole = scaled.T @ scaled
     spread = np.linalg.inv(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))
@@ -183,7 +187,8 @@ def next_measurements(
     if not least:
         return "", ()
     plant = problem.experiment[0].plant(z[:p])
-    known, body = signals.bodies_with_signals(plant.system), plant.system.body
+    known = signals.bodies_with_signals(plant.system)
+    body = plant.system.body
     drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
     drives += [f"{name}.{force}" for name in body for force in signals.FORCES]
     inputs = [signals.parse_input(text, known) for text in drives]
@@ -196,7 +201,8 @@ def next_measurements(
     functions = problem.channels.function
     noise = [item.uncertainty / np.maximum(np.abs(item.value), 1e-300) for item in functions]
     relative = float(np.clip(np.median(np.concatenate(noise)), 1e-4, 1.0))
-    part, own = spread[np.ix_(places, places)], np.diag(spread)[least]
+    part = spread[np.ix_(places, places)]
+    own = np.diag(spread)[least]
     found: list[tuple[Float[np.ndarray, " least"], str, str, int]] = []
     for band in range(len(bands)):
         span = slice(band * PER_BAND, (band + 1) * PER_BAND)
@@ -276,7 +282,8 @@ def _remedy(found: Fit) -> str:
 
 def report(found: Fit) -> str:
     """Return the text below the line on the model."""
-    responses, parts = found.responses, [first_lines(found), [_parameters(found)]]
+    responses = found.responses
+    parts = [first_lines(found), [_parameters(found)]]
     if found.label:
         parts.append([_modes(found)])
     if found.quantity:

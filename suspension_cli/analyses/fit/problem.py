@@ -242,7 +242,8 @@ class Experiment:
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
-        modes, places = self.plant(x).modes, self.order(x)[self.assign_modes(x)]
+        modes = self.plant(x).modes
+        places = self.order(x)[self.assign_modes(x)]
         rates = [
             derivatives.frequency_rates(modes, one.of_modes(modes))[places]
             for one in self.changes(x)

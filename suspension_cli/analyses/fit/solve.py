@@ -29,7 +29,7 @@ import numpy as np
 
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import findings, links, start
+from suspension_cli.analyses.fit import findings, missing_links, start
 from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.analyses.fit.result import Exchange, Fit, ResponseFit, is_unlikely
@@ -101,7 +101,7 @@ def solve(
     responses = _responses(found, slope)
     result = replace(result, responses=responses)
     if result.misfit:
-        responses = replace(responses, links=links.missing_links(found, result.excess))
+        responses = replace(responses, links=missing_links.find(found, result.excess))
     if explain and changes is not None:
         before, single = single_changes(changes, found)
         least, candidates = findings.next_measurements(found.problem, found.z, slope)

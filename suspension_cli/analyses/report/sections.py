@@ -88,7 +88,8 @@ class Composition:
         """Add an analysis of the current section to the parts."""
         model = left = ""
         if choice is not None:
-            model, left = choice.level, choice.neglected.partition(" (tolerance")[0]
+            model = choice.level
+            left = choice.neglected.partition(" (tolerance")[0]
         part = Part(self.title, command, model, left.removeprefix("neglected: ") or "-")
         self.parts.append(part)
 
@@ -99,7 +100,8 @@ class Composition:
 
     def run(self, name: str, *words: str, **given: object) -> Result:
         """Run an analysis, and list it with its settings as words of a command line (`words`)."""
-        analysis, own = registry.get(name), self.request.setting
+        analysis = registry.get(name)
+        own = self.request.setting
         names = {param.name for param in analysis.parameters}
         for key, default in default_values(SHARED).items():
             if key in names and (value := own[key]) != default:
@@ -157,7 +159,8 @@ def drawing(report: Composition) -> Iterator[Block]:
     """Drawing to scale."""
     from suspension_cli.drawing import draw
 
-    design, scene = report.source.design, report.scene
+    design = report.source.design
+    scene = report.scene
     mass = page.number(float(scene.bodies.mass.sum()), 4)
     caption = f"To scale, from the side and from the front: {mass} kg in all."
     if design.perturbation:
@@ -205,14 +208,18 @@ def _diameter(part: WireSet | Wire) -> float | str | None:
     radii = [size for one in pieces for size in np.ravel(one.radius)]
     if not radii or None in radii:
         return None
-    low, high = 2e6 * min(radii), 2e6 * max(radii)
+    low = 2e6 * min(radii)
+    high = 2e6 * max(radii)
     return low if low == high else f"{low:.4g} to {high:.4g}"
 
 
 def response(report: Composition) -> Iterator[Block]:
     """Responses of the mirror to the support, with all loops closed."""
-    setting, design = report.request.setting, report.source.design
-    into, out, last = setting["inputs"], setting["outputs"], mirror(design)
+    setting = report.request.setting
+    design = report.source.design
+    into = setting["inputs"]
+    out = setting["outputs"]
+    last = mirror(design)
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
     if into or out:
         chosen = [(into or ("support.x",), out or (f"{last}.x",))]
@@ -220,10 +227,13 @@ def response(report: Composition) -> Iterator[Block]:
         chosen = [((), ())]  # the design chooses
     else:
         chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in moved)) for i, moved in FLOW]
-    line, more, flags = "", {}, ()
+    line = ""
+    more = {}
+    flags = ()
     if design.control is not None:
         yield Paragraph(["The loops of the design's [control] table are closed."])
-        more, flags = {"closed_loop": True}, ("--closed-loop",)
+        more = {"closed_loop": True}
+        flags = ("--closed-loop",)
     for inputs, outputs in chosen:
         words = [word for name in inputs for word in ("--input", name)]
         words += [word for name in outputs for word in ("--output", name)]
@@ -235,11 +245,15 @@ def response(report: Composition) -> Iterator[Block]:
 
 
 def _describe_response(result: Result) -> str:
-    data, largest, words = result.data, result.data.largest, []
-    first, last = data.frequency[0], data.frequency[-1]
+    data = result.data
+    largest = result.data.largest
+    words = []
+    first = data.frequency[0]
+    last = data.frequency[-1]
     for o, out in enumerate(data.output):
         for i, into in enumerate(data.input):
-            size, unit = np.abs(data.value[:, o, i]), data.unit[o][i]
+            size = np.abs(data.value[:, o, i])
+            unit = data.unit[o][i]
             name = f"{out} per {into}"
             if not size.any():
                 words.append(f"{name} is 0")
@@ -258,7 +272,8 @@ def tolerance(report: Composition) -> Iterator[Block]:
     """Statistics of random builds, from a results file of this design or computed."""
     if report.source.design.tolerance is None:
         raise Omitted("Left out, as the design has no [tolerance] table.")
-    result, count = _stored(report, "tolerance"), report.request.setting["builds"]
+    result = _stored(report, "tolerance")
+    count = report.request.setting["builds"]
     if result is None:
         result = report.run("tolerance", "--builds", str(count), builds=count)
     else:
@@ -405,7 +420,8 @@ def _contents(report: Composition, build: Build) -> list[Block]:
 
 def _check_signals(run: Run) -> None:
     """Raise `InputError` if a signal does not exist."""
-    inputs, outputs = run.setting["inputs"], run.setting["outputs"]
+    inputs = run.setting["inputs"]
+    outputs = run.setting["outputs"]
     if inputs or outputs:
         from suspension_cli.linear import signals
         from suspension_cli.models.registry import STRING
