@@ -114,6 +114,7 @@ def check(
 def compare(
     *items: Design | Result | PathLike,
     variants: Names = (),
+    results: Names = (),
     inputs: Names = (),
     outputs: Names = (),
     noises: Names = (),
@@ -121,7 +122,7 @@ def compare(
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
-    """Compare designs, results and measurements: modes, responses, noises.
+    """Compare designs, results and measurements: modes, quantities, responses, noises.
 
     Parameters
     ----------
@@ -129,6 +130,9 @@ def compare(
         Two or more with the variants; files as of ``pendsus compare``. At least one has a design.
     variants : str or sequence of str
         Add the first design with other values, under a name.
+    results : str or sequence of str
+        Compare this quantity (docs/quantities.md): test pitch, Q of test pitch, stress test wires,
+        thermal test.x:10, .... Default: those of the designs' requirements.
     inputs : str or sequence of str
         Compare responses to this input, e.g. support.x.
     outputs : str or sequence of str
@@ -146,7 +150,7 @@ def compare(
     -------
     Result
         With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `overlay`.
+        `quantities`, `overlay`.
 
     Raises
     ------
@@ -326,12 +330,12 @@ def fit(
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Result:
-    """Fit numbers of designs to measured mode frequencies and transfer functions.
+    """Fit numbers of designs to measured modes, quantities and transfer functions.
 
     Parameters
     ----------
     measured : path
-        TOML file of modes or files of transfer functions, and of the free numbers.
+        TOML file of modes, quantities or files of transfer functions, and the free numbers.
     design : Design, optional
         The design; None where `measured` names designs itself.
     starts : int
@@ -372,47 +376,6 @@ def fit(
     """
 gwinc = api.gwinc
 import_sumcon = api.import_sumcon
-
-def info(
-    design: Design | PathLike,
-    *,
-    input: str = 'support.x',
-    output: str | None = None,
-    frequency: Grid = '0.1:100:2000',
-    tolerance: float = 0.001,
-) -> Result:
-    """Compute the errors of the models of a design, and name the model that `auto` takes.
-
-    Parameters
-    ----------
-    design : Design
-        The design, or the path of its file.
-    input : str
-        Input of the response.
-    output : str, optional
-        Output of the response and of the thermal noise. Default: x of the mirror.
-    frequency : grid
-        Frequencies of the response and the noise, Hz.
-    tolerance : float
-        Largest relative error of the result that fidelity="auto" accepts.
-
-    Returns
-    -------
-    Result
-        With the attributes of `analyses.info.command.Info`: `errors`, `choices`, `first_violin`.
-
-    Raises
-    ------
-    InputError
-        If the design does not balance, or a signal does not exist.
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> found = sus.info(sus.example("geo-silica-triple"), tolerance=0.01)
-    >>> [choice.level for choice in found.choices.values()]
-    ['beam', 'violin', 'violin']
-    """
 load = api.load
 
 def modes(
@@ -895,7 +858,8 @@ def tradeoff(
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`.
+        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`,
+        `choices`, `first_violin`.
 
     Raises
     ------

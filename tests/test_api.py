@@ -77,8 +77,8 @@ def test_checks_warn_and_refuse():
     with pytest.warns(sus.PendsusWarning, match="names no body"):
         found = sus.check(design)
     assert [item.key for item in found.warnings] == ["control.loop.x.sensor"]
-    with pytest.raises(sus.InputError, match=r'output = "tset\.x": names no body'):
-        sus.info(sus.read(DOUBLE), output="tset.x")
+    with pytest.raises(sus.InputError, match=r'outputs = "tset\.x": names no body'):
+        sus.response(sus.read(DOUBLE), outputs="tset.x")
 
 
 @pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")

@@ -26,6 +26,8 @@ Settings = dict[str, Any]
 
 TOLERANCE = 1e-3
 """Copy of `models.choice.TOLERANCE`."""
+MOST_WIRE_MODES = 1000
+"""Modes of wires with mass above which a run is refused unless --all of `modes` is given."""
 FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
 """Groups of options, as help lists them."""
 LONGEST_NAME = 255

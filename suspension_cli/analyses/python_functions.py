@@ -121,7 +121,7 @@ CALLS = (
     (r"pendsus response DESIGN --measured FILE", "sus.response(design, measured=file)"),
     (r"pendsus ([a-z]+) --help", r"help(sus.\1)"),
     (r"pendsus (?!schema)([a-z]+) (--|fidelity=)(\S+)", r"sus.\1(\2\3)"),
-    (r"pendsus (check|damp|info|modes|response)\b", r"sus.\1"),
+    (r"pendsus (check|damp|modes|response)\b", r"sus.\1"),
 )
 """Commands and options with their values, as patterns, and the calls and arguments instead."""
 

@@ -1,4 +1,4 @@
-"""Files of measurements: modes, transfer functions, and the numbers to fit to them."""
+"""Files of measurements: modes, quantities, transfer functions, and the numbers to fit to them."""
 
 from __future__ import annotations
 
@@ -26,6 +26,16 @@ class Mode(Table, frozen=True):
     )
 
     rules = (key_rules.excludes("label", "dof"),)
+
+
+class MeasuredQuantity(Table, frozen=True):
+    """One measured scalar: a quantity by name, as `[[requirement]]` takes it."""
+
+    name: str = key(
+        "name of a quantity, such as 'stress test.1' or 'Q of test pitch'", max_length=200
+    )
+    value: Number = key("measured value, in the quantity's SI unit")
+    uncertainty: Positive = key("standard deviation, in the same unit")
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -106,10 +116,11 @@ class Transducer(Table, frozen=True):
 
 
 class Experiment(Table, frozen=True):
-    """A design and its measured modes."""
+    """A design and its measured modes and quantities."""
 
     design: str = key("path of a design file, from the folder of this one", min_length=1)
-    mode: list[Mode] = key(min_length=1)
+    mode: list[Mode] | None = key(min_length=1)
+    quantity: list[MeasuredQuantity] | None = key(min_length=1)
     name: Stem | None = key("letters, digits, . _ and -, unique; default the design's file name")
     set: list[str] = key("overrides as --set takes them", [])
 
@@ -117,6 +128,8 @@ class Experiment(Table, frozen=True):
     def title(self) -> str:
         """Name of the experiment, given or the stem of its design file."""
         return self.name or Path(self.design).stem
+
+    rules = (key_rules.any_of("mode", "quantity"),)
 
 
 class Free(Table, frozen=True):
@@ -134,10 +147,11 @@ class Free(Table, frozen=True):
 
 
 class Measured(Table, frozen=True):
-    """A file of measurements: of one design, or of modes in several experiments."""
+    """A file of measurements: of one design, or of modes and quantities in several experiments."""
 
     parameter: list[Free] = []
     mode: list[Mode] | None = key(min_length=1)
+    quantity: list[MeasuredQuantity] | None = key(min_length=1)
     transfer_function: list[TransferFunction] = []
     sensor: list[Transducer] = []
     actuator: list[Transducer] = []
@@ -155,7 +169,14 @@ class Measured(Table, frozen=True):
         """Measured modes of each experiment."""
         if self.experiment is None:
             return (self.mode or [],)
-        return tuple(item.mode for item in self.experiment)
+        return tuple(item.mode or [] for item in self.experiment)
+
+    @property
+    def quantities(self) -> tuple[list[MeasuredQuantity], ...]:
+        """Measured quantities of each experiment."""
+        if self.experiment is None:
+            return (self.quantity or [],)
+        return tuple(item.quantity or [] for item in self.experiment)
 
     def where(self, n: int) -> str:
         """Key path of an experiment, as prefix for its modes."""
@@ -200,8 +221,8 @@ class Measured(Table, frozen=True):
                     break
 
     rules = (
-        key_rules.any_of("mode", "transfer_function", "experiment"),
-        key_rules.excludes("experiment", "mode", "transfer_function"),
+        key_rules.any_of("mode", "quantity", "transfer_function", "experiment"),
+        key_rules.excludes("experiment", "mode", "quantity", "transfer_function"),
         key_rules.unique("sensor"),
         key_rules.unique("actuator"),
         key_rules.unique("transfer_function"),

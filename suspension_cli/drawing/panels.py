@@ -60,6 +60,10 @@ SAMPLE = 0.22
 """Length of the sample of a line beside its name, in."""
 APART = 0.15
 """Distance from a name to the next sample, in."""
+PHASE = 1.1
+"""Height of a panel of phases, in."""
+ZERO = "0 by symmetry at all frequencies"
+"""Remark in a panel whose curves all vanish."""
 MANY = 12
 """Number of curves above which peaks have no labels."""
 REACH = 1.5

@@ -100,6 +100,29 @@ def find(fractions: Float[np.ndarray, "*build mode place"], motion: Motion) -> C
     return Content(mode, other, *(_at(own, number) for number in (mode, other)))
 
 
+def describe_shared(
+    name: str,
+    motion: Motion,
+    fractions: Float[np.ndarray, "mode place"],
+    frequency: Float[np.ndarray, " mode"],
+) -> str:
+    """Say which two modes of a design share the motion that a name means; "" if none do.
+
+    `frequency` are those of the modes, Hz.
+    """
+    found = find(fractions, motion)
+    if not found.shared:
+        return ""
+    first = frequency[int(found.mode)]
+    second = frequency[int(found.other)]
+    own = 100 * found.fraction
+    other = 100 * found.other_fraction
+    return (
+        f"two modes share {name}: {first:.5g} and {second:.5g} Hz, with {own:.0f} and"
+        f" {other:.0f} % of their kinetic energy in it"
+    )
+
+
 def weights(
     fractions: Float[np.ndarray, "*build mode place"], motion: Motion, *, smooth: bool
 ) -> Float[np.ndarray, "*build mode"]:

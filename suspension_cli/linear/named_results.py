@@ -71,12 +71,8 @@ Scalar = Mode | Ratio
 
 
 def labels(modes: Modes) -> list[str]:
-    """Distinct names of the modes: their labels, numbered by frequency where several are equal."""
-    plain = modes.label
-    return [
-        label if plain.count(label) == 1 else f"{label}#{plain[: n + 1].count(label)}"
-        for n, label in enumerate(plain)
-    ]
+    """Distinct names of the modes (`Modes.numbered_label`)."""
+    return modes.numbered_label
 
 
 def of_system(texts: Sequence[str], system: LinearSystem) -> tuple[Scalar, ...]:
@@ -135,19 +131,16 @@ def _modes(text: str, modes: Modes, option: str, *, only: bool = False) -> list[
 
 def shared_motions(results: Sequence[Scalar], modes: Modes) -> list[str]:
     """Say which modes, asked for by their labels, share their motion with another mode."""
-    said = []
-    for one in results:
-        if isinstance(one, Mode) and one.motion is not None:
-            found = mode_content.find(modes.fractions, one.motion)
-            if found.shared:
-                pair = int(found.mode), int(found.other)
-                first, second = (f"{modes.frequency[number]:.5g}" for number in pair)
-                parts = f"{100 * found.fraction:.0f} and {100 * found.other_fraction:.0f} %"
-                said.append(
-                    f"two modes share {one.text}: {first} and {second} Hz, with {parts} of their"
-                    " kinetic energy in it"
-                )
-    return said
+    motions = [
+        (one.text, one.motion)
+        for one in results
+        if isinstance(one, Mode) and one.motion is not None
+    ]
+    said = [
+        mode_content.describe_shared(text, motion, modes.fractions, modes.frequency)
+        for text, motion in motions
+    ]
+    return [line for line in said if line]
 
 
 def _motion(mode: Mode, modes: Modes) -> Motion:

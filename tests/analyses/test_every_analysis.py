@@ -51,7 +51,6 @@ CASES = {
     ),
     "compare": ("double", {"fidelity": "beam"} | FEW | {"input": "support.x", "noise": "test.x"}),
     "tradeoff": ("husman2000/table1-case3", {"quantity": "modes"}),
-    "info": ("double", {"output": "test.pitch", "frequency": "1,30", "tolerance": 0.01}),
     "check": ("double", {}),
 }
 """Analysis (and a word), design, options as `[analysis.NAME]` has them."""
@@ -59,7 +58,7 @@ GOALS = {
     "goal": [{"kind": "band", "modes": ["test longitudinal"], "equals": 0.8}],
     "free": [{"name": "stage.test.wires.l", "lower": 0.1, "upper": 1.0}],
 }
-WITHOUT_FILE = ("info", "check")
+WITHOUT_FILE = ("check",)
 PLACES = {"experiments": None}
 """What names the file of the design."""
 
@@ -176,7 +175,7 @@ def test_every_analysis_is_walked():
     assert {*ANALYSES} - walked == {"draw", "export", "report"}
 
 
-WITHOUT_MODEL = ("check", "draw", "info", "tradeoff")
+WITHOUT_MODEL = ("check", "draw", "tradeoff")
 BAD_TABLES = {
     "bogus": ("1", "no option of this command"),
     "fidelity": ('"guess"', "'guess' is not one of 'auto'"),

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.check.missing_losses import state_missing_losses
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import mirror
@@ -32,6 +31,7 @@ from suspension_cli.physics import ground, local_control, model_choice, noise_bu
 from suspension_cli.physics.closed_loop import find_steady_poles
 from suspension_cli.physics.ground import Spectrum
 from suspension_cli.physics.lossless import describe_lossless, find_lossless
+from suspension_cli.physics.missing_losses import state_missing_losses
 from suspension_cli.physics.near_limits import describe_falsified_losses
 from suspension_cli.physics.noise_budget import Drive, MotionBudget, Requirement
 

@@ -12,7 +12,6 @@ from suspension_cli.errors import escape_unprintable
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.solve import Check
     from suspension_cli.physics.loads import LinkLoad
-    from suspension_cli.quantities.requirements import Verdict
 
 
 class CheckAnalysis(Analysis):
@@ -71,6 +70,7 @@ class CheckAnalysis(Analysis):
 
     def document(self, result: Check) -> Document:
         """Return loads, warnings and stability."""
+        from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import list_documents
 
         loads = result.statics
@@ -93,13 +93,14 @@ class CheckAnalysis(Analysis):
             for item in result.warnings
         ]
         if result.verdicts:
-            document["requirements"] = [_describe(verdict) for verdict in result.verdicts]
+            document["requirements"] = [verdicts.document(one) for one in result.verdicts]
         if own is not None and own.included:
             [document["wire_weight"]] = list_documents([own])
         return document
 
     def text(self, result: Check) -> str:
         """Return tables of loads, the lowest points, the pose and the stability."""
+        from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import render
 
         loads = result.statics
@@ -137,38 +138,8 @@ class CheckAnalysis(Analysis):
             lines.append(f"  {word} in the {result.stability_model} model")
         lines.append(f"  largest residual force: {loads.residual:.0e} of the weight")
         if result.verdicts:
-            lines.append(_tabulate(result.verdicts))
+            lines.append(verdicts.tabulate(result.verdicts))
         return "\n".join(lines)
-
-
-def _describe(verdict: Verdict) -> Document:
-    """Return a verdict as JSON."""
-    limits = verdict.requirement.limits
-    return {
-        "quantity": verdict.requirement.quantity.text,
-        "unit": verdict.requirement.quantity.unit,
-        "at_least": limits.low,
-        "at_most": limits.high,
-        "note": limits.note,
-        "value": verdict.value,
-        "margin": verdict.margin,
-        "met": verdict.met,
-    }
-
-
-def _tabulate(verdicts: Sequence[Verdict]) -> str:
-    """Return the table of requirements, with their values and margins."""
-    rows = []
-    for verdict in verdicts:
-        unit, factor = verdict.requirement.displayed
-        value = f"{verdict.value * factor:.5g} {unit}".rstrip()
-        if verdict.value != verdict.value:
-            value = f"none: {verdict.requirement.quantity.missing}"
-        outcome = "met" if verdict.met else "NOT met"
-        margin = 100 * verdict.margin
-        rows.append((outcome, value, margin, verdict.requirement.description))
-    columns = {"": "", "value": " ", "margin\n%": "+.3g", "requirement": ""}
-    return tables.render(columns, rows)
 
 
 def _link_tables(links: Sequence[LinkLoad]) -> list[str]:

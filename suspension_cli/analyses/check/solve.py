@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses import verdicts
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
@@ -32,6 +33,7 @@ from suspension_cli.physics.statics import list_wire_tables
 from suspension_cli.physics.temperatures import find_unknown_temperatures
 from suspension_cli.quantities import requirements, vocabulary
 from suspension_cli.quantities.kinds.modes import ALL
+from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.requirements import Verdict
 
 if TYPE_CHECKING:
@@ -81,7 +83,8 @@ def check(analysis: Analysis, run: Run) -> Check:
     design = source.design
     found = checks.find_implausible(design)
     try:
-        choice, loads = registry.choose(design), statics.solve(design)
+        choice = registry.choose(design)
+        loads = statics.solve(design)
     except InputError as error:
         raise InputError([*error.faults, *found], source.file) from None
     found += find_implausible_loads(design, loads)
@@ -91,35 +94,21 @@ def check(analysis: Analysis, run: Run) -> Check:
     found += [ImplausibleNumber.of(fault) for fault in unknown]
     found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
     found += [*unstable, *find_slackest(loads)]
-    found += find_unknown_names(source, modes, tomllib.loads(source.text))
-    verdicts = judge_requirements(source, model)
+    found += find_unknown_names(source, modes)
+    found_verdicts = verdicts.judge(source, model)
     stable = None if model is None else not unstable
     for item in found:
         run.log.warn(f"{run.name}: {item.line('')}")
     origin = run.origin(analysis, choice)
-    return Check(loads, stable, model, found, verdicts, run=origin)
+    return Check(loads, stable, model, found, found_verdicts, run=origin)
 
 
-def judge_requirements(source: Source, level: str | None) -> tuple[Verdict, ...]:
-    """Evaluate what `[[requirement]]` of a design limits, in a model by its name.
-
-    Raises `InputError` if a requirement names no quantity of the design.
-    """
-    wanted = requirements.of_design(source.design)
-    if not wanted or level is None:
-        return ()
-    found = requirements.find(wanted, names_of(source))
-    return requirements.judge(found, source.design, level)
-
-
-def find_unknown_names(
-    source: Source, found: Modes | None, raw: dict[str, object]
-) -> list[ImplausibleNumber]:
-    """Find unknown names in a design, whose tables are `raw`; quantities if modes are `found`."""
+def find_unknown_names(source: Source, found: Modes | None) -> list[ImplausibleNumber]:
+    """Find unknown names in a design; those of quantities if modes are `found`."""
     from suspension_cli.analyses import registry as analyses
 
     design = source.design
-    quantities = names_of(source)
+    raw = tomllib.loads(source.text)
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
     on_ground = any(GROUND in item.between for _, item in design.between_bodies)
@@ -147,6 +136,7 @@ def find_unknown_names(
         parsers = analysis.parse_names(design, stages, known)
         unknown += [warning for parse in parsers for warning in _collect_faults(parse)]
     if found is not None:
+        quantities = names_of(source)
         for limits in requirements.of_tolerance(design):
             unknown += _collect_faults(partial(requirements.find_one, limits, quantities))
     parse_text: dict[str, Callable[[str], object]] = {
@@ -155,7 +145,7 @@ def find_unknown_names(
         "wire": partial(parse_among, wires, "wire"),
         "body": partial(parse_among, [*stages], "stage"),
         "vary": parse_path,
-        "result": lambda text: found and text != ALL and vocabulary.parse(text, quantities),
+        "result": partial(_parse_quantity, names_of(source) if found is not None else None),
     }
     for where, key, value in _analysis_keys(design):
         if "." in key:
@@ -165,6 +155,12 @@ def find_unknown_names(
             faults = _collect_faults(partial(parse_text[key], value))
             unknown += [replace(item, key=where, value=format_value(value)) for item in faults]
     return unknown
+
+
+def _parse_quantity(names: Names | None, text: str) -> None:
+    """Raise `InputError` if a design has no such quantity; nothing is known without modes."""
+    if names is not None and text != ALL:
+        vocabulary.parse(text, names, "")
 
 
 def _analysis_keys(design: Design) -> Iterator[tuple[str, str, object]]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,10 @@ from suspension_cli.grids import end_points
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.compare.compared_quantities import (
+        ComparedQuantities,
+        ItemVerdict,
+    )
     from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
 
 MIXED = 0.9
@@ -28,15 +33,19 @@ beside it do not show it. JSON and files have all digits."""
 
 
 class CompareAnalysis(Analysis):
-    """Compare designs, results and measurements: modes, responses, noises.
+    """Compare designs, results and measurements: modes, quantities, responses, noises.
 
     Each ITEM is a design (.toml), a results file (.h5) of modes, response or thermal, or a
-    measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Prints the
-    numbers in which the designs differ, their modes paired by shape, and the ratios of responses
-    and noises to those of the first design or result. A --variant is the first design with some
-    values changed. Control loops of designs are open. Writes DIR/NAME-and-NAME-compare.h5 and .png.
+    measurement (.toml with [[transfer_function]], [[mode]] or [[quantity]], .csv, DTT .xml, HDF5).
+    Prints the numbers in which the designs differ, their modes paired by shape, the quantities of
+    --result and of the designs' requirements with verdicts, and the ratios of responses and noises
+    to those of the first design or result. A --variant is the first design with some values
+    changed. Control loops of designs are open in responses and noises. Writes
+    DIR/NAME-and-NAME-compare.h5 and .png.
 
     Example: pendsus compare my.toml new.toml --input support.x --output test.x
+
+    Example: pendsus compare my.toml new.toml --result "thermal test.x:10"
 
     Example: pendsus compare my.toml --variant "d = 3 mm: stage.test.wires.d=3e-3"
 
@@ -44,7 +53,7 @@ class CompareAnalysis(Analysis):
     -------
     Result
         With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `overlay`.
+        `quantities`, `overlay`.
 
     Raises
     ------
@@ -80,6 +89,17 @@ class CompareAnalysis(Analysis):
             metavar="NAME: PATH=VALUE; ...",
             help="Add the first design with other values, under a name (repeatable).",
         ),
+        options.option(
+            "--result",
+            "results",
+            multiple=True,
+            metavar="QUANTITY",
+            help=(
+                "Compare this quantity (docs/quantities.md): test pitch, Q of test pitch, stress"
+                " test wires, thermal test.x:10, ... (repeatable).  [default: those of the designs'"
+                " requirements]"
+            ),
+        ),
         options.signals("input", "Compare responses to this input, e.g. support.x"),
         options.signals("output", "Compare responses of this output, e.g. test.x"),
         options.signals("noise", "Compare the thermal noise of this motion, e.g. test.x"),
@@ -99,7 +119,8 @@ class CompareAnalysis(Analysis):
         from suspension_cli.analyses.compare import solve as compare
         from suspension_cli.files.hdf5 import reporting_damage
 
-        items, damage = run.inputs["items"], contextlib.nullcontext()
+        items = run.inputs["items"]
+        damage = contextlib.nullcontext()
         if stored := " or ".join(item.result.given.file for item in items if item.result):
             # whose numbers, unlike those of designs, nobody has checked
             damage = reporting_damage(stored, "run the analysis again")
@@ -114,7 +135,7 @@ class CompareAnalysis(Analysis):
         return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return changed numbers, paired modes, and curves with ratios."""
+        """Return changed numbers, paired modes, quantities, and curves with ratios."""
         found: Comparison = result.data
         document: Document = {
             "designs": list(found.name),
@@ -130,32 +151,43 @@ class CompareAnalysis(Analysis):
         }
         if found.modes is not None:
             document["modes"] = table(found.modes, "label frequency_hz=frequency q overlap")
+        if found.quantities is not None:
+            document["quantities"] = _list_quantities(found, found.quantities)
         return document | {
             "responses": [_overlay(found, one) for one in found.overlay if one.kind == "response"],
             "noises": [_overlay(found, one) for one in found.overlay if one.kind == "noise"],
         }
 
     def text(self, result: Result) -> str:
-        """Return models and what they neglect, changed numbers, paired modes and ratios."""
+        """Return models and what they neglect, changed numbers, modes, quantities and ratios."""
         from suspension_cli.models.registry import NOTHING
 
-        found, choice = result.data, result.choice
+        found: Comparison = result.data
+        choice = result.choice
         kinds = zip(found.name, found.kind, found.model, strict=True)
         items = [f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds]
         neglected = choice.neglected or NOTHING * (choice.error == 0)
         lines = ["; ".join(filter(None, (*items, neglected))), *_changes(found)]
         if found.modes is not None:
             lines += _pairs(found, found.modes)
+        if found.quantities is not None:
+            lines += _tabulate(found, found.quantities)
         return "\n".join([*lines, *(row for one in found.overlay for row in _ratios(found, one))])
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw changes of modes, and responses and noises with their ratios."""
+        """Draw changes of modes and of quantities, and responses and noises with their ratios."""
+        import numpy as np
+
         from suspension_cli.analyses.compare import picture
 
         found: Comparison = result.data
         figures = {}
         if found.modes is not None:
             figures[""] = picture.draw_modes(found, found.modes)
+        if found.quantities is not None and np.isfinite(found.quantities.change).any():
+            figures["-quantities" if figures else ""] = picture.draw_quantities(
+                found, found.quantities
+            )
         for overlay in found.overlay:
             stem = "-" + re.sub(r"[^A-Za-z0-9.]+", "-", overlay.name).strip("-")
             figures[stem if figures else ""] = picture.draw_overlay(found, overlay)
@@ -196,10 +228,94 @@ def _overlay(found: Comparison, overlay: Overlay) -> Document:
     return head | {"unit": overlay.unit, "reference": reference, "curves": curves}
 
 
+def _list_quantities(found: Comparison, quantities: ComparedQuantities) -> list[Document]:
+    """Return quantities with the values of all items, verdicts, and reasons of missing values."""
+    rows = []
+    for row, name in enumerate(quantities.name):
+        judged = [one for one in quantities.verdict if one.quantity == row]
+        missing = [one for one in quantities.missing if one.quantity == row]
+        document: Document = {
+            "name": name,
+            "unit": quantities.quantity_unit[row],
+            "value": quantities.value[row],
+            "change_percent": quantities.change[row],
+        }
+        if judged:
+            document["requirements"] = [
+                {
+                    "design": found.name[one.item],
+                    "requirement": one.description,
+                    "note": one.note,
+                    "met": one.met,
+                    "margin": one.margin,
+                }
+                for one in judged
+            ]
+        if missing:
+            document["missing"] = {found.name[one.item]: one.reason for one in missing}
+        rows.append(document)
+    return rows
+
+
+def _tabulate(found: Comparison, quantities: ComparedQuantities) -> list[str]:
+    """Return the table of quantities, a row each, and why some designs have none."""
+    from suspension_cli.quantities.requirements import displayed_unit
+
+    first, *others = _columns(quantities)
+    judged = {one.item for one in quantities.verdict}
+    columns: dict[str, str] = {"quantity": "", "unit": ""}
+    for n in (first, *others):
+        columns[f"{found.name[n]}\n"] = ".5g"
+        if n in others:
+            columns[f"{found.name[n]}\nchange %"] = "+.3g"
+        if n in judged:
+            columns[f"{found.name[n]}\nverdict"] = ""
+    if judged:
+        columns["requirement"] = ""
+    rows = []
+    for row, name in enumerate(quantities.name):
+        unit, factor = displayed_unit(quantities.quantity_unit[row])
+        cells: list[float | str | None] = [name, unit]
+        for n in (first, *others):
+            cells.append(factor * quantities.value[row, n])
+            if n in others:
+                change = quantities.change[row, n]
+                cells.append("0" if abs(change) < ROUNDED else change)
+            if n in judged:
+                cells.append(_verdict(quantities.verdicts_on(row, n)))
+        if judged:
+            texts = [one.description for one in quantities.verdict if one.quantity == row]
+            cells.append("; ".join(dict.fromkeys(texts)))
+        rows.append(cells)
+    lines = ["", "quantities", tables.render(columns, rows)]
+    for one in quantities.missing:
+        name = quantities.name[one.quantity]
+        lines.append(f"  {found.name[one.item]} has no value of {name}: {one.reason}")
+    return lines
+
+
+def _columns(quantities: ComparedQuantities) -> list[int]:
+    """Numbers of the items that have a value, or a reason why not."""
+    import numpy as np
+
+    known = set(np.flatnonzero(np.isfinite(quantities.value).any(0)).tolist())
+    return sorted(known | {one.item for one in quantities.missing})
+
+
+def _verdict(judged: Sequence[ItemVerdict]) -> str:
+    """Return ``met`` or ``NOT met``, with the smallest margin; "" without a requirement."""
+    if not judged:
+        return ""
+    outcome = "met" if all(one.met for one in judged) else "NOT met"
+    margin = min(one.margin for one in judged)
+    return outcome if math.isnan(margin) else f"{outcome} ({100 * margin:+.3g} %)"
+
+
 def _changes(found: Comparison) -> Iterator[str]:
     first, *others = (n for n, kind in enumerate(found.kind) if kind != "measurement")
     for n in others:
-        heads, changes = [found.name[first], found.name[n]], found.change[n]
+        heads = [found.name[first], found.name[n]]
+        changes = found.change[n]
         none = "" if changes else ": none"
         yield from ("", f"numbers that differ between {' and '.join(heads)}{none}")
         if changes:
@@ -241,7 +357,8 @@ def _ratios(found: Comparison, overlay: Overlay) -> Iterator[str]:
     for curve in overlay.curves[1:]:
         size = np.abs(curve.ratio)
         known = np.isfinite(size) & (size > 0)
-        f, size = curve.ratio_frequency[known], size[known]
+        f = curve.ratio_frequency[known]
+        size = size[known]
         text = "no frequency in common"
         if len(f):
             worst = int(np.argmax(np.abs(np.log(size))))

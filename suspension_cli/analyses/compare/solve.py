@@ -1,4 +1,8 @@
-"""Comparison of modes, responses and noises.
+"""Comparison of modes, quantities, responses and noises.
+
+    comparison, choice = solve(items, run)
+    comparison.modes.frequency  # a row per mode, a column per item
+    comparison.quantities.value  # the same of quantities
 
 Modes of two designs are paired one to one by the overlap of their shapes in the motion of bodies
 of the same name, u^T L_a L_b^T v with M = L L^T the mass matrix of each design: 1 for equal
@@ -17,7 +21,9 @@ import numpy as np
 
 from suspension_cli.analyses import registry, settings
 from suspension_cli.analyses.analysis import RelayedLog, Result, Run
-from suspension_cli.analyses.compare.items import Curve, Item, Quantity, curves_of
+from suspension_cli.analyses.compare import compared_quantities
+from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
+from suspension_cli.analyses.compare.items import Curve, CurveName, Item, curves_of
 from suspension_cli.conventions import DOF_NAMES
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Mode
@@ -26,7 +32,6 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, in_unit, scale_of
 from suspension_cli.grids import parse_frequencies
-from suspension_cli.linear import named_results
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models.registry import AUTO, MODELS, Choice
 
@@ -102,6 +107,7 @@ class Comparison:
     changes: tuple[Change, ...] = field(metadata=along("change"))
     modes: PairedModes | None
     overlay: tuple[Overlay, ...]
+    quantities: ComparedQuantities | None = None
 
     @property
     def change(self) -> tuple[tuple[Change, ...], ...]:
@@ -118,7 +124,9 @@ class _Analyses:
     """
 
     def __init__(self, items: Sequence[Item], run: Run) -> None:
-        self.items, self.setting, self.log = items, run.setting, RelayedLog(run.log)
+        self.items = items
+        self.setting = run.setting
+        self.log = RelayedLog(run.log)
         self.choices: list[list[tuple[str, Choice]]] = [
             [(item.result.analysis.name, item.result.choice)] if item.result else []
             for item in items
@@ -143,6 +151,17 @@ class _Analyses:
             self.choices[n].append((name, found[n].choice))
         return found
 
+    def quantities(self) -> ComparedQuantities | None:
+        """Compute the quantities of all designs; None if there are none."""
+
+        def report(n: int, choice: Choice) -> None:
+            self.choices[n].append(("quantities", choice))
+
+        texts = self.setting["results"]
+        level = self.setting["fidelity"]
+        tolerance = self.setting["tolerance"]
+        return compared_quantities.compare(self.items, texts, level, tolerance, report)
+
     def models(self) -> tuple[str, ...]:
         """Most complete of the models of each item; "" of measurements."""
         levels = [[choice.model for _, choice in own] for own in self.choices]
@@ -163,8 +182,9 @@ class _Analyses:
 def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
     """Analyse the designs among the items, and compare all items.
 
-    Modes are compared if designs or measured modes are given, responses and noises if a result, a
-    measurement or the setting names them. Returns also the models of all items, with the largest of
+    Modes are compared if designs or measured modes are given; responses and noises if a result, a
+    measurement or the setting names them; quantities if the setting, a requirement of a design or a
+    measurement does. Returns also the models of all items, with the largest of
     their estimated errors. Raises `InputError` with the faults of a design or of a setting.
     """
     texts = {n: item.source.text for n, item in enumerate(items) if item.source is not None}
@@ -175,9 +195,13 @@ def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
         for change in find_changes(texts[first], texts[n])
     ]
     analyses = _Analyses(items, run)
-    modes, overlay = _modes(items, analyses), tuple(_overlays(items, analyses))
-    names, kinds = tuple(item.name for item in items), tuple(item.kind for item in items)
-    found = Comparison(names, kinds, analyses.models(), tuple(changes), modes, overlay)
+    modes = _modes(items, analyses)
+    quantities = analyses.quantities()
+    overlay = tuple(_overlays(items, analyses))
+    names = tuple(item.name for item in items)
+    kinds = tuple(item.kind for item in items)
+    models = analyses.models()
+    found = Comparison(names, kinds, models, tuple(changes), modes, overlay, quantities)
     return found, analyses.choice()
 
 
@@ -217,8 +241,10 @@ def _format_value(path: str, value: object) -> str:
         return MISSING
     if isinstance(value, list):
         return ", ".join(_format_value(path, item) for item in value)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return str(value).lower() if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if not isinstance(value, (int, float)):
+        return str(value)
     return format_with_unit(path, value, digits=10)
 
 
@@ -243,7 +269,7 @@ def pair_modes(
 
     `found` are the modes of each item with a design. If `wires`, also those of wires, by label.
     """
-    names = {n: np.array(named_results.labels(one.data)) for n, one in found.items()}
+    names = {n: np.array(one.data.numbered_label) for n, one in found.items()}
     listed = {n: np.flatnonzero(wires | (one.data.order == 0)) for n, one in found.items()}
     reference, *others = found
     first = listed[reference]
@@ -298,18 +324,23 @@ def _measured_row(
 
 def _shape_overlap(one: Result, other: Result) -> Float[np.ndarray, "one other"]:
     """Overlaps in bodies of the same name, or of the same number if there is none."""
-    names = one.data.body, other.data.body
-    common = [name for name in names[0] if name in names[1]]
-    mine, theirs = ([own.index(name) for name in common] for own in names)
+    bodies = one.data.body
+    others = other.data.body
+    common = [name for name in bodies if name in others]
+    mine = [bodies.index(name) for name in common]
+    theirs = [others.index(name) for name in common]
     if not common:
-        mine = theirs = list(range(min(map(len, names))))
-    shapes = _weighted_shapes(one)[:, mine], _weighted_shapes(other)[:, theirs]
-    return np.abs(np.einsum("mbi,nbi->mn", *shapes))
+        mine = list(range(min(len(bodies), len(others))))
+        theirs = mine
+    first = _weighted_shapes(one)[:, mine]
+    second = _weighted_shapes(other)[:, theirs]
+    return np.abs(np.einsum("mbi,nbi->mn", first, second))
 
 
 def _weighted_shapes(result: Result) -> Float[np.ndarray, "mode body 6"]:
     """Shapes in the motion of bodies, times L^T of each; of unit norm if only bodies move."""
-    bodies, count = expand(result.given.design).bodies, len(result.data.body)
+    bodies = expand(result.given.design).bodies
+    count = len(result.data.body)
     shape = result.data.shape[:, : 6 * count].reshape(-1, count, 6).copy()
     shape[..., :3] *= np.sqrt(bodies.mass)[:, None]
     shape[..., 3:] = np.einsum("mbi,bij->mbj", shape[..., 3:], np.linalg.cholesky(bodies.inertia))
@@ -318,13 +349,14 @@ def _weighted_shapes(result: Result) -> Float[np.ndarray, "mode body 6"]:
 
 def _overlays(items: Sequence[Item], analyses: _Analyses) -> Iterator[Overlay]:
     """Compare the responses, then the noises, of items and of the setting."""
-    setting, wanted = analyses.setting, [what for item in items for what in item.curves]
+    setting = analyses.setting
+    wanted = [what for item in items for what in item.curves]
     if setting["inputs"] or setting["outputs"]:
         first = next(item.source for item in items if item.source is not None)
         outputs = setting["outputs"] or (f"{mirror(first.design)}.x",)
         inputs = setting["inputs"] or ("support.x",)
-        wanted += [Quantity("response", out, into) for out in outputs for into in inputs]
-    wanted += [Quantity("noise", out, "") for out in setting["noises"]]
+        wanted += [CurveName("response", out, into) for out in outputs for into in inputs]
+    wanted += [CurveName("noise", out, "") for out in setting["noises"]]
     for what in sorted(dict.fromkeys(wanted), key=lambda one: one.kind == "noise"):
         stored = {n: item for n, item in enumerate(items) if what in item.curves}
         grid = [item.curves[what][0].frequency for item in stored.values()]
@@ -367,7 +399,8 @@ def interpolate(
     frequency: Float[np.ndarray, " point"], curve: Curve
 ) -> Complex[np.ndarray, " point"]:
     """Interpolate ln magnitude, and phase, over ln frequency; exact at the points of the curve."""
-    known, value = np.log(curve.frequency), curve.value
+    known = np.log(curve.frequency)
+    value = curve.value
     with np.errstate(divide="ignore"):
         size = np.interp(np.log(frequency), known, np.log(np.abs(value)))
     phase = np.interp(np.log(frequency), known, np.unwrap(np.angle(value)))

@@ -1,4 +1,4 @@
-"""`pendsus fit`: fit of designs to measured modes and transfer functions."""
+"""`pendsus fit`: fit of designs to measured modes, quantities and transfer functions."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ if TYPE_CHECKING:
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
+    from suspension_cli.models.base import Model
+    from suspension_cli.models.choice import Comparison
     from suspension_cli.models.registry import Choice
 
 
 class FitAnalysis(Analysis):
-    """Fit numbers of designs to measured mode frequencies and transfer functions.
+    """Fit numbers of designs to measured modes, quantities and transfer functions.
 
-    MEASURED is a TOML file. It lists the free numbers of DESIGN, and modes with uncertainties or
-    files of transfer functions. To fit modes of several designs together, leave DESIGN out:
+    MEASURED is a TOML file. It lists the free numbers of DESIGN, and modes and quantities with
+    uncertainties or files of transfer functions. To fit several designs together, leave DESIGN out:
     MEASURED names the designs, and the free numbers that they share. Writes DIR/NAME-fit.h5 and
     .png, and each fitted design as DIR/NAME-fitted.toml. NAME is that of the design; for several
     designs it is the stem of MEASURED, followed by the experiment's name for fitted designs.
@@ -67,7 +69,7 @@ class FitAnalysis(Analysis):
         options.Input(
             "measured",
             "PathLike",
-            "TOML file of modes or files of transfer functions, and of the free numbers.",
+            "TOML file of modes, quantities or files of transfer functions, and the free numbers.",
         ),
         options.Input(
             about="The design; None where `measured` names designs itself.", optional=True
@@ -139,14 +141,16 @@ class FitAnalysis(Analysis):
 
         given: Measured = run.inputs["measured"]
         sources = [one.source for one in run.inputs["runs"]]
-        file, joint = run.inputs["file"], given.experiment is not None
+        file = run.inputs["file"]
+        joint = given.experiment is not None
         designs = [one.file for one in sources]
         if not given.parameter:
             run.log.say(
                 "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
                 " with priors of usual building errors"
             )
-        choices = _choose_models(run.setting["fidelity"], sources)
+        with attribute_faults_to(file):
+            choices = _choose_models(run.setting["fidelity"], sources, given)
         with attribute_faults_to(file), run.log.progress() as bar:
             found = fit.solve(
                 [one.text for one in sources],
@@ -214,7 +218,8 @@ class FitAnalysis(Analysis):
         from suspension_cli.analyses.fit import findings
         from suspension_cli.files.whole_files import write_bytes
 
-        extra, paths = result.extra, []
+        extra = result.extra
+        paths = []
         measured = Path(extra["measured_file"]).name
         pairs = zip(result.data.experiment, extra["designs"], strict=True)
         for n, (name, file) in enumerate(pairs):
@@ -233,30 +238,55 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
         return functions
     result = []
     for item in functions:
-        size, sigma = np.abs(item.value), np.asarray(item.uncertainty)
+        size = np.abs(item.value)
+        sigma = np.asarray(item.uncertainty)
         assumed = relative * np.maximum(size, 1e-3 * np.median(size))
         known = np.isfinite(sigma) & (sigma > 0)
         result.append(dataclasses.replace(item, uncertainty=np.where(known, sigma, assumed)))
     return result
 
 
-def _choose_models(wanted: str, sources: Sequence[Source]) -> list[Choice]:
+def _choose_models(wanted: str, sources: Sequence[Source], given: Measured) -> list[Choice]:
     """Choose the most complete model without wire mass that is valid for every design of a fit.
 
     Raises `InputError` if a model is wanted that cannot model imperfect builds, or has wire mass.
     """
-    from suspension_cli.models import registry
+    from suspension_cli.models import choice, registry
     from suspension_cli.physics import model_choice
 
     models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
     model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
     each = [registry.most_complete(source.design, massless=True) for source in sources]
-    common, modes = min(each, key=registry.MODELS.index), model_choice.named_results([])
+    common = min(each, key=registry.MODELS.index)
     found = []
-    for source in sources:
+    for n, source in enumerate(sources):
+        compare = _compare_models(source, given, n)
         with attribute_faults_to(source.file):
-            found.append(model_choice.choose(source, wanted, modes, candidates=[common])[0])
+            found.append(choice.choose(source.design, wanted, [common], compare))
     return found
+
+
+def _compare_models(source: Source, given: Measured, number: int) -> Comparison:
+    """Return the comparison of all modes and of the measured quantities of an experiment.
+
+    Modes count unless quantities alone were measured.
+    """
+    from suspension_cli.analyses.fit.measured_values import look_up
+    from suspension_cli.models.choice import Frequencies, Systems
+    from suspension_cli.quantities.differences import compare_designs
+
+    quantities = look_up(given.quantities[number], source.text, source.file, given.where(number))
+    compared: list[Comparison] = []
+    if given.modes[number] or given.transfer_function or not quantities:
+        compared.append(Systems(source.design).compare(lambda _: Frequencies()))
+    if quantities:
+        compared.append(compare_designs(quantities, [source.design]))
+
+    def change(simple: Model, refined: Model) -> tuple[float, str]:
+        changes = [compare(simple, refined) for compare in compared]
+        return max(changes, key=lambda one: -1.0 if math.isnan(one[0]) else one[0])
+
+    return change
 
 
 def _designs(
@@ -270,9 +300,11 @@ def _designs(
             raise InputError([Fault("mode", problem, remedy)], file)
         return [ask(designs[0])]
     if designs:
-        problem, remedy = "names its designs itself", "write pendsus fit MEASURED"
+        problem = "names its designs itself"
+        remedy = "write pendsus fit MEASURED"
         raise InputError([Fault("experiment", problem, remedy, format_value(designs[0]))], file)
-    runs, bad = [], dict[str, InputError]()
+    runs: list[Run] = []
+    bad: dict[str, InputError] = {}
     for n, item in enumerate(given.experiment, 1):
         try:
             runs.append(ask(str(Path(file).parent / item.design), tuple(item.set)))

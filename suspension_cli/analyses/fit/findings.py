@@ -21,6 +21,7 @@ from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import escape_unprintable
 from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import TABLES
+from suspension_cli.quantities.requirements import displayed_unit
 from suspension_cli.studies.parameters import natural_step
 from suspension_cli.version import __version__
 
@@ -79,7 +80,8 @@ def short(name: str) -> str:
 
 def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
     """Say which parameters the data determine without priors, one statement per line."""
-    p, free = problem.count, np.isinf(fitted.prior_sigma)
+    p = problem.count
+    free = np.isinf(fitted.prior_sigma)
     # of parameters without prior: the value itself
     scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
     rows = problem.data_rows(slope) * scale
@@ -123,7 +125,8 @@ def combinations(
     found = []
     left = np.flatnonzero(uncertain).tolist()
     for some in itertools.chain(*(itertools.combinations(left, size) for size in (2, 3))):
-        group, summed = [*some], all(lengths[n] for n in some)
+        group = [*some]
+        summed = all(lengths[n] for n in some)
         if not summed and (value[group] <= 0).any():
             continue
         unit = np.ones(len(group)) if summed else value[group]
@@ -137,7 +140,8 @@ def combinations(
         if relative < TOGETHER:
             line = _describe_combination([names[n] for n in group], weight, error, summed)
             found.append((len(group), relative, {*group}, line))
-    lines, taken = list[str](), set[int]()
+    lines = list[str]()
+    taken = set[int]()
     for _, _, members, line in sorted(found, key=lambda item: item[:2]):
         if not taken & members:
             taken |= members
@@ -172,7 +176,8 @@ def next_measurements(
     functions, and a calibration error of `GAIN`. The information J^T J of a candidate is added to
     that of the fit (Fisher).
     """
-    p, scale = problem.count, problem.unknowns.scale
+    p = problem.count
+    scale = problem.unknowns.scale
     scaled = slope * scale
     whole = scaled.T @ scaled
     spread = np.linalg.inv(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))
@@ -182,7 +187,8 @@ def next_measurements(
     if not least:
         return "", ()
     plant = problem.experiment[0].plant(z[:p])
-    known, body = signals.bodies_with_signals(plant.system), plant.system.body
+    known = signals.bodies_with_signals(plant.system)
+    body = plant.system.body
     drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
     drives += [f"{name}.{force}" for name in body for force in signals.FORCES]
     inputs = [signals.parse_input(text, known) for text in drives]
@@ -195,7 +201,8 @@ def next_measurements(
     functions = problem.channels.function
     noise = [item.uncertainty / np.maximum(np.abs(item.value), 1e-300) for item in functions]
     relative = float(np.clip(np.median(np.concatenate(noise)), 1e-4, 1.0))
-    part, own = spread[np.ix_(places, places)], np.diag(spread)[least]
+    part = spread[np.ix_(places, places)]
+    own = np.diag(spread)[least]
     found: list[tuple[Float[np.ndarray, " least"], str, str, int]] = []
     for band in range(len(bands)):
         span = slice(band * PER_BAND, (band + 1) * PER_BAND)
@@ -275,9 +282,12 @@ def _remedy(found: Fit) -> str:
 
 def report(found: Fit) -> str:
     """Return the text below the line on the model."""
-    responses, parts = found.responses, [first_lines(found), [_parameters(found)]]
+    responses = found.responses
+    parts = [first_lines(found), [_parameters(found)]]
     if found.label:
         parts.append([_modes(found)])
+    if found.quantity:
+        parts.append([_quantities(found)])
     if responses is not None:
         parts += [[text] for text in _response_tables(responses)]
         parts.append(_explanations(found, responses))
@@ -347,6 +357,25 @@ def _modes(found: Fit) -> str:
     columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
     numbers = found.measured, found.uncertainty, found.before, found.after, found.residual
     return tables.render(columns, zip(*numbers, found.modes, strict=True))
+
+
+def _quantities(found: Fit) -> str:
+    columns = {"measured": ".5g", "+-": ".2g", "before": ".5g", "after": ".5g"}
+    columns |= {"unit": "", "residual": "+.2f", "quantity": ""}
+    rows = []
+    for n, name in enumerate(found.quantities):
+        unit, factor = displayed_unit(found.quantity_unit[n])
+        numbers = [
+            factor * float(values[n])
+            for values in (
+                found.value_measured,
+                found.value_uncertainty,
+                found.value_before,
+                found.value_after,
+            )
+        ]
+        rows.append((*numbers, unit, found.value_residual[n], name))
+    return tables.render(columns, rows)
 
 
 def _response_tables(found: ResponseFit) -> list[str]:
@@ -453,6 +482,11 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
     modes = table(found, f"experiment=of {columns} after_hz=after residual")
     for row in modes:
         row["experiment"] = found.experiment[row["experiment"]]
+    columns = "name=quantity unit=quantity_unit measured=value_measured"
+    columns += " uncertainty=value_uncertainty before=value_before after=value_after"
+    quantities = table(found, f"experiment=value_of {columns} residual=value_residual")
+    for row in quantities:
+        row["experiment"] = found.experiment[row["experiment"]]
     exchange = None
     if found.exchange is not None:
         one = found.exchange
@@ -464,6 +498,7 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
         "parameters": parameters,
         "covariance": found.covariance,
         "modes": modes,
+        "quantities": quantities,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,

@@ -246,7 +246,7 @@ class ResponseFit:
 
 @dataclass(frozen=True)
 class Fit:
-    """Parameters of designs fitted to measured modes and transfer functions.
+    """Parameters of designs fitted to measured modes, quantities and transfer functions.
 
     Attributes
     ----------
@@ -266,6 +266,10 @@ class Fit:
         Experiment of each measured mode, from 0, and its label.
     measured, uncertainty, before, after
         Frequencies, Hz; NaN for an unstable mode.
+    value_of, quantity, quantity_unit
+        Experiment of each measured quantity, from 0, its name and SI unit.
+    value_measured, value_uncertainty, value_before, value_after
+        Measured quantities, SI.
     chi_squared, freedom
         Sum over measurements and priors; and their number less that of unknowns not at a bound.
     singular, direction
@@ -284,7 +288,7 @@ class Fit:
     title
         Title of the design, or of the measurements of several designs.
     responses
-        Fit of transfer functions; None if only modes were measured.
+        Fit of transfer functions; None if none were measured.
     """
 
     experiment: tuple[str, ...]
@@ -306,6 +310,21 @@ class Fit:
     uncertainty: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     before: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     after: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    value_of: Int[np.ndarray, " measured_quantity"]
+    quantity: tuple[str, ...] = field(metadata=along("measured_quantity"))
+    quantity_unit: tuple[str, ...] = field(metadata=along("measured_quantity"))
+    value_measured: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
+    value_uncertainty: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
+    value_before: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
+    value_after: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
     chi_squared: float
     freedom: int
     singular: Float[np.ndarray, " combination"]
@@ -390,6 +409,20 @@ class Fit:
     def residual(self) -> Float[np.ndarray, " mode"]:
         """Residuals after the fit over the uncertainties."""
         return (self.after - self.measured) / self.uncertainty
+
+    @property
+    @derived()
+    def value_residual(self) -> Float[np.ndarray, " measured_quantity"]:
+        """Residuals of quantities after the fit over the uncertainties."""
+        return (self.value_after - self.value_measured) / self.value_uncertainty
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names of the measured quantities, preceded by the experiment if there are several."""
+        if len(self.experiment) == 1:
+            return self.quantity
+        pairs = zip(self.value_of, self.quantity, strict=True)
+        return tuple(f"{self.experiment[n]}: {name}" for n, name in pairs)
 
     @property
     def parameters(self) -> tuple[str, ...]:

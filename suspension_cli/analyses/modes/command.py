@@ -9,16 +9,13 @@ import click
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
-from suspension_cli.analyses.options import option
+from suspension_cli.analyses.options import MOST_WIRE_MODES, option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.modes.solve import Modes
     from suspension_cli.linear import eigenmodes
-
-MOST = 1000
-"""Modes of wires with mass above which a run is refused unless --all is given."""
 
 
 class ModesAnalysis(Analysis):
@@ -71,7 +68,10 @@ class ModesAnalysis(Analysis):
             "--all",
             "every",
             is_flag=True,
-            help=f"Compute all modes of wires with mass, even if there are more than {MOST}.",
+            help=(
+                "Compute all modes of wires with mass, even if there are more than"
+                f" {MOST_WIRE_MODES}."
+            ),
         ),
         option(
             "--damping",
@@ -98,7 +98,7 @@ class ModesAnalysis(Analysis):
         """Compute the modes of one design."""
         from suspension_cli.analyses.modes import solve
 
-        found = solve.solve(self, run, MOST)
+        found = solve.solve(self, run, MOST_WIRE_MODES)
         _animated(found, run.setting)  # refuse unknown modes before anything is written
         return found
 
@@ -130,12 +130,14 @@ class ModesAnalysis(Analysis):
         """Return a table of the modes."""
         import numpy as np
 
-        from suspension_cli.linear import named_results
         from suspension_cli.linear.eigenmodes import TOP
 
         modes = result
-        names, verdicts, groups = named_results.labels(modes), modes.verdict, modes.groups
-        first, fraction = [group[0] for group in groups], modes.damping_fraction
+        names = modes.numbered_label
+        verdicts = modes.verdict
+        groups = modes.groups
+        first = [group[0] for group in groups]
+        fraction = modes.damping_fraction
         columns: dict[str, tuple[str, Sequence[float | str | None]]] = {
             "#": ("d", [n + 1 for n in first]),
             "frequency\nHz": ("#.5g", [_frequency(modes, n) for n in first]),

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.check.missing_losses import state_missing_losses
 from suspension_cli.analyses.record import Record
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError
@@ -29,6 +28,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.choice import percent, shifts
 from suspension_cli.physics import growth, model_choice, near_limits, wire_modes
 from suspension_cli.physics.lossless import describe_lossless, find_lossless
+from suspension_cli.physics.missing_losses import state_missing_losses
 from suspension_cli.physics.near_limits import describe_falsified_losses
 
 if TYPE_CHECKING:

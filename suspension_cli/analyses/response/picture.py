@@ -17,15 +17,12 @@ if TYPE_CHECKING:
     from suspension_cli.linear.response import Response
     from suspension_cli.scene.arrays import Array
 
-PHASE = 1.1
-"""Height of a panel of phases, in."""
 MANY_POINTS = 300
 """Number of measured points above which they are drawn small and without error bars."""
 MARKERS = ("o", "D", "^", "s", "v")
 """Markers of points of different functions."""
 TALL, ALL = 2.0, 6.0
 """Largest height of a panel of measured magnitudes, and of all of them together, in."""
-ZERO = "0 by symmetry at all frequencies"
 
 
 def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str] = ()) -> Figure:
@@ -47,8 +44,8 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
     kind, shown = _scale(scale), []
     for unit, own in by_unit.items():
         label, key = _label_magnitude(unit, kind), None if many else ()
-        shown.append(Panel(label, own, scale=kind, key=key, peaks="find", empty=ZERO))
-    shown.append(Panel("phase (degrees)", lines, PHASE, "phase", key=(), empty=" "))
+        shown.append(Panel(label, own, scale=kind, key=key, peaks="find", empty=panels.ZERO))
+    shown.append(Panel("phase (degrees)", lines, panels.PHASE, "phase", key=(), empty=" "))
     logarithmic = response.frequency[0] > 0 and len(response.frequency) > 1
     heading = "Transfer functions" if many else f"Transfer function {lines[0].name}"
     heading += ", loops closed" if response.closed_loop else ""
@@ -95,7 +92,7 @@ def draw_measured(
         height = float(np.clip(ALL / len(units), 1.1, TALL))
         label, key = _label_magnitude(unit, kind), key if many else ()
         shown.append(Panel(label, lines, height, kind, limits, key=key, peaks=peaks))
-    shown.append(Panel("phase (degrees)", [*models, *points], PHASE, "phase", key=()))
+    shown.append(Panel("phase (degrees)", [*models, *points], panels.PHASE, "phase", key=()))
     ratios = [_points(one, look, one.ratio) for one, look in both]
     clear = np.concatenate([np.ones(1), *(np.abs(one.ratio[one.clear]) for one in measured)])
     rule = Rule(0.0 if kind == "db" else 1.0, dashes="-")

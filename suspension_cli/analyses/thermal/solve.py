@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.check.missing_losses import Neglected, state_missing_losses
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import mirror
@@ -27,6 +26,7 @@ from suspension_cli.grids import decade_points, parse_frequencies
 from suspension_cli.linear import eigenmodes
 from suspension_cli.physics import model_choice, near_limits, thermal_noise
 from suspension_cli.physics.lossless import describe_lossless, find_lossless
+from suspension_cli.physics.missing_losses import Neglected, state_missing_losses
 from suspension_cli.physics.thermal_noise import MotionNoise
 from suspension_cli.scene.arrays import Array
 

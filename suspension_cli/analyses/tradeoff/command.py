@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING
 
@@ -24,14 +25,16 @@ class TradeoffAnalysis(Analysis):
 
     Asks for modes, responses, thermal noise and cross-coupling. The error of a model is its largest
     relative difference to the most complete one that is valid; times are processor times, measured
-    in turns. Prints which model to use for each question; writes DIR/NAME-tradeoff.h5 and .png.
+    in turns. Prints which model to use for each question, and which one `--fidelity auto` takes
+    and what that neglects; writes DIR/NAME-tradeoff.h5 and .png.
 
     Example: pendsus tradeoff my.toml --quantity modes
 
     Returns
     -------
     Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`.
+        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`,
+        `choices`, `first_violin`.
 
     Raises
     ------
@@ -83,10 +86,12 @@ class TradeoffAnalysis(Analysis):
         return Result(self, run.source, choice, found, command=run.command)
 
     def document(self, result: Result) -> Document:
-        """Return times, errors and advice by question."""
+        """Return times, errors, advice and the choice of ``auto`` by question."""
         found: Tradeoff = result.data
-        questions = [
-            {
+        questions = []
+        for answer in found.answers:
+            auto = answer.automatic
+            question: Document = {
                 "quantity": answer.entries[0].quantity,
                 "question": answer.question,
                 "reference": answer.reference or None,
@@ -94,36 +99,62 @@ class TradeoffAnalysis(Analysis):
                 "advice": answer.advice,
                 "models": table(answer.entries, "model time_s=time error where left_out"),
             }
-            for answer in found.answers
-        ]
-        return {"questions": questions}
+            if auto is not None:
+                question["auto"] = {
+                    "fidelity": auto.model,
+                    "reason": auto.reason,
+                    "estimated_error": auto.error,
+                }
+            questions.append(question)
+        return {"first_violin_hz": found.first_violin, "questions": questions}
 
     def text(self, result: Result) -> str:
-        """Return the advice for each question, and all times and errors."""
-        from suspension_cli.analyses.tradeoff.measure import format_time
-        from suspension_cli.models.choice import percent
-
+        """Return the advice for each question, all times and errors, and what ``auto`` takes."""
         found: Tradeoff = result.data
-        names = dict.fromkeys(one.model for answer in found.answers for one in answer.options)
-        rows = []
-        for answer in found.answers:
-            cells = dict.fromkeys(names, "-")
-            for one in answer.options:
-                error = "reference" if one.model == answer.reference else percent(one.error)
-                cells[one.model] = f"{format_time(one.time)}, {error}"
-            rows.append((answer.question, *cells.values()))
         heads = {"question": "", f"fastest model {found.within}": ""}
         advice = [(answer.question, answer.advice) for answer in found.answers]
-        times = tables.render(dict.fromkeys(("processor time and error", *names), ""), rows)
         reasons = (f"{one.model} left out: {one.left_out}" for one in found.entries if one.left_out)
-        parts = tables.render(heads, advice), times, "\n".join(dict.fromkeys(reasons))
-        return "\n\n".join(parts).rstrip()
+        parts = [
+            tables.render(heads, advice),
+            _times_and_errors(found),
+            "\n".join(dict.fromkeys(reasons)),
+            _choices(found),
+        ]
+        return "\n\n".join(part for part in parts if part)
 
     def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
         """Draw error against time, a chart per question."""
         from suspension_cli.analyses.tradeoff import measure
 
         return {"": measure.draw(result.data, result.given.title)}
+
+
+def _times_and_errors(found: Tradeoff) -> str:
+    """Return the table of all models, a row per question."""
+    from suspension_cli.analyses.tradeoff.measure import format_time
+    from suspension_cli.models.choice import percent
+
+    names = dict.fromkeys(one.model for answer in found.answers for one in answer.options)
+    rows = []
+    for answer in found.answers:
+        cells = dict.fromkeys(names, "-")
+        for one in answer.options:
+            error = "reference" if one.model == answer.reference else percent(one.error)
+            cells[one.model] = f"{format_time(one.time)}, {error}"
+        rows.append((answer.question, *cells.values()))
+    return tables.render(dict.fromkeys(("processor time and error", *names), ""), rows)
+
+
+def _choices(found: Tradeoff) -> str:
+    """Return the models that ``auto`` takes, and the lowest violin mode."""
+    lines = []
+    if found.choices:
+        lines.append("Models that --fidelity auto takes:")
+    for one in found.choices:
+        lines += [f"  {one.question}", f"    {one.line}"]
+    if math.isfinite(found.first_violin):
+        lines.append(f"lowest first violin mode: {found.first_violin:.4g} Hz")
+    return "\n".join(lines)
 
 
 ANALYSIS = TradeoffAnalysis()

@@ -45,9 +45,6 @@ PARAMETERS = swept()
 FREQUENCIES = 12
 """Number of frequencies at which models are compared."""
 
-ROUNDING = 1e-17
-"""Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
-
 
 @dataclass(frozen=True)
 class Sweep(Grid):

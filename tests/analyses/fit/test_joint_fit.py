@@ -12,7 +12,7 @@ import pytest
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Experiment, Free, Measured, Mode
-from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear import eigenmodes
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import parameters
 from tests.support.commandline import assert_refused, document, run, written
@@ -30,7 +30,7 @@ def seen(file, *values, share=0.001):
     found = eigenmodes.solve(registry.STRING.system(reader.read(file, values).design))
     return [
         Mode(frequency=float(f), uncertainty=share * float(f), label=name)
-        for f, name in zip(found.frequency, named_results.labels(found), strict=True)
+        for f, name in zip(found.frequency, found.numbered_label, strict=True)
     ]
 
 

@@ -44,7 +44,7 @@ EXPLAINS = 0.5
 """Least part of the excess of chi^2 that a link must remove."""
 
 
-def missing_links(found: Solution, excess: float) -> tuple[MissingLink, ...]:
+def find(found: Solution, excess: float) -> tuple[MissingLink, ...]:
     """Find links that would explain a misfit, whose chi^2 is too large by `excess`, best first."""
     ends = []
     for pair in _ranked(found)[:FITTED]:
@@ -73,8 +73,10 @@ def _with_links(
 
     `names` are the other free numbers, as they are; all those of the fit if None.
     """
-    problem, one = found.problem, found.problem.experiment[0]
-    raw, free = tomllib.loads(one.text), [*problem.free]
+    problem = found.problem
+    one = found.problem.experiment[0]
+    raw = tomllib.loads(one.text)
+    free = [*problem.free]
     if names is not None:
         free = [item for item in free if item.name in names]
     taken = {str(item.get("name")) for item in raw.get("link", [])}
@@ -100,7 +102,8 @@ def _ranked(found: Solution) -> list[Pair]:
     """Rank pairs of bodies by the decrease of chi^2 to first order with a link between them."""
     pairs = _pairs(found.problem.experiment[0])
     wide = _with_links(found, pairs)
-    slope, off = wide.problem.jacobian(wide.z), wide.problem.residual(wide.z)
+    slope = wide.problem.jacobian(wide.z)
+    off = wide.problem.residual(wide.z)
     scale = wide.problem.unknowns.scale
     first = found.problem.count
     links = np.zeros(len(wide.z), dtype=bool)
