@@ -80,7 +80,8 @@ def check(analysis: Analysis, run: Run) -> Check:
     design = source.design
     found = checks.find_implausible(design)
     try:
-        choice, loads = registry.choose(design), statics.solve(design)
+        choice = registry.choose(design)
+        loads = statics.solve(design)
     except InputError as error:
         raise InputError([*error.faults, *found], source.file) from None
     found += find_implausible_loads(design, loads)
