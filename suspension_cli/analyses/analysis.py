@@ -71,9 +71,11 @@ class Log:
         """Report a warning, at the line that called the package."""
         from suspension_cli.analyses.python_functions import translate
 
-        frame, level = sys._getframe(), 0
+        frame = sys._getframe()
+        level = 0
         while frame is not None and frame.f_code.co_filename.startswith(PACKAGE):
-            frame, level = frame.f_back, level + 1
+            frame = frame.f_back
+            level += 1
         warnings.warn(translate(text, self.parameters), PendsusWarning, stacklevel=level + 1)
 
     def progress(self) -> contextlib.AbstractContextManager[Progress]:
@@ -104,7 +106,8 @@ class RelayedLog(Log):
         self.outer = outer
         self.lines: list[str] = []
         self.passed: set[str] = set()
-        self.detail, self.progress = outer.detail, outer.progress
+        self.detail = outer.detail
+        self.progress = outer.progress
 
     def warn(self, text: str) -> None:
         """Keep a warning."""
@@ -116,7 +119,8 @@ class RelayedLog(Log):
 
     def take(self) -> list[str]:
         """Return the warnings since the last call."""
-        lines, self.lines = self.lines, []
+        lines = self.lines
+        self.lines = []
         return lines
 
 

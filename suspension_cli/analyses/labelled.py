@@ -128,13 +128,15 @@ def _text(arrays: Variables, rows: tuple[str, ...], paths: list[str]) -> str:
     """Make the table of some arrays that have the same rows."""
     scales = {dim: one.read() for dim, one in arrays.items() if one.dims == (dim,)}
     grid: list[np.ndarray] = []
-    heads, columns = [], []
+    heads = []
+    columns = []
     for path in paths:
         one = arrays[path]
         own = [dim for dim in one.dims if dim in rows]
         others = [dim for dim in one.dims if dim not in rows]
         values = one.read().transpose([one.dims.index(dim) for dim in own + others])
-        shape, wide = values.shape[: len(own)], values.shape[len(own) :]
+        shape = values.shape[: len(own)]
+        wide = values.shape[len(own) :]
         if len(own) == len(rows):
             grid = [places.ravel() for places in np.indices(shape)]
         for place in np.ndindex(wide):
@@ -142,7 +144,8 @@ def _text(arrays: Variables, rows: tuple[str, ...], paths: list[str]) -> str:
             which = [
                 str(scales[dim][n]) if dim in scales else str(n + 1) for dim, n in where.items()
             ]
-            label, unit = _name(path), _unit(arrays, path, where)
+            label = _name(path)
+            unit = _unit(arrays, path, where)
             label += f" [{', '.join(which)}]" if which else ""
             column = values[(..., *place)].ravel()
             if np.iscomplexobj(column):

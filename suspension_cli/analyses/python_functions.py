@@ -50,7 +50,8 @@ def describe(function: Callable[..., Any], analysis: Any) -> None:
     signature = inspect.Signature([one for one, _ in listed], return_annotation=returned)
     annotations = {name: one.annotation for name, one in signature.parameters.items()}
     text = inspect.cleandoc(str(type(analysis).__doc__))
-    head, sections = text.split("\n\n", 1)[0], text[text.index("\nReturns\n-") :]
+    head = text.split("\n\n", 1)[0]
+    sections = text[text.index("\nReturns\n-") :]
     described = "\n".join(description for _, description in listed)
     function.__doc__ = f"{head}\n\nParameters\n----------\n{described}\n{sections}\n"
     function.__name__ = function.__qualname__ = analysis.name
@@ -73,7 +74,8 @@ def _of_option(param: Option, default: Any, all_of_command: Sequence[Option]) ->
     for mark in (" (repeatable)", " [required]"):
         about = about.replace(mark, "")
     about = translate(re.sub(r" *\[default: (.*)\]", r" Default: \1.", about), all_of_command)
-    kind, choices = param.python_type, getattr(param.type, "choices", ())
+    kind = param.python_type
+    choices = getattr(param.type, "choices", ())
     quoted = ", ".join(f'"{one}"' for one in choices)
     words = f"{{{quoted}}}" if choices else WORDS.get(kind, kind)
     return _argument(str(param.name), Parameter.KEYWORD_ONLY, kind, default, words, about)

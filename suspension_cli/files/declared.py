@@ -166,7 +166,8 @@ def _item(
     dims = metadata.get("dims") or getattr(kind, "dims", ())
     if not dims and kind == tuple[str, ...] and "attribute" not in metadata:
         dims = (name,)
-    key, unit = metadata.get("key") or name, metadata.get("unit", "")
+    key = metadata.get("key") or name
+    unit = metadata.get("unit", "")
     optional = annotation.endswith(" | None")
     return Item(name, key, kind, dims, unit, optional, derived, metadata)
 

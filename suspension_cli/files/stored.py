@@ -200,7 +200,8 @@ class _Reader:
         return tuple(found)
 
     def _read_attribute(self, item: Item) -> Any:
-        path, kinds = self._path(item.key), get_args(item.type)
+        path = self._path(item.key)
+        kinds = get_args(item.type)
         value = self._get(self.group.attrs, item.key)
         if not kinds:
             return _plain(path, item.type, value)
@@ -220,7 +221,8 @@ class _Reader:
         )
 
     def _read_columns(self, item: Item) -> Any:
-        inside, dims = self._inside(item), item.dims or (item.key,)
+        inside = self._inside(item)
+        dims = item.dims or (item.key,)
         fields = [column for column in items(item.leaf) if not column.derived]
         columns = [inside._checked(column, dims).tolist() for column in fields]
         names = [column.name for column in fields]
@@ -269,7 +271,8 @@ class Variable(NamedTuple):
 
 def variables(group: Stored) -> dict[str, Variable]:
     """List the datasets of a group by path, such as ``largest/size``."""
-    start, found = len(str(group.name)) + 1, {}
+    start = len(str(group.name)) + 1
+    found = {}
 
     def add(path: str, data: Stored) -> None:
         if isinstance(data, h5py.Group):

@@ -86,7 +86,8 @@ def find_missing_losses(design: Design) -> list[MissingLoss]:
             given["modulus_slope"] = built_in.modulus_slope
         depth = _surface_depth(material, built_in)
         if depth:
-            kinds, keys = ["surface", *kinds], ["loss.surface_depth", *keys]
+            kinds = ["surface", *kinds]
+            keys = ["loss.surface_depth", *keys]
             given["loss"] = msgspec.structs.replace(loss, surface_depth=depth)
             given["loss_angle"] = None
         if not kinds:
@@ -102,7 +103,8 @@ def _find_alike(design: Design, material: Material) -> str:
     temperature = design.constants.temperature
     if material.youngs_modulus is None or material.density is None:
         return ""
-    modulus, best = value_at(material.youngs_modulus, temperature), (ALIKE, "")
+    modulus = value_at(material.youngs_modulus, temperature)
+    best = (ALIKE, "")
     for name, other in materials.BUILT_IN.items():
         assert other.youngs_modulus is not None and other.density is not None
         stiffness = abs(modulus / value_at(other.youngs_modulus, temperature) - 1)
@@ -113,7 +115,8 @@ def _find_alike(design: Design, material: Material) -> str:
 
 def _surface_depth(material: Material, built_in: Material) -> float:
     """Depth (m) that gives a material the surface loss of a built-in one; 0 if it lacks none."""
-    own, other = material.loss, built_in.loss
+    own = material.loss
+    other = built_in.loss
     if own is None or other is None or own.surface_depth is not None or not own.angle:
         return 0.0
     return (other.surface_depth or 0.0) * (other.angle or 0.0) / own.angle
@@ -147,7 +150,10 @@ def state_missing_losses(
     design, the results with its constants show how large the missing loss is; it is passed over if
     below the tolerance.
     """
-    sizes, warnings, error, what = list[str](), list[str](), choice.error, ""
+    sizes = list[str]()
+    warnings = list[str]()
+    error = choice.error
+    what = ""
     missing = find_missing_losses(design)
     before, _ = compute(design) if any(one.completed for one in missing) else (np.ones(1), "")
     for one in missing:

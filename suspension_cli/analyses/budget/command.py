@@ -155,7 +155,8 @@ def _sources(one: MotionBudget) -> dict[str, str]:
 
 def _document(one: MotionBudget) -> Document:
     """Return one output as JSON, without its frequencies."""
-    squares, velocities = one.mean_square[0], one.mean_square_velocity[0]
+    squares = one.mean_square[0]
+    velocities = one.mean_square_velocity[0]
     result: Document = {
         "output": one.output,
         "unit": f"{one.unit}/sqrt(Hz)",
@@ -191,7 +192,8 @@ def _tabulate(one: MotionBudget) -> Iterator[str]:
         (one.amplitude, *one.contribution.T),
         strict=True,
     )
-    rows, none = [], []
+    rows = []
+    none = []
     for name, *sizes, density in sorted(causes, key=lambda cause: -cause[3].max()):
         if density.any():
             sizes = ["infinite" if math.isinf(size) else size for size in sizes]

@@ -41,7 +41,8 @@ def draw(budgets: Sequence[MotionBudget], title: str) -> Figure:
 
 
 def _panel(one: MotionBudget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
-    at, drawn = one.frequency, _drawn(one)
+    at = one.frequency
+    drawn = _drawn(one)
     lines = [Line(at, one.amplitude, "all", INK, {"linewidth": 2.0})]
     lines += [Line(at, one.parts[name], name, *looks[name]) for name in drawn]
     known = [one.amplitude]
@@ -49,7 +50,8 @@ def _panel(one: MotionBudget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
         lines.append(Line(at, one.rms, f"RMS above f ({one.unit})", NOTE, {"linewidth": 0.7}))
         known.append(one.rms[:1])
     if one.requirement is not None:
-        given, look = one.requirement, LineLook(linestyle="--", linewidth=1.1)
+        given = one.requirement
+        look = LineLook(linestyle="--", linewidth=1.1)
         lines.append(Line(given.frequency, given.density, Path(given.name).stem, RED, look))
         known.append(given.density)
     faint = ", ".join(name for name in one.cause if name not in drawn)
@@ -67,7 +69,8 @@ def _panel(one: MotionBudget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
 
 def write_message(one: MotionBudget) -> str:
     """Describe a panel in one sentence: RMS, its main cause, requirement."""
-    square, rms = one.mean_square[0], one.rms[0]
+    square = one.mean_square[0]
+    rms = one.rms[0]
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()

@@ -162,7 +162,8 @@ def solve(analysis: Analysis, run: Run) -> Budget:
     plant = local_control.build_plant(design, model)
     noises = noise_budget.Noises(plant, parsed, motions, temperature, setting["mirrors"])
     if not noises.cause:
-        problem, remedy = "leaves no cause of motion", "give a ground, or loss angles"
+        problem = "leaves no cause of motion"
+        remedy = "give a ground, or loss angles"
         raise InputError.of("--ground", problem, remedy)
     added = ":" in setting["frequency"]
     found = noise_budget.solve(noises, grid, poles, requirements, added=added)
@@ -261,7 +262,9 @@ def _model(
     run: Run, grid: Array, outputs: Sequence[str], notes: list[str]
 ) -> tuple[Choice, LinearSystem, bool]:
     """Choose the model; tell whether it has thermal noise. Warnings are added to `notes`."""
-    source, wanted, arm = run.source, run.setting["fidelity"], run.setting["arm"]
+    source = run.source
+    wanted = run.setting["fidelity"]
+    arm = run.setting["arm"]
     try:
         choice, model = thermal_noise.choose(source, wanted, grid, outputs, arm)
         warm = True

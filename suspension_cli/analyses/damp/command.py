@@ -174,7 +174,9 @@ class DampAnalysis(Analysis):
         lines = [] if result.stable else [f"UNSTABLE: {result.growth}", ""]
         rows = []
         for frequency, q, rate, _, state in _rows(result.closed):
-            size = "grows" if rate else "undamped" if q == math.inf else q
+            size = "undamped" if q == math.inf else q
+            if rate:
+                size = "grows"
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
         lines += [result.run.choice.line, "", tables.render(columns, rows), ""]
@@ -245,7 +247,8 @@ def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
 
     for name in names:
         if name not in known:
-            problem, remedy = "names no loop", suggest(name, list(known))
+            problem = "names no loop"
+            remedy = suggest(name, list(known))
             raise InputError.of("--loop", problem, remedy, format_value(name))
     return [n for n, name in enumerate(known) if name in names]
 

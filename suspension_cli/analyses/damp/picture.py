@@ -49,12 +49,14 @@ def draw(damped: Damped, chosen: Sequence[int] = ()) -> Figure:
     drawn = chosen or sorted(np.argsort(nearest, kind="stable")[:SHOWN].tolist())
     which = f" of {'' if chosen else 'the '}{len(drawn)}{'' if chosen else ' most critical'}"
     which = f"{which} of {len(damped.loop)} loops" * (len(damped.loop) > len(drawn))
-    looks, over = _looks(damped.loop), Across()
+    looks = _looks(damped.loop)
+    over = Across()
     sizes: list[Line] = []
     phases: list[Line] = []
     nichols = [_circle()]
     for n in drawn:
-        own, colour = gain[:, n], looks[n][0]
+        own = gain[:, n]
+        colour = looks[n][0]
         look: LineLook = {"linestyle": looks[n][1]}
         sizes.append(Line(frequency, np.abs(own), damped.loop[n], colour, look))
         phases.append(Line(frequency, own, damped.loop[n], colour, look))

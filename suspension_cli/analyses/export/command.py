@@ -132,12 +132,14 @@ class ExportAnalysis(Analysis):
         from suspension_cli.models.choice import Frequencies
         from suspension_cli.physics import model_choice
 
-        setting, loss = run.setting, run.setting["loss"]
+        setting = run.setting
+        loss = run.setting["loss"]
         if setting["format"] == "gwinc":
             from suspension_cli.analyses.export import gwinc_tables
 
             return gwinc_tables.solve(self, run)
-        fidelity, tolerance = setting["fidelity"], setting["tolerance"]
+        fidelity = setting["fidelity"]
+        tolerance = setting["tolerance"]
         if loss:
             request = lambda _: Frequencies()  # noqa: E731
             choice, model = model_choice.choose(run.source, fidelity, request, tolerance=tolerance)
@@ -147,7 +149,8 @@ class ExportAnalysis(Analysis):
             run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         known = signals.bodies_with_signals(model)
-        chain, finesse = main_chain(run.design), setting["format"] == "finesse"
+        chain = main_chain(run.design)
+        finesse = setting["format"] == "finesse"
         usual = file.finesse_signals if finesse else signals.local_control_signals
         drives, motions = usual(chain)
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
@@ -156,7 +159,8 @@ class ExportAnalysis(Analysis):
             names = [[signal.text for signal in some] for some in (inputs, outputs)]
             file.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
-        band, accuracy = parse_band(setting["band"] or "0.1:100", "--band"), setting["accuracy"]
+        band = parse_band(setting["band"] or "0.1:100", "--band")
+        accuracy = setting["accuracy"]
         if loss:
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
@@ -269,7 +273,8 @@ def _agreement(made: Exported) -> Document:
 
     from suspension_cli.analyses.export.solve import AGREEMENT
 
-    found, system = made.agreement, made.system
+    found = made.agreement
+    system = made.system
     assert found is not None
     if found.unknown:
         return {"model": found.model, "unknown": found.unknown, "pairs": None}
@@ -291,7 +296,8 @@ def _table(made: Exported) -> str:
     from suspension_cli.analyses.export.solve import AGREEMENT
 
     found = _agreement(made)
-    name, pairs = f"agreement with the {found['model']} model", found["pairs"]
+    name = f"agreement with the {found['model']} model"
+    pairs = found["pairs"]
     if pairs is None:
         why = f"{found['unknown']}; give the material and radius of wires"
         return f"{name} (wires that bend and have mass) is not known: {why}"

@@ -78,7 +78,8 @@ class GwincTables(Record, Tables):
 
 def solve(analysis: Analysis, run: Run) -> GwincTables:
     """Compute the table of a design; raises `InputError`, also where `thermal` does."""
-    setting, chain = run.setting, main_chain(run.design)
+    setting = run.setting
+    chain = main_chain(run.design)
     level, upright = _motions(setting["inputs"], setting["outputs"], chain[-1])
     band = parse_band(setting["band"] or "5:3000", "--band")  # gwinc's own
     few = "{!r}:{!r}:20".format(*band)  # enough for the choice of the model, and checks of losses
@@ -155,7 +156,8 @@ def _tabulate(
     relative to each column; that of the coupling to at least `FAINT` of the vertical response, of
     which gwinc adds some 1e-3 to it.
     """
-    value, passed = evaluate(frequency), np.zeros(0)
+    value = evaluate(frequency)
+    passed = np.zeros(0)
     while True:
         wide = frequency[1:] / frequency[:-1] > 1 + NARROWEST
         middle = np.setdiff1d(np.sqrt(frequency[1:] * frequency[:-1])[wide], passed)
@@ -174,7 +176,8 @@ def _tabulate(
 
 def write(path: Path, made: Tables, origin: Provenance) -> None:
     """Write a folder with a module for gwinc and the table; raises `InputError`."""
-    module, file = path / "__init__.py", path / "suspension.npz"
+    module = path / "__init__.py"
+    file = path / "suspension.npz"
     if module.exists() and not file.exists():
         raise InputError.of("--out", "is a Python package", "name another folder", str(path))
     stream = io.BytesIO()

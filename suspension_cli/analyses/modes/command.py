@@ -106,25 +106,29 @@ class ModesAnalysis(Analysis):
         """Return the modes, ascending."""
         import numpy as np
 
-        modes = result
-        rows, labels, verdicts, growth = [], modes.label, modes.verdict, modes.growth_rate
-        for n, (body, dof) in enumerate(modes.home):
-            row: Document = {"frequency_hz": modes.frequency[n], "dof": dof}
-            row |= {"stage": body, "q": modes.q[n]}
-            if np.isfinite(modes.dilution[n]):
-                row["dilution"] = float(modes.dilution[n])
+        rows = []
+        labels = result.label
+        verdicts = result.verdict
+        growth = result.growth_rate
+        for n, (body, dof) in enumerate(result.home):
+            row: Document = {"frequency_hz": result.frequency[n], "dof": dof}
+            row |= {"stage": body, "q": result.q[n]}
+            if np.isfinite(result.dilution[n]):
+                row["dilution"] = float(result.dilution[n])
             if growth[n] > 0:
                 row["growth_rate_per_s"] = float(growth[n])
-            if modes.overdamped[n]:
-                row["decay_rate_per_s"] = float(modes.decay_rate[n])
-            row["label"], row["fraction"] = labels[n], float(modes.fractions[n].max())
-            row["top_mass_fraction"] = float(modes.top_fraction[n])
+            if result.overdamped[n]:
+                row["decay_rate_per_s"] = float(result.decay_rate[n])
+            row["label"] = labels[n]
+            row["fraction"] = float(result.fractions[n].max())
+            row["top_mass_fraction"] = float(result.top_fraction[n])
             row["verdict"] = verdicts[n] or None
             rows.append(row)
-        band, at = modes.damping_band or None, modes.damping_at
+        band = result.damping_band or None
+        at = result.damping_at
         damping = band and {"band_hz": [*band], "at": at}
         lossless = {"without_loss": result.without_loss}
-        return {"stable": modes.stable, "modes": rows, "damping": damping} | lossless
+        return {"stable": result.stable, "modes": rows, "damping": damping} | lossless
 
     def text(self, result: Modes) -> str:
         """Return a table of the modes."""
@@ -132,24 +136,23 @@ class ModesAnalysis(Analysis):
 
         from suspension_cli.linear.eigenmodes import TOP
 
-        modes = result
-        names = modes.numbered_label
-        verdicts = modes.verdict
-        groups = modes.groups
+        names = result.numbered_label
+        verdicts = result.verdict
+        groups = result.groups
         first = [group[0] for group in groups]
-        fraction = modes.damping_fraction
+        fraction = result.damping_fraction
         columns: dict[str, tuple[str, Sequence[float | str | None]]] = {
             "#": ("d", [n + 1 for n in first]),
-            "frequency\nHz": ("#.5g", [_frequency(modes, n) for n in first]),
+            "frequency\nHz": ("#.5g", [_frequency(result, n) for n in first]),
         }
-        if np.isfinite(modes.q).any():
-            columns["Q"] = ".4g", [modes.q[n] if modes.q[n] > 0 else None for n in first]
-        if np.isfinite(modes.dilution).any():
-            columns["dilution"] = ".4g", [modes.dilution[n] for n in first]
-        damper = "the top mass" if modes.damping_at in (None, TOP) else modes.damping_at
+        if np.isfinite(result.q).any():
+            columns["Q"] = ".4g", [result.q[n] if result.q[n] > 0 else None for n in first]
+        if np.isfinite(result.dilution).any():
+            columns["dilution"] = ".4g", [result.dilution[n] for n in first]
+        damper = "the top mass" if result.damping_at in (None, TOP) else result.damping_at
         column = f"{damper.removeprefix('the ')}\n%"
-        columns[column] = ".1f", ["" if modes.order[n] else 100 * fraction[n] for n in first]
-        what = [_describe(modes, group, names, verdicts) for group in groups]
+        columns[column] = ".1f", ["" if result.order[n] else 100 * fraction[n] for n in first]
+        what = [_describe(result, group, names, verdicts) for group in groups]
         failing = f"; why damping at {damper} fails" * any(";" in text for text in what)
         columns[f"mode, by fraction of kinetic energy{failing}"] = "", what
         forms = {head: form for head, (form, _) in columns.items()}
@@ -205,9 +208,11 @@ def _describe(
     from suspension_cli.linear.eigenmodes import describe
     from suspension_cli.physics import growth
 
-    n, fractions = group[0], modes.fractions[group[0]]
+    n = group[0]
+    fractions = modes.fractions[group[0]]
     if modes.order[n]:
-        (body, dof), labels = modes.home[n], {modes.label[k] for k in group}
+        body, dof = modes.home[n]
+        labels = {modes.label[k] for k in group}
         kind = "violin" if dof.startswith("violin") else dof
         text = labels.pop() if len(labels) == 1 else f"{body} {kind} {modes.order[n]}"
         last = modes.frequency[group[-1]]

@@ -125,7 +125,8 @@ class ResponseAnalysis(Analysis):
 
         if result.measured:
             return f"{result.run.choice.line}\n\n{_table(result.measured)}"
-        lines, largest = [result.run.choice.line], result.largest
+        lines = [result.run.choice.line]
+        largest = result.largest
         if result.closed_loop and result.run.design.design.control is not None:
             names = ", ".join(loop.name for loop in result.run.design.design.control.loop)
             lines.append(f"loops closed: {names}")

@@ -78,7 +78,8 @@ class ClosedTransfer(Transfer):
         self, model: LinearSystem, frequency: Array
     ) -> Complex[np.ndarray, "frequency output input"]:
         """Solve for the responses (f, o, i) at frequencies (f,) in Hz."""
-        plant, at = local_control.build_plant(self.design, model), np.asarray(frequency)
+        plant = local_control.build_plant(self.design, model)
+        at = np.asarray(frequency)
         return local_control.solve_responses(plant, at, self.inputs, self.outputs).value
 
 
@@ -91,7 +92,8 @@ def make_transfer(
     closed: bool,
 ) -> Transfer:
     """Responses between inputs and outputs given by name, with all loops closed or not."""
-    bodies, (inputs, outputs) = signals.bodies_with_signals(model), names
+    bodies = signals.bodies_with_signals(model)
+    inputs, outputs = names
     into = [signals.parse_input(text, bodies) for text in inputs]
     out = [signals.parse_output(text, bodies) for text in outputs]
     if closed:
@@ -300,10 +302,8 @@ def request(
     Signals are those of the setting, then those that the measurements refer to. By `default`
     frequencies cover all measurements, if there are any, and a little more.
     """
-    bodies, (outputs, inputs) = (
-        signals.bodies_with_signals(model),
-        ([*setting["outputs"]], [*setting["inputs"]]),
-    )
+    bodies = signals.bodies_with_signals(model)
+    outputs, inputs = ([*setting["outputs"]], [*setting["inputs"]])
     for item in items:
         _parse(item, bodies)
         outputs += item.channels.signal[0]
@@ -343,7 +343,8 @@ def find_peaks(
     frequency = np.concatenate([frequency[~above], points[0]])
     value = np.concatenate([answer.value[order][~above], points[1]])
     size = np.abs(value).reshape(len(frequency), -1)
-    top, best = size.argmax(0), size.max(0)
+    top = size.argmax(0)
+    best = size.max(0)
     where = frequency[top]
     pair = np.flatnonzero((top > 0) & (top < len(frequency) - 1) & (best > 0))
     low, middle, high = (frequency[top[pair] + shift] for shift in (-1, 0, 1))
@@ -355,7 +356,10 @@ def find_peaks(
         return -np.abs(found).reshape(len(found), -1)[np.arange(len(found)), pair.ravel()]
 
     inside = np.isfinite(best[pair]) & (low > 0)
-    pair, low, middle, high = pair[inside], low[inside], middle[inside], high[inside]
+    pair = pair[inside]
+    low = low[inside]
+    middle = middle[inside]
+    high = high[inside]
     if len(pair):
         span = high - low
         found = elementwise.find_minimum(
@@ -389,7 +393,8 @@ def compare(
     squared = np.where(modes.frequency > 0, modes.omega_squared, np.inf)
     result = []
     for item in items:
-        channels, (out, into) = item.channels, _parse(item, known)
+        channels = item.channels
+        out, into = _parse(item, known)
         rows = [found.output.index(name) for name in channels.signal[0]]
         columns = [found.input.index(name) for name in channels.signal[1]]
         curves = channels.combine(found.value[:, rows][:, :, columns], found.frequency)
@@ -397,15 +402,18 @@ def compare(
         for data, own, (sensor, actuator) in zip(
             channels.function, static, channels.pairs, strict=True
         ):
-            at, transfer = data.frequency, Transfer([*into], [*out], data.frequency)
+            at = data.frequency
+            transfer = Transfer([*into], [*out], data.frequency)
             if closed is None:
                 poles = np.flatnonzero(own > RESIDUE * own.max(initial=0.0))
-                pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
+                pole = modes.frequency[poles]
+                label = [modes.label[n] for n in poles]
                 q = modes.q[poles]
             else:
                 transfer = replace(closed[0], inputs=[*into], outputs=[*out])
                 resonant = np.abs(closed[1].q) > 0.5
-                pole, q = closed[1].frequency[resonant], np.abs(closed[1].q[resonant])
+                pole = closed[1].frequency[resonant]
+                q = np.abs(closed[1].q[resonant])
                 label = ["closed loop"] * len(pole)
             peaks = np.array([peak.frequency for peak in resonances.find_peaks(data)])
             paired = _pair(peaks, pole, pole * (MODEL_ERROR + 1 / (2 * q)))

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 LINES = 7
 """Largest number of lines in a panel: the sum, the largest parts, and the others together."""
-OTHER, SUPPORT = "other", "whole suspension"
+OTHER = "other"
+SUPPORT = "whole suspension"
 """Names of the sum of small parts, and of sources that belong to no stage."""
 SHADES = ("#332288", "#cc6677", "#117733", "#88ccee", "#999933", "#aa4499", "#44aa99", "#ddaa33")
 """Colours of causes, in their order, which are not those of stages (Tol 2021, muted)."""
