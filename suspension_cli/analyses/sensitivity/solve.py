@@ -21,7 +21,7 @@ from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, derived, in_unit
-from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import has_wire_mass
 from suspension_cli.physics import wire_modes
@@ -152,7 +152,7 @@ def parse(texts: Sequence[str], names: Names, text: str, level: str) -> tuple[Qu
     ``modes`` and numbers are modes of the design in the model, `level`, by whose labels they are
     named. Raises `InputError` with all that the design lacks.
     """
-    labels = named_results.labels(eigenmodes.solve(nominal_system(text, level).constant))
+    labels = eigenmodes.solve(nominal_system(text, level).constant).numbered_label
     followed = [FollowedMode(label, "Hz", n, text) for n, label in enumerate(labels)]
     asked = [one for one in texts if one.strip() != ALL]
     found = iter(vocabulary.parse_all(asked, names))

@@ -33,7 +33,6 @@ from suspension_cli.files.hdf5 import Stored, add_dataset
 from suspension_cli.linear import eigenmodes, mode_content, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_content import Content
-from suspension_cli.linear.named_results import labels
 from suspension_cli.models import registry
 from suspension_cli.quantities.kinds.modes import Frequency
 from suspension_cli.quantities.kinds.responses import Ratio
@@ -425,7 +424,7 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
             tracked = overlap[..., [one.place for one in job.followed]]
             found = float(np.fmin.reduce(tracked, axis=None, initial=np.nan))
             least = 1.0 if np.isnan(found) else found
-        described["mode"] = tuple(labels(job.nominal))
+        described["mode"] = tuple(job.nominal.numbered_label)
         described["mode_number"] = np.arange(1, len(job.nominal.omega_squared) + 1)
         described["coordinate"] = job.nominal.coordinate
     if job.ratios:

@@ -16,7 +16,7 @@ import numpy as np
 
 from suspension_cli.errors import gather
 from suspension_cli.grids import parse_place
-from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.quantities import vocabulary
@@ -81,7 +81,7 @@ def find_results(
     `drawn` is the design as TOML, `level` the model whose modes are numbered. Raises `InputError`
     with all names that the design lacks.
     """
-    labels = named_results.labels(find_modes(drawn, level))
+    labels = find_modes(drawn, level).numbered_label
     every = [ModeAsDrawn(label, "Hz", n, drawn, level) for n, label in enumerate(labels)]
 
     def find(text: str) -> Sequence[Quantity]:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import registry
 from suspension_cli.physics.couplings import CouplingRequest
@@ -108,7 +108,7 @@ class RandomBuilds(Job):
     @cached_property
     def followed(self) -> tuple[FollowedMode, ...]:
         """Frequencies of all modes, each followed from the nominal design by its shape."""
-        labels = named_results.labels(self.nominal)
+        labels = self.nominal.numbered_label
         return tuple(FollowedMode(text, "Hz", n, self.text) for n, text in enumerate(labels))
 
     @cached_property

@@ -22,7 +22,6 @@ from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.variance_shares import fit
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, NOT_STORED, along, in_unit
-from suspension_cli.linear.named_results import labels
 from suspension_cli.quantities.kinds.poses import STATIC
 from suspension_cli.quantities.requirements import Band, displayed_unit
 from suspension_cli.studies.builds import GOOD, STATUS
@@ -380,7 +379,7 @@ def _describe(job: RandomBuilds, limit: float) -> Iterator[tuple[str, Any]]:
     yield "factor_group", tuple(one.group for one in job.factors)
     yield "group", job.groups
     yield "mode", np.arange(1, len(job.modes) + 1)
-    yield "mode_label", tuple(labels(job.nominal))
+    yield "mode_label", tuple(job.nominal.numbered_label)
     yield "nominal_frequency", job.nominal.frequency
     yield "stage", tuple(job.scene.bodies.name)
     yield "quantity", tuple(one.text for one in quantities)

@@ -21,11 +21,11 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
-from suspension_cli.linear import named_results
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
 from suspension_cli.physics.couplings import CouplingRequest, couplings
+from suspension_cli.quantities.kinds.responses import quotient_unit
 from suspension_cli.scene.scene import Scene
 from suspension_cli.studies import builds, interpolated, sampling, variants
 from suspension_cli.studies.builds import Builds
@@ -232,7 +232,7 @@ def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
     pairs = {"ratio": (ask.over, ask.under)}
     pairs |= {"over": (ask.over, ask.input), "under": (ask.under, ask.input)}
     for name, (over, under) in pairs.items():
-        group[name].attrs["units"] = named_results.quotient_unit(over, under)
+        group[name].attrs["units"] = quotient_unit(over, under)
 
 
 def first_points(job: Sweep) -> Int[np.ndarray, "point 2"]:

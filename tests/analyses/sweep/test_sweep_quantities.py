@@ -11,7 +11,6 @@ import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.analyses.sweep.swept_results import find_results
-from suspension_cli.linear.named_results import labels
 from suspension_cli.quantities import requirements, vocabulary
 from suspension_cli.quantities.requirements import Limits
 from suspension_cli.studies.job import Axis
@@ -103,7 +102,7 @@ def test_a_number_is_the_mode_as_drawn_and_a_label_the_motion():
     assert len(followed) == 12
     own = find_results(["3"], names, text, "string")
     job = ParameterSweep(text, (Axis(LENGTH, (0.3,)),), "string", own)
-    assert own[0].text == labels(job.nominal)[2]
+    assert own[0].text == job.nominal.numbered_label[2]
 
 
 def test_jobs_with_other_ground_are_not_mixed_up(tmp_path):
