@@ -286,6 +286,11 @@ COUPLING = (
     frequencies("50", "Frequencies at which the coupling is computed, Hz."),
 )
 """Options that define the cross-coupling."""
+EVERY_POINT = _of_batch(
+    "--every-point",
+    is_flag=True,
+    help="Solve every point; else maps of analytic results are interpolated, and checked.",
+)
 SWEEP = (
     _of_batch(
         "--workers",

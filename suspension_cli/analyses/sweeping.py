@@ -16,6 +16,7 @@ from suspension_cli.files.hdf5 import Provenance, open_results, replacing
 from suspension_cli.files.whole_files import target, writing_to
 from suspension_cli.models.registry import MODELS
 from suspension_cli.physics import model_choice
+from suspension_cli.studies.interpolated import InterpolatedMap, interpolated
 from suspension_cli.studies.run import Columns, Verdict, describe_exposure, part_of
 from suspension_cli.studies.run import run as compute
 
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     Points = Array
     """Points of a study, one per row: numbers, or deviations of random builds."""
 
+CHUNK_OF_MAP = 1 << 15
+"""Fewest points of a map that are evaluated at once."""
 J = TypeVar("J", bound="Job")
 """Kind of job."""
 
@@ -117,11 +120,34 @@ class Study(Generic[J]):
 
 
 class _Review(Generic[J]):
-    """Review of the results of a study: the model that they need."""
+    """Review of the results of a study: the model that they need.
+
+    Attributes
+    ----------
+    job
+        The job in that model.
+    computed
+        The same job, or its map by interpolation.
+    """
 
     def __init__(self, run: Run, study: Study[J], choice: Choice) -> None:
-        self.run, self.study, self.choice = run, study, choice
-        self.job, self.points = study.at(choice.level), study.first
+        self.run = run
+        self.study = study
+        self.choice = choice
+        self.job = study.at(choice.level)
+        self.computed = self._as_map()
+        self.points = study.first
+
+    def _as_map(self) -> Job | InterpolatedMap:
+        """Interpolate the job, if that is possible and `--every-point` is not given."""
+        job: Any = self.job
+        if self.run.setting.get("every_point", True) or not getattr(job, "is_analytic", False):
+            return job
+        found = interpolated(job)
+        if found is None:
+            return job
+        self.run.log.say(f"{self.run.name}: {found.line}")
+        return found
 
     @property
     def origin(self) -> Provenance:
@@ -134,7 +160,14 @@ class _Review(Generic[J]):
     def write(self) -> Write:
         """Function that writes the group of the analysis."""
         job = self.job
-        return lambda group, columns: self.study.write(group, columns, job)
+        computed = self.computed
+
+        def write(group: h5py.Group, columns: Columns) -> None:
+            self.study.write(group, columns, job)
+            if isinstance(computed, InterpolatedMap):
+                group.attrs["interpolation"] = computed.line
+
+        return write
 
     def __call__(self, columns: Columns) -> Verdict:
         """Choose the model again, with the points at which results are extreme."""
@@ -147,7 +180,8 @@ class _Review(Generic[J]):
         why, level = self.choice.reason.partition(";")[0], self.choice.level
         run.log.say(f"{run.name}: all builds are computed again in the {level} model: {why}")
         self.job = self.study.at(level)
-        return Verdict(self.origin, self.write, self.job)
+        self.computed = self._as_map()
+        return Verdict(self.origin, self.write, self.computed)
 
 
 def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Result:
@@ -165,9 +199,11 @@ def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Res
     with writing_to(run.folder):
         run.folder.mkdir(parents=True, exist_ok=True)
     how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
+    if isinstance(review.computed, InterpolatedMap):
+        how["chunk"] = max(how["chunk"], CHUNK_OF_MAP)
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
-            begin = review.job, path, analysis.name, review.origin, review.write
+            begin = review.computed, path, analysis.name, review.origin, review.write
             compute(*begin, review=review, progress=progress, **how)
     except KeyboardInterrupt as cause:
         part = part_of(path)

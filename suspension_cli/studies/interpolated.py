@@ -70,7 +70,7 @@ class Analytic(Protocol):
         """Compute the analytic functions; NaN where a design has no result."""
         ...
 
-    def results(self, functions: Inexact[np.ndarray, "point function"]) -> Columns:
+    def columns_of(self, functions: Inexact[np.ndarray, "point function"]) -> Columns:
         """Results that follow from values of the functions."""
         ...
 
@@ -115,7 +115,7 @@ class InterpolatedMap:
         high = -(-stop // row)
         grid = self.surface.on_grid([first[low:high], *others])
         flat = grid.reshape(-1, grid.shape[-1])
-        return self.job.results(flat[start - low * row : stop - low * row])
+        return self.job.columns_of(flat[start - low * row : stop - low * row])
 
 
 def interpolated(job: Analytic, seed: int = 0) -> InterpolatedMap | None:

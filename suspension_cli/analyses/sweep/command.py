@@ -76,6 +76,7 @@ class SweepAnalysis(Analysis):
                 " 'thermal test.x:10 < 1e-19', SI units and Hz (repeatable)."
             ),
         ),
+        options.EVERY_POINT,
         *options.SWEEP,
         options.ACCURACY,
         options.ALLOW_UNSTABLE,
@@ -140,6 +141,8 @@ class SweepAnalysis(Analysis):
                 row["share"] = answer.met[..., n].mean()
                 row["margin"] = answer.margin[..., n]
             document["all_requirements"] = {"share": answer.all_met.mean(), "met": answer.all_met}
+        if answer.interpolation:
+            document["interpolation"] = answer.interpolation
         return document
 
     def text(self, result: Result) -> str:
@@ -147,7 +150,8 @@ class SweepAnalysis(Analysis):
         from suspension_cli.analyses.sweep import sharing
 
         answer: SweepResult = result.data
-        parts = [result.choice.line, _tabulate(answer), _describe_requirements(answer)]
+        head = "\n".join(part for part in (result.choice.line, answer.interpolation) if part)
+        parts = [head, _tabulate(answer), _describe_requirements(answer)]
         parts.append("\n".join(sharing.remarks(answer)))
         return "\n\n".join(part for part in parts if part)
 

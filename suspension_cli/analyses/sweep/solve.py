@@ -18,7 +18,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.requirements import Requirement
 from suspension_cli.quantities.solved import Solved, of_designs
-from suspension_cli.studies import builds, variants
+from suspension_cli.studies import builds, interpolated, variants
 from suspension_cli.studies.extremes import MOST, find_extremes
 from suspension_cli.studies.job import Axis, Grid, nominal_system
 from suspension_cli.studies.run import Columns
@@ -147,6 +147,59 @@ class ParameterSweep(Grid):
         except InputError as error:
             return f"at {at}: {error.faults[0].line('')}"
         return ""
+
+    compared: ClassVar[tuple[str, ...]] = ("value",)
+    """Columns by which an interpolated map is compared with full solutions."""
+
+    @property
+    def is_analytic(self) -> bool:
+        """Whether `sample` gives functions from which all results follow."""
+        return all(isinstance(one, Ratio) for one in self.quantities)
+
+    def sample(
+        self, values: dict[str, Float[np.ndarray, " point"]]
+    ) -> Complex[np.ndarray, "point function"]:
+        """Numerators, then denominators of all responses and couplings.
+
+        Both are times the determinant of the dynamic stiffness, so analytic in the values where a
+        mode crosses the frequency. NaN where a design has no result.
+        """
+        asked = [one for one in self.quantities if isinstance(one, Ratio)]
+        count = len(next(iter(values.values())))
+        over = np.full((count, len(asked)), np.nan + 0j)
+        under = over.copy()
+        nominal = nominal_system(self.text, self.level)
+        designs = variants.designs_at(self.text, values)
+        for places, batch in of_designs(
+            designs, self.level, self.needs, allow_unstable=self.allow_unstable
+        ):
+            model = batch.found.model
+            if model.coordinate != nominal.coordinate:
+                continue
+            steady = batch.is_steady
+            for n, one in enumerate(asked):
+                own = interpolated.determinants(model, 2 * np.pi * one.frequency)
+                upper = own * batch.response(one.input, one.over, one.frequency)
+                lower = own
+                if one.under is not None:
+                    lower = own * batch.response(one.input, one.under, one.frequency)
+                over[places, n] = np.where(steady, upper, np.nan)
+                under[places, n] = np.where(steady, lower, np.nan)
+        return np.hstack([over, under])
+
+    def columns_of(self, functions: Complex[np.ndarray, "point function"]) -> Columns:
+        """Results that follow from the functions of `sample`."""
+        over, under = np.split(functions, 2, axis=1)
+        found = dict(zip(self.quantities, builds.divide(over, under).T, strict=True))
+        columns: Columns = {
+            "status": np.full(len(functions), builds.GOOD, dtype=np.uint8),
+            "value": np.stack([np.abs(found[one]) for one in self.results], axis=-1),
+            "response": np.stack([found[one] for one in self.ratios], axis=-1),
+        }
+        if self.requirements:
+            limited = [np.abs(found[one.quantity]) for one in self.requirements]
+            columns["limited"] = np.stack(limited, axis=-1)
+        return columns
 
     def compute(self, start: int, stop: int) -> Columns:
         """Compute status and quantities of points start to stop - 1."""
@@ -278,6 +331,8 @@ class SweepResult:
         quantities; None without any.
     at_least, at_most, of_magnitude
         Their limits, infinite where there is none, and whether these are limits of the magnitude.
+    interpolation
+        At how many points a map was computed, and how well it was checked; empty if at all.
     margin, met
         Distance of each point from the nearer limit (`requirements.Requirement.margin`), and
         whether it meets it; points without a value do not.
@@ -324,6 +379,7 @@ class SweepResult:
     )
     of_magnitude: Bool[np.ndarray, " required"] | None = None
     margin: Float[np.ndarray, "*axes required"] | None = None
+    interpolation: str = field(default="", metadata=ATTRIBUTE)
     met: Bool[np.ndarray, "*axes required"] | None = None
 
     def content(self, name: str) -> Content | None:

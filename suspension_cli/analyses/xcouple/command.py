@@ -89,6 +89,7 @@ class CouplingAnalysis(Analysis):
             is_flag=True,
             help="The six-by-six table of couplings of this one design instead of a sweep.",
         ),
+        options.EVERY_POINT,
         *options.SWEEP,
         options.ACCURACY,
         options.ALLOW_UNSTABLE,
@@ -147,6 +148,7 @@ class CouplingAnalysis(Analysis):
         ratio = answer.ratio[..., 0] if single else answer.ratio
         return {
             "axes": table(answer.axes, "name values"),
+            **({"interpolation": answer.interpolation} if answer.interpolation else {}),
             "ratio_real": np.real(ratio),
             "ratio_imag": np.imag(ratio),
             "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
@@ -171,8 +173,9 @@ class CouplingAnalysis(Analysis):
         )
         kept = answer.hold.replace("-", " ")
         of = f": wire {answer.wire} changes, its {kept} is kept" if answer.wire else ""
+        note = f"{answer.interpolation}\n" if answer.interpolation else ""
         return (
-            f"{result.choice.line}\n{answer.status.size} builds{of}\n"
+            f"{result.choice.line}\n{note}{answer.status.size} builds{of}\n"
             f"|{answer.over} / {answer.under}| for {answer.input}: largest {size[worst]:.4g} at"
             f" {at}, {answer.frequency[worst[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
         )

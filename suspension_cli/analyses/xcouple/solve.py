@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -72,7 +72,9 @@ class Sweep(Grid):
         """Compute the couplings of builds start to stop - 1, see `couplings`."""
         return self.compute_at(self.values(start, stop))
 
-    compared = ("ratio",)
+    is_analytic: ClassVar[bool] = True
+    """Whether `sample` gives functions from which all results follow."""
+    compared: ClassVar[tuple[str, ...]] = ("ratio",)
     """Columns by which an interpolated map is compared with full solutions."""
 
     def sample(
@@ -94,7 +96,7 @@ class Sweep(Grid):
                     result[here, k * count + n] = np.where(good, own * factor, np.nan)
         return result
 
-    def results(self, functions: Complex[np.ndarray, "build function"]) -> Columns:
+    def columns_of(self, functions: Complex[np.ndarray, "build function"]) -> Columns:
         """Couplings and motions that follow from the functions of `sample`."""
         over, under, determinant = np.split(functions, 3, axis=1)
         number = len(functions)
@@ -175,7 +177,9 @@ class Coupling:
     over_input, under_input
         Both motions per `input`.
     residual, slack_wire
-        As in `studies.builds.Builds`.
+        As in `studies.builds.Builds`; the residual is NaN in interpolated maps.
+    interpolation
+        At how many points a map was computed, and how well it was checked; empty if at all.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -195,6 +199,7 @@ class Coupling:
         default=None, metadata=in_unit("", name="under")
     )
     residual: Float[np.ndarray, "*axes"] | None = None
+    interpolation: str = field(default="", metadata=ATTRIBUTE)
     slack_wire: Int[np.ndarray, "*axes"] | None = None
 
     @property
