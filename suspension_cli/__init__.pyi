@@ -638,6 +638,7 @@ def sweep(
     vary: Mapping[str, Grid],
     results: Names = (),
     require: Names = (),
+    every_point: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
     chunk: int = 512,
@@ -661,6 +662,8 @@ def sweep(
     require : str or sequence of str
         A requirement beside those of the design: 'test pitch in 0.5:0.7', 'thermal test.x:10 <
         1e-19', SI units and Hz.
+    every_point : bool
+        Solve every point; else maps of analytic results are interpolated, and checked.
     workers : int
         Number of processes.
     scheduler : str, optional
@@ -891,6 +894,7 @@ def xcouple(
     under: str | None = None,
     frequency: Grid = '50',
     matrix: bool = False,
+    every_point: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
     chunk: int = 512,
@@ -927,6 +931,8 @@ def xcouple(
         Frequencies at which the coupling is computed, Hz.
     matrix : bool
         The six-by-six table of couplings of this one design instead of a sweep.
+    every_point : bool
+        Solve every point; else maps of analytic results are interpolated, and checked.
     workers : int
         Number of processes.
     scheduler : str, optional

@@ -97,7 +97,7 @@ MAKES = {
     ),
     "sweep": (
         "sweep configs/double.toml --vary stage.test.wires.d=1e-3,2e-3 --result 1 --result "
-        "'test yaw' --result test.x/support.x:1 --workers 1"
+        "'test yaw' --result test.x/support.x:1 --require 'test yaw > 0.1' --workers 1"
     ),
     "sensitivity": "sensitivity configs/double.toml",
     "fit": "fit configs/husman2000/table1-case4.toml measured/husman2000/table1-case4.toml",

@@ -78,3 +78,33 @@ def test_the_determinant_is_the_product_over_modes():
     squared = eigenmodes.solve(system.constant).omega_squared
     expected = np.prod((squared - omega**2) / (squared + omega**2))
     np.testing.assert_allclose(determinants(found.model, omega), [expected], rtol=1e-6)
+
+
+def test_commands_say_how_a_map_was_computed(tmp_path):
+    design = sus.example("husman2000/figure6")
+    asked = {"sweep": {"k": list(K.values), "offset": list(OFFSET.values)}, "fidelity": "string"}
+    mapped = sus.xcouple(design, **asked)
+    assert "points, interpolated at 2,000; largest difference at 16 points" in str(mapped)
+    assert mapped.document()["interpolation"] == mapped.interpolation
+    mapped.save(tmp_path / "map.h5")
+    assert sus.load(tmp_path / "map.h5").interpolation == mapped.interpolation
+    whole = sus.xcouple(design, **asked, every_point=True)
+    assert whole.interpolation == ""
+    np.testing.assert_allclose(mapped.ratio, whole.ratio, rtol=1e-8, atol=1e-12)
+
+
+def test_a_sweep_of_responses_is_a_map_too():
+    design = sus.example("husman2000/table1-case3")
+    asked = {
+        "vary": {
+            "stage.test.wires.l": np.linspace(0.4, 0.5, 40).tolist(),
+            "stage.test.wires.s": np.linspace(0.02, 0.03, 30).tolist(),
+        },
+        "results": ["test.x/support.x:0.8", "test.pitch/test.x/support.x:3"],
+        "fidelity": "string",
+    }
+    mapped = sus.sweep(design, **asked)
+    assert "interpolated at 1,200" in mapped.interpolation
+    whole = sus.sweep(design, **asked, every_point=True)
+    np.testing.assert_allclose(mapped.value, whole.value, rtol=1e-7)
+    np.testing.assert_allclose(mapped.response, whole.response, rtol=1e-7)

@@ -23,6 +23,7 @@ FREE = (
     "test pitch",
     "5",
     "lowest vertical",
+    "yaw 2",
     "Q of test longitudinal",
     "decay of test longitudinal",
     "settling of test longitudinal",
@@ -95,7 +96,9 @@ def test_modes(lossy, free):
     frequency = modes.frequency
     vertical = [f for f, label in zip(frequency, labels, strict=True) if "vertical" in label]
     ratio = frequency[pitch] / frequency[along]
+    yaw = [f for f, label in zip(frequency, labels, strict=True) if label.endswith("yaw")]
     expected = {
+        "yaw 2": sorted(yaw)[1],
         "test pitch": frequency[pitch],
         "5": frequency[4],
         "lowest vertical": min(vertical),

@@ -61,7 +61,7 @@ def test_thermal_noise_and_q_are_those_of_their_commands():
         noise = sus.thermal(own, outputs=["test.x"], frequency=[10.0], fidelity=found.model)
         modes = sus.modes(own, fidelity=found.model)
         q = modes.q[list(modes.label).index("test longitudinal")]
-        assert row == pytest.approx([noise.amplitude[0], q], rel=1e-8)
+        assert row == pytest.approx([noise.amplitude[0, 0], q], rel=1e-8)
 
 
 def test_a_model_without_bending_is_completed_and_that_is_said(tmp_path):
