@@ -19,6 +19,7 @@ RECORDS = {
     "Export": "export.solve",
     "Modes": "modes.solve",
     "Response": "response.solve",
+    "Sweep": "sweep.solve",
     "Thermal": "thermal.solve",
 }
 """Modules below `analyses` of the records that analyses return, by the names of their classes."""

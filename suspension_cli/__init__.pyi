@@ -13,6 +13,7 @@ from suspension_cli.analyses.export.solve import Export as Export
 from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
+from suspension_cli.analyses.sweep.solve import Sweep as Sweep
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
@@ -646,7 +647,7 @@ def sweep(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
+) -> Sweep:
     """Compute modes, or any quantities, over a grid of a design's parameters.
 
     Parameters
@@ -680,9 +681,9 @@ def sweep(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
-        (axis 1, axis 2, ..., results); `met`, whether each point meets each requirement.
+    Sweep
+        With `axes`, `result`, `value` (axis 1, axis 2, ..., results); `met`, whether each point
+        meets each requirement.
 
     Raises
     ------

@@ -52,6 +52,25 @@ PICTURES = {
     "response measured": lambda: sus.response(
         sus.read(MEASURED / "triple.toml"), measured=MEASURED / "measured.toml"
     ),
+    "sweep": lambda: sus.sweep(
+        sus.example("double"),
+        vary={"stage.test.wires.l": [0.2, 0.3, 0.4]},
+        results=["modes", "test yaw", "thermal test.x:10", "test.x/support.x:10"],
+        require=["test yaw < 1"],
+        fidelity="string",
+    ),
+    "sweep with a point without results": lambda: sus.sweep(
+        sus.example("imperfect"),
+        vary={"perturbation.2.length_change": [0, -0.002, 0.0002]},
+        fidelity="string",
+    ),
+    "sweep over two parameters": lambda: sus.sweep(
+        sus.example("double"),
+        vary={"stage.test.wires.l": [0.2, 0.3, 0.4], "stage.upper.wires.l": [0.2, 0.3]},
+        results=["test yaw", "test pitch"],
+        require=["test yaw < 1"],
+        fidelity="string",
+    ),
     "thermal": lambda: sus.thermal(
         sus.example("geo-silica-triple"), outputs=["test.x", "test.pitch"], frequency=FEW
     ),
@@ -90,7 +109,8 @@ def test_pictures_and_texts_follow_from_the_file_alone(name, tmp_path, monkeypat
         assert again.document() == found.document()
         assert again.run.warnings == found.run.warnings
         assert pickle.loads(pickle.dumps(found)).document() == found.document()
-    assert again.run.file == tmp_path / "b.h5" and found.run.file is None
+    assert again.run.file == tmp_path / "b.h5"
+    assert (found.run.file is None) != found.run.analysis.fills_file
     assert again.design.text == found.design.text
 
 

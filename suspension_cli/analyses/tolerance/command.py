@@ -137,6 +137,7 @@ class ToleranceAnalysis(Analysis):
             solve.first_points(job),
             solve.extreme_points,
             partial(summary.write, limit=setting["limit"]),
+            _warnings,
         )
         choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
@@ -144,13 +145,7 @@ class ToleranceAnalysis(Analysis):
             f"{len(job.factors)} numbers of the design vary between builds;"
             f" {len(job.requirements)} requirements"
         )
-        result = sweeping.fill(run, self, study, choice)
-        found: Summary = result.data
-        for reason, count in found.failures.items():
-            run.log.warn(
-                f"{count} of {job.count} builds failed: {reason}; they meet no requirement"
-            )
-        return result
+        return sweeping.fill(run, self, study, choice)
 
     def document(self, result: Result) -> Document:
         """Return statistics of all quantities, yields and causes."""
@@ -238,6 +233,12 @@ class ToleranceAnalysis(Analysis):
         from suspension_cli.analyses.tolerance import picture
 
         return {"": picture.draw(result.data, result.subtitle)}
+
+
+def _warnings(found: Summary, job: RandomBuilds) -> Iterator[str]:
+    """Say how many builds failed, and why."""
+    for reason, count in found.failures.items():
+        yield f"{count} of {job.count} builds failed: {reason}; they meet no requirement"
 
 
 def _make_job(run: Run) -> RandomBuilds:

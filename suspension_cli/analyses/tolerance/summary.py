@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     import h5py
     from jaxtyping import Bool, Complex, Float, Int
 
+    from suspension_cli.analyses.record import Origin
+
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
 RANKED = 20_000
@@ -346,8 +348,10 @@ def load(group: Any) -> Summary:
     return replace(found, sample=np.asarray(group["value"][:MAX_POINTS]))
 
 
-def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) -> None:
-    """Write all builds and their statistics."""
+def write(
+    group: h5py.Group, columns: Columns, job: RandomBuilds, run: Origin, *, limit: float
+) -> Summary:
+    """Write all builds and their statistics, and return these."""
     record = FileContents(
         **dict(_describe(job, limit)),
         **dict(_summarise(columns, job, limit)),
@@ -362,6 +366,7 @@ def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) 
     )
     stored.write(group, record)
     group["ratio"].attrs["units"] = job.coupling.unit
+    return record
 
 
 def _describe(job: RandomBuilds, limit: float) -> Iterator[tuple[str, Any]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.solve import Coupling
+    from suspension_cli.analyses.xcouple.solve import Coupling, Sweep
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
@@ -127,16 +128,11 @@ class CouplingAnalysis(Analysis):
             solve.first_points(job),
             solve.extreme_points,
             solve.write,
+            _warnings,
         )
         choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, unstable, run.log, bends=True)
-        result = sweeping.fill(run, self, study, choice)
-        if failed := result.data.failures:
-            whys = "; ".join(
-                f"{count} of {job.count} builds failed: {why}" for why, count in failed.items()
-            )
-            run.log.warn(f"{whys}; they have no result: sweep smaller imperfections")
-        return result
+        return sweeping.fill(run, self, study, choice)
 
     def document(self, result: Result) -> Document:
         """Return axes and ratios, first axis first; null for a failed build."""
@@ -270,6 +266,13 @@ class MatrixAnalysis(Analysis):
         from suspension_cli.analyses.xcouple import picture
 
         return {"": picture.draw_matrix(result.data, result.subtitle)}
+
+
+def _warnings(found: Coupling, job: Sweep) -> Iterator[str]:
+    """Say how many builds failed, and why."""
+    failed = [f"{n} of {job.count} builds failed: {why}" for why, n in found.failures.items()]
+    if failed:
+        yield f"{'; '.join(failed)}; they have no result: sweep smaller imperfections"
 
 
 def _limit(design: Design) -> float:

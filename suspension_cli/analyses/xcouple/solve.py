@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import h5py
     from jaxtyping import Complex, Float, Int
 
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.models.choice import Comparison
 
 PARAMETERS = swept()
@@ -211,8 +212,8 @@ class Coupling:
         return tuple(int(n) for n in np.unravel_index(np.nanargmax(size), size.shape))
 
 
-def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
-    """Write the couplings of all builds of a job."""
+def write(group: h5py.Group, columns: Columns, job: Sweep, run: Origin) -> Coupling:
+    """Write the couplings of all builds of a job, and return the record."""
     ask = job.question
     wires = job.scene.wires
     known = job.on_grid(columns)
@@ -233,6 +234,7 @@ def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
     pairs |= {"over": (ask.over, ask.input), "under": (ask.under, ask.input)}
     for name, (over, under) in pairs.items():
         group[name].attrs["units"] = named_results.quotient_unit(over, under)
+    return record
 
 
 def first_points(job: Sweep) -> Int[np.ndarray, "point 2"]:
