@@ -19,6 +19,7 @@ RECORDS = {
     "Export": "export.solve",
     "Modes": "modes.solve",
     "Response": "response.solve",
+    "Sensitivity": "sensitivity.solve",
     "Sweep": "sweep.solve",
     "Thermal": "thermal.solve",
 }

@@ -13,6 +13,7 @@ from suspension_cli.analyses.export.solve import Export as Export
 from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
+from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
 from suspension_cli.analyses.sweep.solve import Sweep as Sweep
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
@@ -597,7 +598,7 @@ def sensitivity(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Sensitivity:
     """Compute the effect of every number of a design on its modes, or on any quantity.
 
     Parameters
@@ -616,9 +617,8 @@ def sensitivity(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
-        and `derivative_error` (parameters, results).
+    Sensitivity
+        With `parameter`, `result`, `derivative` and `derivative_error` (parameters, results).
 
     Raises
     ------

@@ -52,6 +52,11 @@ PICTURES = {
     "response measured": lambda: sus.response(
         sus.read(MEASURED / "triple.toml"), measured=MEASURED / "measured.toml"
     ),
+    "sensitivity": lambda: sus.sensitivity(
+        sus.example("imperfect"),
+        results=["modes", "test.x/test.z/support.z:50"],
+        fidelity="string",
+    ),
     "sweep": lambda: sus.sweep(
         sus.example("double"),
         vary={"stage.test.wires.l": [0.2, 0.3, 0.4]},
