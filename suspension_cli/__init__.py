@@ -22,6 +22,7 @@ RECORDS = {
     "Sensitivity": "sensitivity.solve",
     "Sweep": "sweep.solve",
     "Thermal": "thermal.solve",
+    "Tolerance": "tolerance.summary",
 }
 """Modules below `analyses` of the records that analyses return, by the names of their classes."""
 __all__ = [

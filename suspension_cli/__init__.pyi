@@ -16,6 +16,7 @@ from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
 from suspension_cli.analyses.sweep.solve import Sweep as Sweep
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
+from suspension_cli.analyses.tolerance.summary import Tolerance as Tolerance
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str
@@ -775,7 +776,7 @@ def tolerance(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
+) -> Tolerance:
     """Compute the scatter of quantities over random builds, yields, and the causes of scatter.
 
     Parameters
@@ -823,11 +824,10 @@ def tolerance(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`, `others` and
-        `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`, `share`, ...;
-        `yields`, `joint`.
+    Tolerance
+        With `mean`, `spread`, `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`,
+        `others` and `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`,
+        `share`, ...; `yields`, `joint`.
 
     Raises
     ------

@@ -79,6 +79,13 @@ PICTURES = {
     "thermal": lambda: sus.thermal(
         sus.example("geo-silica-triple"), outputs=["test.x", "test.pitch"], frequency=FEW
     ),
+    "tolerance": lambda: sus.tolerance(
+        sus.example("triple-tolerance"),
+        builds=30,
+        results=["Q of test pitch"],
+        require=["test pitch in 0.5:0.7"],
+        fidelity="string",
+    ),
 }
 """A result of each analysis that returns a record with pictures."""
 RECORDS = [getattr(sus, name) for name in sus.__all__ if name in sus.RECORDS]

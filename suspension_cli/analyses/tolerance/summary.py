@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
 from suspension_cli.analyses.tolerance.build_statistics import (
     Yield,
     slopes,
@@ -95,8 +96,8 @@ class Spread:
         return displayed_unit(self.unit)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Summary:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Tolerance(Record):
     """Statistics of random builds.
 
     Attributes
@@ -125,6 +126,8 @@ class Summary:
         Fractions of builds that meet each requirement, and all.
     labelled, shared_count
         Modes that are meant by their motion, and in how many builds another mode shares that.
+    sample
+        Quantities of the first builds, for histograms.
     """
 
     seed: str  # not every HDF5 tool can read seeds up to 2^64 - 1 as numbers
@@ -325,8 +328,8 @@ class Summary:
         return [self.spread_of(name) for name in self.quantity[start:stop]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FileContents(Summary):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FileContents(Tolerance):
     """What the results file has: statistics, and the builds themselves."""
 
     build: Int[np.ndarray, " build"]
@@ -342,15 +345,15 @@ class FileContents(Summary):
     slack_wire: Int[np.ndarray, " build"]
 
 
-def load(group: Any) -> Summary:
+def load(group: Any, run: Origin) -> Tolerance:
     """Read the statistics of a group, with the first builds for figures."""
-    found = stored.read(group, Summary)
-    return replace(found, sample=np.asarray(group["value"][:MAX_POINTS]))
+    sample = np.asarray(group["value"][:MAX_POINTS])
+    return stored.read(group, Tolerance, sample=sample, run=run)
 
 
 def write(
     group: h5py.Group, columns: Columns, job: RandomBuilds, run: Origin, *, limit: float
-) -> Summary:
+) -> Tolerance:
     """Write all builds and their statistics, and return these."""
     record = FileContents(
         **dict(_describe(job, limit)),
@@ -363,6 +366,7 @@ def write(
         residual=columns["residual"],
         status=columns["status"],
         slack_wire=columns["slack_wire"],
+        run=run,
     )
     stored.write(group, record)
     group["ratio"].attrs["units"] = job.coupling.unit
