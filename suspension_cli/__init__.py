@@ -15,6 +15,8 @@ from suspension_cli.version import __version__
 RECORDS = {
     "Budget": "budget.solve",
     "Check": "check.solve",
+    "Coupling": "xcouple.solve",
+    "CouplingMatrix": "xcouple.solve",
     "Damped": "damp.solve",
     "Export": "export.solve",
     "Modes": "modes.solve",

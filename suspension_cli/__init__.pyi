@@ -17,6 +17,8 @@ from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
 from suspension_cli.analyses.sweep.solve import Sweep as Sweep
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.analyses.tolerance.summary import Tolerance as Tolerance
+from suspension_cli.analyses.xcouple.solve import Coupling as Coupling
+from suspension_cli.analyses.xcouple.solve import CouplingMatrix as CouplingMatrix
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str
@@ -900,7 +902,7 @@ def xcouple(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
+) -> Coupling | CouplingMatrix:
     """Compute the cross-coupling of imperfect builds: the ratio of two motions.
 
     Parameters
@@ -947,9 +949,9 @@ def xcouple(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.xcouple.solve.Coupling`: `axes`, `ratio` (axis 1, axis 2,
-        ..., f), complex.
+    Coupling or CouplingMatrix
+        With `axes`, `ratio` (axis 1, axis 2, ..., f), complex; with `matrix` a matrix `value`
+        (f, outputs, inputs).
 
     Raises
     ------
