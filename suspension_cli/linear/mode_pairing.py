@@ -68,11 +68,16 @@ def pair_batch(
     nominal: Float[np.ndarray, "mode coordinate"],
     shapes: Float[np.ndarray, "build mode coordinate"],
 ) -> Int[np.ndarray, "build mode"]:
-    """Find the mode of every build that each mode of a nominal design has become, by overlap."""
+    """Find the mode of every build that each mode of a nominal design has become, by overlap.
+
+    -1 for all modes of a build without shapes, which are NaN.
+    """
     overlap = (nominal @ np.swapaxes(shapes, -1, -2)) ** 2
     choice = overlap.argmax(-1)
+    known = np.isfinite(overlap).all((-2, -1))
+    choice[~known] = -1
     several = (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)
-    for n in np.flatnonzero(several).tolist():
+    for n in np.flatnonzero(several & known).tolist():
         choice[n] = pair_by_overlap(overlap[n])
     return choice
 
