@@ -15,11 +15,16 @@ from suspension_cli.version import __version__
 RECORDS = {
     "Budget": "budget.solve",
     "Check": "check.solve",
+    "Coupling": "xcouple.solve",
+    "CouplingMatrix": "xcouple.solve",
     "Damped": "damp.solve",
     "Export": "export.solve",
     "Modes": "modes.solve",
     "Response": "response.solve",
+    "Sensitivity": "sensitivity.solve",
+    "Sweep": "sweep.solve",
     "Thermal": "thermal.solve",
+    "Tolerance": "tolerance.summary",
 }
 """Modules below `analyses` of the records that analyses return, by the names of their classes."""
 __all__ = [

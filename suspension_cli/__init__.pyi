@@ -13,7 +13,12 @@ from suspension_cli.analyses.export.solve import Export as Export
 from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
+from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
+from suspension_cli.analyses.sweep.solve import Sweep as Sweep
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
+from suspension_cli.analyses.tolerance.summary import Tolerance as Tolerance
+from suspension_cli.analyses.xcouple.solve import Coupling as Coupling
+from suspension_cli.analyses.xcouple.solve import CouplingMatrix as CouplingMatrix
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str
@@ -596,7 +601,7 @@ def sensitivity(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Sensitivity:
     """Compute the effect of every number of a design on its modes, or on any quantity.
 
     Parameters
@@ -615,9 +620,8 @@ def sensitivity(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
-        and `derivative_error` (parameters, results).
+    Sensitivity
+        With `parameter`, `result`, `derivative` and `derivative_error` (parameters, results).
 
     Raises
     ------
@@ -647,7 +651,7 @@ def sweep(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
+) -> Sweep:
     """Compute modes, or any quantities, over a grid of a design's parameters.
 
     Parameters
@@ -683,9 +687,9 @@ def sweep(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
-        (axis 1, axis 2, ..., results); `met`, whether each point meets each requirement.
+    Sweep
+        With `axes`, `result`, `value` (axis 1, axis 2, ..., results); `met`, whether each point
+        meets each requirement.
 
     Raises
     ------
@@ -777,7 +781,7 @@ def tolerance(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
+) -> Tolerance:
     """Compute the scatter of quantities over random builds, yields, and the causes of scatter.
 
     Parameters
@@ -825,11 +829,10 @@ def tolerance(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`, `others` and
-        `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`, `share`, ...;
-        `yields`, `joint`.
+    Tolerance
+        With `mean`, `spread`, `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`,
+        `others` and `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`,
+        `share`, ...; `yields`, `joint`.
 
     Raises
     ------
@@ -903,7 +906,7 @@ def xcouple(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
+) -> Coupling | CouplingMatrix:
     """Compute the cross-coupling of imperfect builds: the ratio of two motions.
 
     Parameters
@@ -952,9 +955,9 @@ def xcouple(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.xcouple.solve.Coupling`: `axes`, `ratio` (axis 1, axis 2,
-        ..., f), complex.
+    Coupling or CouplingMatrix
+        With `axes`, `ratio` (axis 1, axis 2, ..., f), complex; with `matrix` a matrix `value`
+        (f, outputs, inputs).
 
     Raises
     ------

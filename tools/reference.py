@@ -14,6 +14,7 @@ import inspect
 import re
 import textwrap
 import types
+import typing
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -311,8 +312,10 @@ def stub() -> str:
                 lines.append(f"    {star}{each.name}: {each.annotation}{given},")
             text = textwrap.indent(inspect.getdoc(function) or "", "    ")
             returned = inspect.signature(function).return_annotation
+            kinds = typing.get_args(returned) or (returned,)
+            names = " | ".join(getattr(kind, "__name__", kind) for kind in kinds)
             lines += [
-                f") -> {getattr(returned, '__name__', returned)}:",
+                f") -> {names}:",
                 f'    """{text.strip()}',
                 '    """',
             ]

@@ -12,7 +12,7 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,8 +78,13 @@ def write_root_attributes(file: h5py.File, origin: Provenance) -> None:
         fidelity_reason=origin.reason,
         estimated_error=origin.error,
     )
-    if origin.warnings:
-        file.attrs["warnings"] = list(origin.warnings)
+    write_warnings(file, origin.warnings)
+
+
+def write_warnings(file: h5py.File, lines: Sequence[str]) -> None:
+    """Write what was warned of, each line once, as a root attribute; none without any."""
+    if lines:
+        file.attrs["warnings"] = [*dict.fromkeys(lines)]
 
 
 def add_scale(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -30,9 +30,8 @@ class SensitivityAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
-        and `derivative_error` (parameters, results).
+    Sensitivity
+        With `parameter`, `result`, `derivative` and `derivative_error` (parameters, results).
 
     Raises
     ------
@@ -68,7 +67,7 @@ class SensitivityAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Sensitivity:
         """Differentiate every result with respect to every number."""
         from suspension_cli.analyses.named_quantities import names_of
         from suspension_cli.analyses.sensitivity import solve as sensitivity
@@ -96,72 +95,79 @@ class SensitivityAnalysis(Analysis):
         )
         model = model_choice.stable_system(source, choice, unstable, run.log, bends=True)
         quantities = sensitivity.parse(setting["results"], names, source.text, choice.level)
-        found = sensitivity.solve(source.text, quantities, choice.level, allow_unstable=unstable)
         for said in describe_shared_motions(quantities, eigenmodes.solve(model.constant)):
             run.log.warn(f"{said}; the effects are those on the first of them")
         model_choice.warn_of_neglected(source, choice, run.log, registry.SCENE_MODELS)
+        found = sensitivity.solve(
+            source.text,
+            quantities,
+            choice.level,
+            run=run.origin(self, choice),
+            allow_unstable=unstable,
+        )
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]
         if fixed:
             run.log.say(
                 f"no effect is given of {', '.join(fixed)}: a change of one of these alone"
                 " unbalances the suspension in its nominal pose"
             )
-        return Result(self, source, choice, found, command=run.command)
+        return found
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Sensitivity) -> Document:
         """Return derivatives, parameters first; null where there is none."""
-        found: Sensitivity = result.data
         return {
-            "parameters": table(found, "name=parameter value free step step_unit"),
-            "results": table(found, "name=result unit nominal"),
-            "derivative": found.derivative,
-            "derivative_error": found.derivative_error,
-            "one_percent": found.one_percent,
-            "per_step": found.per_step,
+            "parameters": table(result, "name=parameter value free step step_unit"),
+            "results": table(result, "name=result unit nominal"),
+            "derivative": result.derivative,
+            "derivative_error": result.derivative_error,
+            "one_percent": result.one_percent,
+            "per_step": result.per_step,
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Sensitivity) -> str:
         """Return tables of the changes, some columns at a time."""
         import numpy as np
 
         from suspension_cli.design.paths import format_with_unit
 
-        found: Sensitivity = result.data
-        change = found.per_step
-        absolute = found.nominal == 0
+        change = result.per_step
+        absolute = result.nominal == 0
         shown = np.isfinite(change) & ((abs(change) >= LEAST) | (absolute & (change != 0)))
         cells = np.where(absolute, np.char.mod("%.1e", change), np.char.mod("%+.3f", change))
         cells[abs(change) < np.where(absolute, 5e-324, LEAST)] = "0"
         lines = [
-            result.choice.line,
+            result.run.choice.line,
             "",
             "change of each result by 1 mm, 1 mrad or 1 % of each number, in % of the result (in"
             " its unit if it is 0):",
         ]
-        units = ["" if unit == "1" else unit for unit in found.unit]
-        taken = max(map(len, found.parameter), default=0) + 26
+        units = ["" if unit == "1" else unit for unit in result.unit]
+        taken = max(map(len, result.parameter), default=0) + 26
         across = min(max((tables.width() - taken) // 9, 1), ACROSS)
-        for start in range(0, len(found.result), across):
-            here = range(start, min(start + across, len(found.result)))
+        for start in range(0, len(result.result), across):
+            here = range(start, min(start + across, len(result.result)))
             columns = {"": "", "value": " ", "per": " "}
             lines.append("")
             for n in here:
-                line = f"  [{n + 1}] {found.result[n]}  {found.nominal[n]:#.5g} {units[n]}"
-                lines.append(line.rstrip() + _error(found.error_share[n]))
+                line = f"  [{n + 1}] {result.result[n]}  {result.nominal[n]:#.5g} {units[n]}"
+                lines.append(line.rstrip() + _error(result.error_share[n]))
                 columns[f"[{n + 1}]\n{units[n] if absolute[n] else '%'}"] = "+.3f"
             rows = [
-                (name, format_with_unit(name, found.value[k]), f"1 {step}", *cells[k, here])
-                for k, (name, step) in enumerate(zip(found.parameter, found.step_unit, strict=True))
+                (name, format_with_unit(name, result.value[k]), f"1 {step}", *cells[k, here])
+                for k, (name, step) in enumerate(
+                    zip(result.parameter, result.step_unit, strict=True)
+                )
                 if shown[k, here].any()
             ]
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Sensitivity, setting: Settings) -> dict[str, Figure]:
         """Draw a coloured table."""
         from suspension_cli.analyses.sensitivity import picture
 
-        return {"": picture.draw(result.data, result.subtitle, result.given.design.perturbation)}
+        perturbations = result.run.design.design.perturbation
+        return {"": picture.draw(result, result.subtitle, perturbations)}
 
 
 def _error(share: float) -> str:

@@ -1,7 +1,7 @@
 """First derivatives of quantities with respect to the numbers of a design::
 
     quantities = parse(["test pitch", "Q of test pitch"], names, source.text, "beam")
-    found = solve(source.text, quantities, "beam")
+    found = solve(source.text, quantities, "beam", run=run.origin(analysis, choice))
     found.derivative  # (parameter, result)
 
 Frequencies of undamped modes and responses follow from derivatives of matrices, exact to rounding
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import InputError
@@ -47,11 +48,12 @@ from suspension_cli.studies.parameters import Parameter, natural_step
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.design.schema import Design
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity(Record):
     """Derivatives of results with respect to a design's numbers.
 
     Attributes
@@ -178,11 +180,13 @@ def solve(
     quantities: Sequence[Quantity],
     level: str = registry.STRING.name,
     *,
+    run: Origin,
     allow_unstable: bool = True,
 ) -> Sensitivity:
     """Differentiate quantities with respect to every number of a design (TOML).
 
-    `level` is the name of a model that supports derivatives.
+    `level` is the name of a model that supports derivatives, `run` what the record says of its
+    origin.
     """
     design = reader.parse(text)
     numbers = parameters.every(text, level)
@@ -216,6 +220,7 @@ def solve(
         nominal=np.array([nominal[one] for one in quantities]),
         derivative=np.stack([rates[one] for one in quantities], axis=1)[kept],
         derivative_error=np.stack([errors[one] for one in quantities], axis=1)[kept],
+        run=run,
     )
 
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.sweep.solve import ParameterSweep, SweepResult
-    from suspension_cli.physics.log import Log
+    from suspension_cli.analyses.sweep.solve import ParameterSweep, Sweep
     from suspension_cli.studies.job import Axis
 
 ALIKE = 0.4
@@ -32,9 +32,9 @@ class SweepAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
-        (axis 1, axis 2, ..., results); `met`, whether each point meets each requirement.
+    Sweep
+        With `axes`, `result`, `value` (axis 1, axis 2, ..., results); `met`, whether each point
+        meets each requirement.
 
     Raises
     ------
@@ -52,7 +52,7 @@ class SweepAnalysis(Analysis):
     """
 
     name = "sweep"
-    result_type = "analyses.sweep.solve.SweepResult"
+    result_type = "analyses.sweep.solve.Sweep"
     fills_file = True
     draws_neglected = True
     arguments = (options.DESIGN,)
@@ -83,7 +83,7 @@ class SweepAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Sweep:
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.sweep import solve as sweep
@@ -102,6 +102,7 @@ class SweepAnalysis(Analysis):
             sweep.first_points(first),
             sweep.extreme_points,
             sweep.write,
+            _warnings,
         )
         chunk = run.setting["chunk"]
         if first.is_slow:
@@ -110,60 +111,57 @@ class SweepAnalysis(Analysis):
         choice = study.choose(run.source, run.setting)
         run.log.detail(f"{run.name}: {choice.line}")
         near_limits.warn_implausible(run.design, run.log)
-        result = sweeping.fill(run, self, study, choice)
-        _warn(result.data, asked.job(result.choice.level), run.log)
-        return result
+        return sweeping.fill(run, self, study, choice)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Sweep) -> Document:
         """Return axes and results, first axis first; null for an unstable mode or failed point."""
         from suspension_cli.analyses.sweep import sharing
 
-        answer: SweepResult = result.data
-        results = table(answer, "name=result unit nominal")
-        labelled = sharing.labelled(answer)
+        results = table(result, "name=result unit nominal")
+        labelled = sharing.labelled(result)
         for n, row in enumerate(results):
-            row["values"] = answer.value[..., n]
+            row["values"] = result.value[..., n]
             if n in labelled:
                 one = labelled[n]
                 row["fraction"] = one.content.fraction
                 row["other_values"] = one.other
                 row["other_fraction"] = one.content.other_fraction
         document: Document = {
-            "axes": table(answer.axes, "name values"),
+            "axes": table(result.axes, "name values"),
             "results": results,
-            "failures": answer.failures,
-            "remarks": [*sharing.remarks(answer)],
+            "failures": result.failures,
+            "remarks": [*sharing.remarks(result)],
         }
-        if answer.margin is not None and answer.met is not None and answer.all_met is not None:
+        if result.margin is not None and result.met is not None and result.all_met is not None:
             names = "requirement=required quantity=required_quantity unit=required_unit"
-            document["requirements"] = table(answer, f"{names} at_least at_most")
+            document["requirements"] = table(result, f"{names} at_least at_most")
             for n, row in enumerate(document["requirements"]):
-                row["share"] = answer.met[..., n].mean()
-                row["margin"] = answer.margin[..., n]
-            document["all_requirements"] = {"share": answer.all_met.mean(), "met": answer.all_met}
-        if answer.interpolation:
-            document["interpolation"] = answer.interpolation
+                row["share"] = result.met[..., n].mean()
+                row["margin"] = result.margin[..., n]
+            document["all_requirements"] = {"share": result.all_met.mean(), "met": result.all_met}
+        if result.interpolation:
+            document["interpolation"] = result.interpolation
         return document
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Sweep) -> str:
         """Return smallest and largest value of every result, requirements, and remarks."""
         from suspension_cli.analyses.sweep import sharing
 
-        answer: SweepResult = result.data
-        head = "\n".join(part for part in (result.choice.line, answer.interpolation) if part)
-        parts = [head, _tabulate(answer), _describe_requirements(answer)]
-        parts.append("\n".join(sharing.remarks(answer)))
+        lines = (result.run.choice.line, result.interpolation)
+        head = "\n".join(line for line in lines if line)
+        parts = [head, _tabulate(result), _describe_requirements(result)]
+        parts.append("\n".join(sharing.remarks(result)))
         return "\n\n".join(part for part in parts if part)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Sweep, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import picture
 
-        stages = [stage.name for stage in result.given.design.stage]
-        return {"": picture.draw(result.data, result.subtitle, stages)}
+        stages = [stage.name for stage in result.run.design.design.stage]
+        return {"": picture.draw(result, result.subtitle, stages)}
 
 
-def _warn(found: SweepResult, job: ParameterSweep, log: Log) -> None:
+def _warnings(found: Sweep, job: ParameterSweep) -> Iterator[str]:
     """Warn of points without results, and of a grid that is too coarse to follow modes."""
     from suspension_cli.studies import builds
 
@@ -171,46 +169,46 @@ def _warn(found: SweepResult, job: ParameterSweep, log: Log) -> None:
         impossible = reason == builds.STATUS[builds.IMPOSSIBLE]
         fault = job.first_fault(found.status) if impossible else ""
         why = f"{reason} ({fault})" if fault else reason
-        log.warn(
+        yield (
             f"{count} of {found.status.size} points have no result: {why}; narrow the range of"
             " --vary"
         )
     if found.overlap < ALIKE:
-        log.warn(
+        yield (
             "the shapes of a mode at two neighbouring points have an overlap of only"
             f" {found.overlap:.2f} (1: equal), so modes may be mixed up there; take a finer grid"
         )
 
 
-def _tabulate(answer: SweepResult) -> str:
+def _tabulate(result: Sweep) -> str:
     """Return a table with the smallest and largest value of every result."""
     import numpy as np
 
     rows = []
-    for n, name in enumerate(answer.result):
-        value = answer.value[..., n]
+    for n, name in enumerate(result.result):
+        value = result.value[..., n]
         ends: tuple[float | None, float | None] = (None, None)
         where = "nowhere on the grid"
         if np.isfinite(value).any():
             known = np.where(np.isfinite(value), value, np.nan)
             top = np.unravel_index(int(np.nanargmax(known)), value.shape)
-            at = zip(answer.axes, top, strict=True)
+            at = zip(result.axes, top, strict=True)
             where = ", ".join(f"{axis.name} = {axis.values[k]:.4g}" for axis, k in at)
             ends = np.nanmin(known), np.nanmax(known)
-        rows.append((answer.nominal[n], *ends, answer.unit[n], name, where))
+        rows.append((result.nominal[n], *ends, result.unit[n], name, where))
     columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
     columns |= {"unit": "", "result": "", "where it is largest": ""}
     return tables.render(columns, rows)
 
 
-def _describe_requirements(answer: SweepResult) -> str:
+def _describe_requirements(result: Sweep) -> str:
     """Say at how many points of the grid each requirement is met, and all; "" without any."""
-    if answer.required is None or answer.met is None or answer.all_met is None:
+    if result.required is None or result.met is None or result.all_met is None:
         return ""
-    shares = [(name, answer.met[..., n]) for n, name in enumerate(answer.required)]
+    shares = [(name, result.met[..., n]) for n, name in enumerate(result.required)]
     if len(shares) > 1:
-        shares.append(("all of these", answer.all_met))
-    count = answer.status.size
+        shares.append(("all of these", result.all_met))
+    count = result.status.size
     lines = [
         f"  {name}: met at {met.sum()} of {count} points ({100 * met.mean():.3g} %)"
         for name, met in shares

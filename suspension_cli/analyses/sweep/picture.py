@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from suspension_cli.analyses.sweep import sharing
 from suspension_cli.analyses.sweep.sharing import Labelled
-from suspension_cli.analyses.sweep.solve import SweepResult
+from suspension_cli.analyses.sweep.solve import Sweep
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import curves, labels, panels
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
@@ -112,7 +112,7 @@ class Crossing:
         return f"{first} and {second} mix: {100 - part:.0f} % + {part:.0f} %"
 
 
-def find_crossings(swept: SweepResult) -> list[Crossing]:
+def find_crossings(swept: Sweep) -> list[Crossing]:
     """Find where modes of a sweep over one parameter meet, most mixed first."""
     shape = swept.shape
     rank = swept.rank
@@ -146,7 +146,7 @@ def find_crossings(swept: SweepResult) -> list[Crossing]:
 
 
 def draw(
-    swept: SweepResult,
+    swept: Sweep,
     title: str,
     stages: Sequence[str] = (),
     crossings: Sequence[Crossing] | None = None,
@@ -182,7 +182,7 @@ def draw(
     return panels.draw(heading, subtitle, rows, notes=notes, width=0.4 + 3.1 * columns)
 
 
-def _heading(swept: SweepResult) -> str:
+def _heading(swept: Sweep) -> str:
     """What the picture is about: the kinds of results, or the only one."""
     others = [
         n
@@ -199,7 +199,7 @@ def _heading(swept: SweepResult) -> str:
     return " and ".join(dict.fromkeys(kinds[one] for one in frequencies)).capitalize()
 
 
-def _name_requirements(swept: SweepResult) -> list[str]:
+def _name_requirements(swept: Sweep) -> list[str]:
     """Say what the zero line and the shade of maps mean."""
     if swept.required is None:
         return []
@@ -224,18 +224,18 @@ def _is_wide(values: Float[np.ndarray, "*shape"]) -> bool:
     return bool(known.size and known.min() > 0 and known.max() > LOG_RATIO * known.min())
 
 
-def _is_frequency(swept: SweepResult, n: int) -> bool:
+def _is_frequency(swept: Sweep, n: int) -> bool:
     """Whether a result is a frequency."""
     return swept.unit[n] == "Hz"
 
 
-def _is_response(swept: SweepResult, n: int) -> bool:
+def _is_response(swept: Sweep, n: int) -> bool:
     """Whether a result is the magnitude of a response at a frequency, or of a ratio of two."""
     before, slash, _ = swept.result[n].partition("/")
     return bool(slash) and " " not in before
 
 
-def _title(swept: SweepResult, n: int) -> str:
+def _title(swept: Sweep, n: int) -> str:
     """Name of a result; of a response ``test.x / support.x at 10 Hz``."""
     name = swept.result[n]
     if not _is_response(swept, n):
@@ -244,7 +244,7 @@ def _title(swept: SweepResult, n: int) -> str:
     return f"{signals.replace('/', ' / ')} at {frequency} Hz"
 
 
-def _unit_label(swept: SweepResult, n: int) -> str:
+def _unit_label(swept: Sweep, n: int) -> str:
     """Unit of a result as axes have it; ratios of equal units are m/m or rad/rad, others none."""
     unit = swept.unit[n].replace("/Hz^0.5", "/√Hz")
     if unit != "1":
@@ -255,7 +255,7 @@ def _unit_label(swept: SweepResult, n: int) -> str:
     return "rad/rad" if output.rpartition(".")[2] in DOFS[3:] else "m/m"
 
 
-def _axis_label(swept: SweepResult, n: int) -> str:
+def _axis_label(swept: Sweep, n: int) -> str:
     """Label of the axis that a result shares with others of its unit."""
     if _is_frequency(swept, n):
         return FREQUENCY
@@ -266,7 +266,7 @@ def _axis_label(swept: SweepResult, n: int) -> str:
     return f"{word} ({unit})" if unit else word
 
 
-def _own_label(swept: SweepResult, n: int) -> str:
+def _own_label(swept: Sweep, n: int) -> str:
     """Label of an axis that a result has for itself."""
     if _is_frequency(swept, n) or _is_response(swept, n):
         return _axis_label(swept, n)
@@ -275,7 +275,7 @@ def _own_label(swept: SweepResult, n: int) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def _body(swept: SweepResult, n: int, stages: Sequence[str]) -> str:
+def _body(swept: Sweep, n: int, stages: Sequence[str]) -> str:
     """Stage that a result is about; "" if its name has none."""
     if swept.degree[n]:
         return swept.degree[n].rpartition(".")[0]
@@ -286,7 +286,7 @@ def _body(swept: SweepResult, n: int, stages: Sequence[str]) -> str:
 
 
 def _draw_lines(
-    swept: SweepResult,
+    swept: Sweep,
     value: Float[np.ndarray, "point result"],
     heading: str,
     title: str,
@@ -325,7 +325,7 @@ class _Looks:
     dashes: list[LineStyleType]
 
     @staticmethod
-    def of(swept: SweepResult, stages: Sequence[str]) -> _Looks:
+    def of(swept: Sweep, stages: Sequence[str]) -> _Looks:
         is_mode = np.array(swept.degree) != ""
         still = is_mode & (swept.change < MOVES)
         still &= not still[is_mode].all()
@@ -336,7 +336,7 @@ class _Looks:
 
 
 def _line_panel(
-    swept: SweepResult,
+    swept: Sweep,
     value: Float[np.ndarray, "point result"],
     own: list[int],
     looks: _Looks,
@@ -375,7 +375,7 @@ def _line_panel(
     return Panel(label, lines, HIGH, scale, key=key, ends=ends, rules=rules, paint=paint)
 
 
-def _limits(swept: SweepResult, own: list[int]) -> list[Rule]:
+def _limits(swept: Sweep, own: list[int]) -> list[Rule]:
     """Limit lines of the requirements on some results, by number."""
     names = [swept.result[n] for n in own]
     if swept.required_quantity is None or swept.at_least is None or swept.at_most is None:
@@ -397,7 +397,7 @@ def _limits(swept: SweepResult, own: list[int]) -> list[Rule]:
     return found
 
 
-def _both_modes(swept: SweepResult, one: Labelled, colour: str) -> list[Line]:
+def _both_modes(swept: Sweep, one: Labelled, colour: str) -> list[Line]:
     """Draw the modes that share a motion, each followed by its shape, thin and without a name.
 
     Only where the mode that has most of it has a frequency.
@@ -422,7 +422,7 @@ def _broken(
     return np.insert(x, after, x[after]), np.insert(y, after, np.nan)
 
 
-def _failed(swept: SweepResult) -> tuple[list[Rule], list[Line]]:
+def _failed(swept: Sweep) -> tuple[list[Rule], list[Line]]:
     """Make shades of points without results, and their names."""
     x = swept.axes[0].displayed
     status = np.ravel(swept.status)
@@ -452,7 +452,7 @@ def _mark(axes: Axes, met: Sequence[Crossing], per: float) -> None:
         )
 
 
-def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> Panel:
+def _map(swept: Sweep, value: Float[np.ndarray, "column row"], n: int) -> Panel:
     across, up = (_across(axis, 34) for axis in swept.axes[:2])
     x, y = (axis.displayed for axis in swept.axes[:2])
     finite = np.ma.masked_invalid(value.T)
@@ -495,7 +495,7 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
 
 
 def _draw_feasible(
-    axes: Axes, x: Float[np.ndarray, " column"], y: Float[np.ndarray, " row"], swept: SweepResult
+    axes: Axes, x: Float[np.ndarray, " column"], y: Float[np.ndarray, " row"], swept: Sweep
 ) -> None:
     """Shade points that do not meet all requirements, and draw where the worst one is just met."""
     worst = swept.worst_margin

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.solve import SweepResult, has_modes
+from suspension_cli.analyses.sweep.solve import Sweep, has_modes
 from suspension_cli.linear import mode_content
 from suspension_cli.linear.mode_content import Content
 from suspension_cli.studies import builds
@@ -78,7 +78,7 @@ class Labelled:
         return result
 
 
-def labelled(swept: SweepResult) -> dict[int, Labelled]:
+def labelled(swept: Sweep) -> dict[int, Labelled]:
     """Results that are modes asked for by their labels, by their number."""
     found: dict[int, Labelled] = {}
     rank = swept.rank
@@ -110,7 +110,7 @@ def _curve(
     return np.where((mode >= 0) & same.any(-1), same.argmax(-1), -1)
 
 
-def remarks(swept: SweepResult) -> Iterator[str]:
+def remarks(swept: Sweep) -> Iterator[str]:
     """Say where each mode shares its motion, passes to another mode, or has no frequency.
 
     And at how many points that hang other results have no value.
@@ -126,7 +126,7 @@ def remarks(swept: SweepResult) -> Iterator[str]:
     yield from _lacking(swept)
 
 
-def _lacking(swept: SweepResult) -> Iterator[str]:
+def _lacking(swept: Sweep) -> Iterator[str]:
     """Say where quantities other than modes have no value, though the design is in a steady state.
 
     Modes that are followed have none where they grow, which the status of a point says.
@@ -142,7 +142,7 @@ def _lacking(swept: SweepResult) -> Iterator[str]:
             yield f"{name} is infinite {_where(swept, infinite)}"
 
 
-def _shares(swept: SweepResult, one: Labelled) -> Iterator[str]:
+def _shares(swept: Sweep, one: Labelled) -> Iterator[str]:
     touched = one.touched
     if not touched.any():
         return
@@ -171,7 +171,7 @@ def _runs(touched: Bool[np.ndarray, " point"], one: Labelled) -> list[tuple[int,
     return [(int(run[0]), int(run[-1])) for run in np.split(numbers, starts)]
 
 
-def _both(swept: SweepResult, one: Labelled, at: tuple[int | np.intp, ...]) -> str:
+def _both(swept: Sweep, one: Labelled, at: tuple[int | np.intp, ...]) -> str:
     """Frequencies and fractions of both modes at a point."""
     first = f"{100 * one.content.fraction[at]:.0f}"
     second = f"{100 * one.content.other_fraction[at]:.0f}"
@@ -184,7 +184,7 @@ def _both(swept: SweepResult, one: Labelled, at: tuple[int | np.intp, ...]) -> s
     )
 
 
-def _range(swept: SweepResult, first: int, last: int) -> str:
+def _range(swept: Sweep, first: int, last: int) -> str:
     axis = swept.axes[0]
     low = axis.values[first]
     high = axis.values[last]
@@ -193,7 +193,7 @@ def _range(swept: SweepResult, first: int, last: int) -> str:
     return f"between {axis.name} = {low:.4g} and {high:.4g}"
 
 
-def _where(swept: SweepResult, places: Bool[np.ndarray, "*axes"]) -> str:
+def _where(swept: Sweep, places: Bool[np.ndarray, "*axes"]) -> str:
     """Ranges of the parameters at some points, and the number of these."""
     ranges = []
     for axis, numbers in zip(swept.axes, np.nonzero(places), strict=True):

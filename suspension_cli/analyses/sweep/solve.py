@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
 from suspension_cli.analyses.sweep.swept_results import ModeAsDrawn
 from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
@@ -47,6 +48,8 @@ from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
+
+    from suspension_cli.analyses.record import Origin
 
 OTHER_COORDINATES = len(builds.STATUS)
 STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
@@ -282,8 +285,8 @@ def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
     return (status == builds.GOOD) | (status == builds.UNSTABLE)
 
 
-@dataclass(frozen=True)
-class SweepResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Record):
     """A finished sweep.
 
     Attributes
@@ -467,8 +470,8 @@ def complete(
     return value
 
 
-def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
-    """Follow the modes over the grid, complete the results, and write them."""
+def write(group: Stored, columns: Columns, job: ParameterSweep, run: Origin) -> Sweep:
+    """Follow the modes over the grid, complete the results, and write them; return the record."""
     known = job.on_grid(columns)
     described: dict[str, Any] = {}
     rank = None
@@ -492,7 +495,7 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
         described |= _judge(job, known.pop("limited"))
     value = complete(job, known, rank)
     del known["value"]
-    record = SweepResult(
+    record = Sweep(
         axes=job.axes,
         drawn=job.drawn,
         start=nearest_point(job),
@@ -506,11 +509,13 @@ def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
         rank=rank,
         **described,
         **known,
+        run=run,
     )
     stored.write(group, record)
     if overlap is not None:
         scales = [group[dim_name(axis.name)] for axis in job.axes]
         add_dataset(group, "overlap", overlap, "1", *scales, group["mode"])
+    return record
 
 
 def _degree(job: ParameterSweep, quantity: Quantity) -> str:

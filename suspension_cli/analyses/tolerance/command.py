@@ -13,7 +13,6 @@ from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
-    Result,
     Run,
     Settings,
     table,
@@ -24,8 +23,9 @@ if TYPE_CHECKING:
     import h5py
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.analyses.tolerance.solve import RandomBuilds
-    from suspension_cli.analyses.tolerance.summary import Spread, Summary
+    from suspension_cli.analyses.tolerance.summary import Spread, Tolerance
 
 LOW, MEDIAN, HIGH = 1, 3, 5
 """Places of 5, 50 and 95 % among the quantiles of `summary.QUANTILES`."""
@@ -49,11 +49,10 @@ class ToleranceAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`, `others` and
-        `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`, `share`, ...;
-        `yields`, `joint`.
+    Tolerance
+        With `mean`, `spread`, `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`,
+        `others` and `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`,
+        `share`, ...; `yields`, `joint`.
 
     Raises
     ------
@@ -69,7 +68,7 @@ class ToleranceAnalysis(Analysis):
     """
 
     name = "tolerance"
-    result_type = "analyses.tolerance.summary.Summary"
+    result_type = "analyses.tolerance.summary.Tolerance"
     fills_file = True
     draws_neglected = True
     arguments = (options.DESIGN,)
@@ -119,7 +118,7 @@ class ToleranceAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Tolerance:
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.tolerance import solve, summary
@@ -137,6 +136,7 @@ class ToleranceAnalysis(Analysis):
             solve.first_points(job),
             solve.extreme_points,
             partial(summary.write, limit=setting["limit"]),
+            _warnings,
         )
         choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
@@ -144,100 +144,99 @@ class ToleranceAnalysis(Analysis):
             f"{len(job.factors)} numbers of the design vary between builds;"
             f" {len(job.requirements)} requirements"
         )
-        result = sweeping.fill(run, self, study, choice)
-        found: Summary = result.data
-        for reason, count in found.failures.items():
-            run.log.warn(
-                f"{count} of {job.count} builds failed: {reason}; they meet no requirement"
-            )
-        return result
+        return sweeping.fill(run, self, study, choice)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Tolerance) -> Document:
         """Return statistics of all quantities, yields and causes."""
         from suspension_cli.analyses.tolerance.build_statistics import strongest
         from suspension_cli.analyses.tolerance.summary import QUANTILES
 
-        found: Summary = result.data
-
         def leading(one: Spread) -> list[tuple[str, float]]:
             chosen = strongest(one.rank, LEADING)
-            return [(found.factor[n], float(one.rank[n])) for n in chosen]
+            return [(result.factor[n], float(one.rank[n])) for n in chosen]
 
         spread = "mean_hz=mean mean_error_hz=error std_hz=deviation quantiles_hz=quantiles"
-        rows = table(found.modes, f"label=name {spread}")
+        rows = table(result.modes, f"label=name {spread}")
         modes = [
             row | {"nominal_hz": frequency, "leading": leading(one)}
-            for row, frequency, one in zip(rows, found.nominal_frequency, found.modes, strict=True)
+            for row, frequency, one in zip(
+                rows, result.nominal_frequency, result.modes, strict=True
+            )
         ]
         spread = "quantity=name unit mean mean_error=error std=deviation quantiles"
         statics = [
             row | {"leading": leading(one)}
-            for row, one in zip(table(found.static, spread), found.static, strict=True)
+            for row, one in zip(table(result.static, spread), result.static, strict=True)
         ]
         counted = f"{spread} missing infinite reason"
         others = [
             row | {"leading": leading(one)}
-            for row, one in zip(table(found.others, counted), found.others, strict=True)
+            for row, one in zip(table(result.others, counted), result.others, strict=True)
         ]
         together = None
         required: list[Document] = []
-        if found.joint is not None:
-            every = (*found.yields, found.joint)
+        if result.joint is not None:
+            every = (*result.yields, result.joint)
             *required, together = table(every, "requirement=name yield=fraction interval")
         return {
-            "builds": found.builds,
-            "good": found.good,
-            "failures": found.failures,
-            "seed": int(found.seed),
+            "builds": result.builds,
+            "good": result.good,
+            "failures": result.failures,
+            "seed": int(result.seed),
             "levels": list(QUANTILES),
-            "significant_correlation": found.significant,
+            "significant_correlation": result.significant,
             "modes": modes,
             "coupling": {
-                "ratio": found.ratio,
-                "frequency_hz": found.frequency,
-                "limit": found.limit,
-                "fraction_under_limit": found.under.fraction,
-                "fraction_under_limit_interval": found.under.interval,
-                "quantiles": found.coupling.quantiles,
-                "leading": leading(found.coupling),
-                "leading_signed": leading(found.signed),
+                "ratio": result.ratio,
+                "frequency_hz": result.frequency,
+                "limit": result.limit,
+                "fraction_under_limit": result.under.fraction,
+                "fraction_under_limit_interval": result.under.interval,
+                "quantiles": result.coupling.quantiles,
+                "leading": leading(result.coupling),
+                "leading_signed": leading(result.signed),
             },
             "statics": statics,
             "results": others,
             "requirements": required,
             "all_requirements": together,
             "variance_shares": {
-                "tolerances": found.group,
-                "results": found.result,
-                "share": found.share,
-                "share_error": found.share_error,
-                "r_squared": found.r_squared,
+                "tolerances": result.group,
+                "results": result.result,
+                "share": result.share,
+                "share_error": result.share_error,
+                "r_squared": result.r_squared,
             },
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Tolerance) -> str:
         """Return tables of modes, statics, other quantities and yields, and their causes."""
-        found: Summary = result.data
-        lines = [result.choice.line]
-        lines.append(f"{found.good:,} of {found.builds:,} builds hang on taut wires")
-        blocks = (_modes(found), _coupling(found), _statics(found), _others(found))
-        for block in (*blocks, _yields(found), _shares(found)):
+        lines = [result.run.choice.line]
+        lines.append(f"{result.good:,} of {result.builds:,} builds hang on taut wires")
+        blocks = (_modes(result), _coupling(result), _statics(result), _others(result))
+        for block in (*blocks, _yields(result), _shares(result)):
             own = list(block)
             if own:
                 lines += ["", *own]
         return "\n".join(lines)
 
-    def load(self, file: h5py.File) -> Summary:
-        """Read the statistics of the group `tolerance`."""
+    def read_result(self, file: h5py.File, run: Origin, extra: Document) -> Tolerance:
+        """Read the statistics of the group `tolerance`, with the first builds."""
         from suspension_cli.analyses.tolerance import summary
 
-        return summary.load(file["tolerance"])
+        return summary.load(file["tolerance"], run)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Tolerance, setting: Settings) -> dict[str, Figure]:
         """Draw required quantities, causes, and other quantities that vary."""
         from suspension_cli.analyses.tolerance import picture
 
-        return {"": picture.draw(result.data, result.subtitle)}
+        return {"": picture.draw(result, result.subtitle)}
+
+
+def _warnings(found: Tolerance, job: RandomBuilds) -> Iterator[str]:
+    """Say how many builds failed, and why."""
+    for reason, count in found.failures.items():
+        yield f"{count} of {job.count} builds failed: {reason}; they meet no requirement"
 
 
 def _make_job(run: Run) -> RandomBuilds:
@@ -269,7 +268,7 @@ def _make_job(run: Run) -> RandomBuilds:
     )
 
 
-def _modes(found: Summary) -> Iterator[str]:
+def _modes(found: Tolerance) -> Iterator[str]:
     rows = []
     for nominal, one in zip(found.nominal_frequency, found.modes, strict=True):
         spread = 100 * one.deviation / nominal if nominal else None
@@ -280,7 +279,7 @@ def _modes(found: Summary) -> Iterator[str]:
     yield tables.render(columns, rows)
 
 
-def _coupling(found: Summary) -> Iterator[str]:
+def _coupling(found: Tolerance) -> Iterator[str]:
     quantiles = found.coupling.quantiles
     under = found.under
     yield (
@@ -297,13 +296,13 @@ def _coupling(found: Summary) -> Iterator[str]:
     yield f"depends most on: {_causes(found, found.signed, 5) or 'no number significantly'}"
 
 
-def _statics(found: Summary) -> Iterator[str]:
+def _statics(found: Tolerance) -> Iterator[str]:
     varying = [one for one in found.static if one.deviation > NEGLIGIBLE]
     if varying:
         yield _table_of_spreads(found, varying, "displacement from the nominal pose")
 
 
-def _others(found: Summary) -> Iterator[str]:
+def _others(found: Tolerance) -> Iterator[str]:
     """Table of quantities that are asked for; and how many builds do not have them."""
     if found.others:
         yield _table_of_spreads(found, found.others, "quantity")
@@ -315,7 +314,7 @@ def _others(found: Summary) -> Iterator[str]:
             yield f"  in {one.infinite:,} of {found.good:,} builds {one.name} is infinite"
 
 
-def _table_of_spreads(found: Summary, spreads: list[Spread], heading: str) -> str:
+def _table_of_spreads(found: Tolerance, spreads: list[Spread], heading: str) -> str:
     rows = []
     for one in spreads:
         unit, per = one.displayed
@@ -327,7 +326,7 @@ def _table_of_spreads(found: Summary, spreads: list[Spread], heading: str) -> st
     return tables.render(columns, rows)
 
 
-def _yields(found: Summary) -> Iterator[str]:
+def _yields(found: Tolerance) -> Iterator[str]:
     if found.joint is None:
         return
     rows = []
@@ -346,7 +345,7 @@ def _yields(found: Summary) -> Iterator[str]:
             yield f"  {one.name} depends most on: {what}"
 
 
-def _causes(found: Summary, one: Spread, count: int) -> str:
+def _causes(found: Tolerance, one: Spread, count: int) -> str:
     """List numbers with the strongest significant correlations, and the change by each."""
     from suspension_cli.analyses.tolerance.build_statistics import strongest
     from suspension_cli.studies.parameters import STEPS
@@ -364,7 +363,7 @@ def _causes(found: Summary, one: Spread, count: int) -> str:
     return ", ".join(texts)
 
 
-def _shares(found: Summary) -> Iterator[str]:
+def _shares(found: Tolerance) -> Iterator[str]:
     """Table of the fractions of variance that tolerances cause."""
     import numpy as np
 

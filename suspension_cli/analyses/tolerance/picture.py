@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from suspension_cli.analyses.tolerance.build_statistics import strongest
-from suspension_cli.analyses.tolerance.summary import QUANTILES, Spread, Summary
+from suspension_cli.analyses.tolerance.summary import QUANTILES, Spread, Tolerance
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
@@ -48,7 +48,7 @@ KEY = [
 ]
 
 
-def draw(summary: Summary, title: str) -> Figure:
+def draw(summary: Tolerance, title: str) -> Figure:
     """Draw the figure of `pendsus tolerance`."""
     first, *rest = [
         *_requirements(summary),
@@ -67,7 +67,7 @@ def draw(summary: Summary, title: str) -> Figure:
     return panels.draw(heading, title, [first, *rest])
 
 
-def _requirements(summary: Summary) -> Iterator[Panel]:
+def _requirements(summary: Tolerance) -> Iterator[Panel]:
     """Make panels of quantities with requirements, of others asked for, and of the coupling."""
     share = summary.good / summary.builds
     coupling = summary.coupling.name
@@ -164,7 +164,7 @@ def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], lab
     )  # fmt: skip
 
 
-def _causes(summary: Summary) -> Iterator[Panel]:
+def _causes(summary: Tolerance) -> Iterator[Panel]:
     """Make the panel of the coupling's significant rank correlations."""
     rank = summary.signed.rank
     most = MAX_ROWS[0]
@@ -182,7 +182,7 @@ def _causes(summary: Summary) -> Iterator[Panel]:
     yield _rows(names, lines, texts, "rank correlation (−1 to 1)")
 
 
-def _shares(summary: Summary) -> Iterator[Panel]:
+def _shares(summary: Tolerance) -> Iterator[Panel]:
     """Make the panel of the tolerances that cause the variance of the coupling."""
     one = summary.signed
     if not np.isfinite(one.r_squared):
@@ -202,7 +202,7 @@ def _shares(summary: Summary) -> Iterator[Panel]:
     yield _rows([summary.group[n] for n in top], lines, texts, "fraction of variance")
 
 
-def _varying(summary: Summary) -> Iterator[Panel]:
+def _varying(summary: Tolerance) -> Iterator[Panel]:
     """Make panels of the modes, static rotations and displacements that vary most."""
     nominal = summary.nominal_frequency
     with np.errstate(all="ignore"):

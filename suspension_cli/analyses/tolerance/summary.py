@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
 from suspension_cli.analyses.tolerance.build_statistics import (
     Yield,
     slopes,
@@ -30,6 +31,8 @@ from suspension_cli.studies.run import Columns
 if TYPE_CHECKING:
     import h5py
     from jaxtyping import Bool, Complex, Float, Int
+
+    from suspension_cli.analyses.record import Origin
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
@@ -92,8 +95,8 @@ class Spread:
         return displayed_unit(self.unit)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Summary:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Tolerance(Record):
     """Statistics of random builds.
 
     Attributes
@@ -122,6 +125,8 @@ class Summary:
         Fractions of builds that meet each requirement, and all.
     labelled, shared_count
         Modes that are meant by their motion, and in how many builds another mode shares that.
+    sample
+        Quantities of the first builds, for histograms.
     """
 
     seed: str  # not every HDF5 tool can read seeds up to 2^64 - 1 as numbers
@@ -322,8 +327,8 @@ class Summary:
         return [self.spread_of(name) for name in self.quantity[start:stop]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FileContents(Summary):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FileContents(Tolerance):
     """What the results file has: statistics, and the builds themselves."""
 
     build: Int[np.ndarray, " build"]
@@ -339,14 +344,16 @@ class FileContents(Summary):
     slack_wire: Int[np.ndarray, " build"]
 
 
-def load(group: Any) -> Summary:
+def load(group: Any, run: Origin) -> Tolerance:
     """Read the statistics of a group, with the first builds for figures."""
-    found = stored.read(group, Summary)
-    return replace(found, sample=np.asarray(group["value"][:MAX_POINTS]))
+    sample = np.asarray(group["value"][:MAX_POINTS])
+    return stored.read(group, Tolerance, sample=sample, run=run)
 
 
-def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) -> None:
-    """Write all builds and their statistics."""
+def write(
+    group: h5py.Group, columns: Columns, job: RandomBuilds, run: Origin, *, limit: float
+) -> Tolerance:
+    """Write all builds and their statistics, and return these."""
     record = FileContents(
         **dict(_describe(job, limit)),
         **dict(_summarise(columns, job, limit)),
@@ -358,9 +365,11 @@ def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) 
         residual=columns["residual"],
         status=columns["status"],
         slack_wire=columns["slack_wire"],
+        run=run,
     )
     stored.write(group, record)
     group["ratio"].attrs["units"] = job.coupling.unit
+    return record
 
 
 def _describe(job: RandomBuilds, limit: float) -> Iterator[tuple[str, Any]]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import InputError, format_value
@@ -18,9 +19,8 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.solve import Coupling
+    from suspension_cli.analyses.xcouple.solve import Coupling, CouplingMatrix, Sweep
     from suspension_cli.design.schema import Design
-    from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.physics.couplings import CouplingRequest
     from suspension_cli.studies.job import Axis
@@ -41,9 +41,9 @@ class CouplingAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.xcouple.solve.Coupling`: `axes`, `ratio` (axis 1, axis 2,
-        ..., f), complex.
+    Coupling or CouplingMatrix
+        With `axes`, `ratio` (axis 1, axis 2, ..., f), complex; with `matrix` a matrix `value`
+        (f, outputs, inputs).
 
     Raises
     ------
@@ -96,13 +96,19 @@ class CouplingAnalysis(Analysis):
         *options.WRITING,
     )
 
+    def returned_type(self) -> Any:
+        """What the Python function returns: a sweep, or with `matrix` the matrix of one design."""
+        from suspension_cli.analyses.xcouple.solve import Coupling, CouplingMatrix
+
+        return Coupling | CouplingMatrix
+
     def swept_names(self) -> tuple[str, ...]:
         """Imperfections, whose grids may stand in `[analysis.xcouple]`."""
         from suspension_cli.analyses.xcouple.solve import PARAMETERS
 
         return tuple(PARAMETERS)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Coupling | CouplingMatrix:
         """Compute the coupling of all builds, or the matrix of one design."""
         from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.xcouple import solve
@@ -128,73 +134,65 @@ class CouplingAnalysis(Analysis):
             solve.first_points(job),
             solve.extreme_points,
             solve.write,
+            _warnings,
         )
         choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, unstable, run.log, bends=True)
-        result = sweeping.fill(run, self, study, choice)
-        if failed := result.data.failures:
-            whys = "; ".join(
-                f"{count} of {job.count} builds failed: {why}" for why, count in failed.items()
-            )
-            run.log.warn(f"{whys}; they have no result: sweep smaller imperfections")
-        return result
+        return sweeping.fill(run, self, study, choice)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Coupling) -> Document:
         """Return axes and ratios, first axis first; null for a failed build."""
         import numpy as np
 
-        answer: Coupling = result.data
-        single = len(answer.frequency) == 1
-        ratio = answer.ratio[..., 0] if single else answer.ratio
+        single = len(result.frequency) == 1
+        ratio = result.ratio[..., 0] if single else result.ratio
         return {
-            "axes": table(answer.axes, "name values"),
-            **({"interpolation": answer.interpolation} if answer.interpolation else {}),
+            "axes": table(result.axes, "name values"),
+            **({"interpolation": result.interpolation} if result.interpolation else {}),
             "ratio_real": np.real(ratio),
             "ratio_imag": np.imag(ratio),
-            "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
-            "input": answer.input,
-            "over": answer.over,
-            "under": answer.under,
-            "hold": answer.hold,
-            "failures": answer.failures,
+            "frequency_hz": result.frequency[0] if single else result.frequency.tolist(),
+            "input": result.input,
+            "over": result.over,
+            "under": result.under,
+            "hold": result.hold,
+            "failures": result.failures,
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Coupling) -> str:
         """Return the largest coupling and where it is."""
         import numpy as np
 
-        answer: Coupling = result.data
-        if not (worst := answer.worst):
-            return f"{result.choice.line}\nno build has an equilibrium on taut wires"
-        size = np.abs(answer.ratio)
+        if not (worst := result.worst):
+            return f"{result.run.choice.line}\nno build has an equilibrium on taut wires"
+        size = np.abs(result.ratio)
         at = ", ".join(
             f"{axis.name} = {axis.values[n]:.6g} {axis.unit}".removesuffix(" 1")
-            for axis, n in zip(answer.axes, worst[:-1], strict=True)
+            for axis, n in zip(result.axes, worst[:-1], strict=True)
         )
-        kept = answer.hold.replace("-", " ")
-        of = f": wire {answer.wire} changes, its {kept} is kept" if answer.wire else ""
-        note = f"{answer.interpolation}\n" if answer.interpolation else ""
+        kept = result.hold.replace("-", " ")
+        of = f": wire {result.wire} changes, its {kept} is kept" if result.wire else ""
+        note = f"{result.interpolation}\n" if result.interpolation else ""
         return (
-            f"{result.choice.line}\n{note}{answer.status.size} builds{of}\n"
-            f"|{answer.over} / {answer.under}| for {answer.input}: largest {size[worst]:.4g} at"
-            f" {at}, {answer.frequency[worst[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
+            f"{result.run.choice.line}\n{note}{result.status.size} builds{of}\n"
+            f"|{result.over} / {result.under}| for {result.input}: largest {size[worst]:.4g} at"
+            f" {at}, {result.frequency[worst[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
         )
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Coupling, setting: Settings) -> dict[str, Figure]:
         """Draw the coupling against the imperfections, or against frequency."""
         from suspension_cli.analyses.xcouple import picture
 
-        data: Coupling = result.data
-        over, under = (name.partition("@")[0][-2:] for name in (data.over, data.under))
-        limit = _limit(result.given.design) if (over, under) == (".x", ".z") else None
-        return {"": picture.draw(data, result.subtitle, limit)}
+        over, under = (name.partition("@")[0][-2:] for name in (result.over, result.under))
+        limit = _limit(result.run.design.design) if (over, under) == (".x", ".z") else None
+        return {"": picture.draw(result, result.subtitle, limit)}
 
 
 class MatrixAnalysis(Analysis):
     """Coupling of every motion of the support to every motion of one body."""
 
     name = "matrix"
-    result_type = "linear.response.Response"
+    result_type = "analyses.xcouple.solve.CouplingMatrix"
     draws_neglected = True
 
     @property
@@ -207,14 +205,15 @@ class MatrixAnalysis(Analysis):
         """End of the stem of the results file."""
         return "xcouple-matrix"
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> CouplingMatrix:
         """Refuse: the matrix is an option of `xcouple`."""
         raise NotImplementedError
 
-    def of(self, run: Run, requested: CouplingRequest) -> Result:
+    def of(self, run: Run, requested: CouplingRequest) -> CouplingMatrix:
         """Compute the matrix of one design, for the point that a request observes."""
         import numpy as np
 
+        from suspension_cli.analyses.xcouple.solve import CouplingMatrix
         from suspension_cli.linear import response, signals
         from suspension_cli.models.choice import Transfer
         from suspension_cli.physics import model_choice
@@ -236,27 +235,25 @@ class MatrixAnalysis(Analysis):
         )
         motions = request(model)
         found = response.solve(model, frequency, motions.inputs, motions.outputs)
-        return Result(self, run.source, choice, found, command=run.command)
+        return CouplingMatrix.extending(found, run=run.origin(self, choice))
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: CouplingMatrix) -> Document:
         """Return a matrix for each frequency."""
         import numpy as np
 
-        answer: Response = result.data
         return {
-            "frequency_hz": answer.frequency.tolist(),
-            "input": answer.input,
-            "output": answer.output,
-            "matrix_real": np.real(answer.value).tolist(),
-            "matrix_imag": np.imag(answer.value).tolist(),
+            "frequency_hz": result.frequency.tolist(),
+            "input": result.input,
+            "output": result.output,
+            "matrix_real": np.real(result.value).tolist(),
+            "matrix_imag": np.imag(result.value).tolist(),
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: CouplingMatrix) -> str:
         """Return a table for each frequency."""
-        answer: Response = result.data
-        body, _, point = answer.output[0].partition(".x")
-        lines = [result.choice.line]
-        for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
+        body, _, point = result.output[0].partition(".x")
+        lines = [result.run.choice.line]
+        for frequency, matrix in zip(result.frequency, result.value, strict=True):
             rows = [
                 (dof, *("0" if value == 0 else abs(value) for value in row))
                 for dof, row in zip(DOFS, matrix, strict=True)
@@ -268,11 +265,18 @@ class MatrixAnalysis(Analysis):
             ]
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: CouplingMatrix, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
         from suspension_cli.analyses.xcouple import picture
 
-        return {"": picture.draw_matrix(result.data, result.subtitle)}
+        return {"": picture.draw_matrix(result, result.subtitle)}
+
+
+def _warnings(found: Coupling, job: Sweep) -> Iterator[str]:
+    """Say how many builds failed, and why."""
+    failed = [f"{n} of {job.count} builds failed: {why}" for why, n in found.failures.items()]
+    if failed:
+        yield f"{'; '.join(failed)}; they have no result: sweep smaller imperfections"
 
 
 def _limit(design: Design) -> float:

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
 from suspension_cli.design.imperfections import swept
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
+from suspension_cli.linear import response
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     import h5py
     from jaxtyping import Complex, Float, Int
 
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.models.choice import Comparison
 
 PARAMETERS = swept()
@@ -160,8 +163,8 @@ def impose(
     return sampling.impose(scene, changes)
 
 
-@dataclass(frozen=True)
-class Coupling:
+@dataclass(frozen=True, eq=False, repr=False)
+class Coupling(Record):
     """Cross-coupling over imperfections.
 
     Attributes
@@ -216,8 +219,25 @@ class Coupling:
         return tuple(int(n) for n in np.unravel_index(np.nanargmax(size), size.shape))
 
 
-def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
-    """Write the couplings of all builds of a job."""
+@dataclass(frozen=True, eq=False, repr=False)
+class CouplingMatrix(Record, response.Response):
+    """Couplings of every motion of the support to every motion of one body.
+
+    Attributes
+    ----------
+    frequency
+        Hz.
+    input, output
+        Motions of the support, and of the body.
+    unit
+        Unit of each output over each input, [output][input].
+    value
+        Complex, SI.
+    """
+
+
+def write(group: h5py.Group, columns: Columns, job: Sweep, run: Origin) -> Coupling:
+    """Write the couplings of all builds of a job, and return the record."""
     ask = job.question
     wires = job.scene.wires
     known = job.on_grid(columns)
@@ -232,12 +252,14 @@ def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
         under=ask.under.text,
         **motions,
         **known,
+        run=run,
     )
     stored.write(group, record)
     pairs = {"ratio": (ask.over, ask.under)}
     pairs |= {"over": (ask.over, ask.input), "under": (ask.under, ask.input)}
     for name, (over, under) in pairs.items():
         group[name].attrs["units"] = quotient_unit(over, under)
+    return record
 
 
 def first_points(job: Sweep) -> Int[np.ndarray, "point 2"]:

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.named_quantities import names_of
-from suspension_cli.analyses.sensitivity import solve as sensitivity
 from suspension_cli.design import reader
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import parameters
@@ -19,12 +17,13 @@ from tests.support.derivatives import STENCIL
 from tests.support.exchanging import SMALL, D
 from tests.support.golden import CONFIGS
 
+pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
+
 CASES = CONFIGS / "husman2000"
 
 
 def solved(text, *results, level=registry.STRING.name):
-    names = names_of(reader.Source(reader.parse(text), text, ""))
-    return sensitivity.solve(text, sensitivity.parse(results, names, text, level), level)
+    return sus.sensitivity(sus.parse(text), results=results, fidelity=level, allow_unstable=True)
 
 
 def column(found, result):

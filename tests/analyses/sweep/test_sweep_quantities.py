@@ -185,7 +185,7 @@ def test_maps_have_the_feasible_region_of_all_requirements(tmp_path):
     together = found.document()["all_requirements"]
     assert together["share"] == found.met.all(-1).mean()
     assert 0 < together["share"] < 1
-    assert np.array_equal(found.data.worst_margin >= 0, found.met.all(-1))
+    assert np.array_equal(found.worst_margin >= 0, found.met.all(-1))
     figure = found.plot()
     red = [one for one in figure.axes[0].collections if one.get_edgecolor().any()]
     assert red
