@@ -18,6 +18,7 @@ RECORDS = {
     "Damped": "damp.solve",
     "Export": "export.solve",
     "Modes": "modes.solve",
+    "Optimum": "optimise.optimum",
     "Response": "response.solve",
     "Thermal": "thermal.solve",
 }

@@ -11,6 +11,7 @@ from suspension_cli.analyses.check.solve import Check as Check
 from suspension_cli.analyses.damp.solve import Damped as Damped
 from suspension_cli.analyses.export.solve import Export as Export
 from suspension_cli.analyses.modes.solve import Modes as Modes
+from suspension_cli.analyses.optimise.optimum import Optimum as Optimum
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
@@ -431,7 +432,7 @@ def optimise(
     seed: int = 1,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Optimum:
     """Choose numbers of a design so that it meets goals.
 
     Parameters
@@ -451,9 +452,9 @@ def optimise(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...;
-        `design` is the design that was found, `given` the one from which the search started.
+    Optimum
+        With `design`, the one that was found (`run.design` is that from which the search started),
+        `met`, and the tables `numbers`, `limits`, `quantities`, `modes` and `starts`.
 
     Raises
     ------

@@ -6,7 +6,9 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import pickle
+import tempfile
 import typing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +31,14 @@ HANGING = (
     "upper_offset = [0.002, 0.0, 0.001]\n"
 )
 """A design whose pose, blade load and trimmed wire are found by balancing it."""
+GOALS = """
+requirement = [{ quantity = "test longitudinal", equals = 0.8 }]
+objective = [{ minimise = "stress test wires" }]
+free = [
+    { name = "stage.test.wires.l", lower = 0.1, upper = 1.0 },
+    { name = "stage.test.wires.radius", lower = 1e-4, upper = 3e-4 },
+]
+"""
 FEW = np.geomspace(0.3, 30, 40)
 PICTURES = {
     "budget": lambda: sus.budget(
@@ -43,6 +53,7 @@ PICTURES = {
     "damp": lambda: sus.damp(
         sus.example("triple-damped"), frequency=FEW, duration=5.0, fidelity="string"
     ),
+    "optimise": lambda: sus.optimise(sus.template("single"), written(GOALS), starts=2),
     "response": lambda: sus.response(
         sus.example("double"), inputs=["support.x", "upper.force_x"], frequency=FEW
     ),
@@ -58,6 +69,13 @@ PICTURES = {
 }
 """A result of each analysis that returns a record with pictures."""
 RECORDS = [getattr(sus, name) for name in sus.__all__ if name in sus.RECORDS]
+
+
+def written(text: str) -> Path:
+    """A file with this text."""
+    path = Path(tempfile.mkdtemp()) / "goals.toml"
+    path.write_text(text)
+    return path
 
 
 def refuse(*_: object, **__: object) -> None:
