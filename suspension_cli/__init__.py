@@ -17,6 +17,7 @@ RECORDS = {
     "Check": "check.solve",
     "Damped": "damp.solve",
     "Export": "export.solve",
+    "Fit": "fit.result",
     "Modes": "modes.solve",
     "Optimum": "optimise.optimum",
     "Response": "response.solve",

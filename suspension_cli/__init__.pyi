@@ -10,6 +10,7 @@ from suspension_cli.analyses.budget.solve import Budget as Budget
 from suspension_cli.analyses.check.solve import Check as Check
 from suspension_cli.analyses.damp.solve import Damped as Damped
 from suspension_cli.analyses.export.solve import Export as Export
+from suspension_cli.analyses.fit.result import Fit as Fit
 from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.optimise.optimum import Optimum as Optimum
 from suspension_cli.analyses.record import Record as Record
@@ -330,7 +331,7 @@ def fit(
     explain: bool = True,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Fit:
     """Fit numbers of designs to measured modes, quantities and transfer functions.
 
     Parameters
@@ -355,10 +356,10 @@ def fit(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...; for transfer functions `responses`. `design` is the fitted design (of
-        several experiments a list), `given` the one that was fitted.
+    Fit
+        With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
+        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
+        `run.design` the one as given.
 
     Raises
     ------

@@ -44,6 +44,12 @@ PICTURES = {
     "budget": lambda: sus.budget(
         sus.example("triple-damped"), ground=["nlnm"], frequency=FEW, arm=4000.0, mirrors=4.0
     ),
+    "fit of several designs": lambda: sus.fit(
+        ROOT / "measured" / "husman2000" / "table1.toml", fidelity="string"
+    ),
+    "fit of transfer functions": lambda: sus.fit(
+        MEASURED / "measured.toml", sus.read(MEASURED / "triple.toml"), explain=False
+    ),
     "modes": lambda: sus.modes(sus.example("quadruple"), fidelity="beam"),
     "modes of an imperfect design": lambda: sus.modes(sus.example("imperfect"), fidelity="string"),
     "modes of a design with natural lengths": lambda: sus.modes(
