@@ -15,6 +15,7 @@ from suspension_cli.version import __version__
 RECORDS = {
     "Budget": "budget.solve",
     "Check": "check.solve",
+    "Comparison": "compare.solve",
     "Damped": "damp.solve",
     "Export": "export.solve",
     "Fit": "fit.result",

@@ -8,6 +8,7 @@ from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
 from suspension_cli.analyses.budget.solve import Budget as Budget
 from suspension_cli.analyses.check.solve import Check as Check
+from suspension_cli.analyses.compare.solve import Comparison as Comparison
 from suspension_cli.analyses.damp.solve import Damped as Damped
 from suspension_cli.analyses.export.solve import Export as Export
 from suspension_cli.analyses.fit.result import Fit as Fit
@@ -114,7 +115,7 @@ def check(
     """
 
 def compare(
-    *items: Design | Result | PathLike,
+    *items: Design | Record | Result | PathLike,
     variants: Names = (),
     results: Names = (),
     inputs: Names = (),
@@ -123,12 +124,12 @@ def compare(
     frequency: Grid = '0.1:100:2000',
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Comparison:
     """Compare designs, results and measurements: modes, quantities, responses, noises.
 
     Parameters
     ----------
-    *items : Design | Result | PathLike
+    *items : Design | Record | Result | PathLike
         Two or more with the variants; files as of ``pendsus compare``. At least one has a design.
     variants : str or sequence of str
         Add the first design with other values, under a name.
@@ -150,9 +151,8 @@ def compare(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `quantities`, `overlay`.
+    Comparison
+        With `name`, `kind` and `models` of each item, `change`, `modes`, `quantities`, `overlay`.
 
     Raises
     ------

@@ -56,6 +56,15 @@ PICTURES = {
         sus.parse(HANGING), fidelity="string"
     ),
     "modes of wires": lambda: sus.modes(sus.example("husman2000/figure6"), max_frequency=300.0),
+    "compare": lambda: sus.compare(
+        sus.example("double"),
+        sus.example("double").replace({"stage.test.wires.d": 0.0005}),
+        inputs="support.x",
+        outputs="test.x",
+        noises="test.x",
+        results="stress test wires",
+        frequency=FEW,
+    ),
     "damp": lambda: sus.damp(
         sus.example("triple-damped"), frequency=FEW, duration=5.0, fidelity="string"
     ),
