@@ -23,6 +23,7 @@ RECORDS = {
     "Optimum": "optimise.optimum",
     "Response": "response.solve",
     "Thermal": "thermal.solve",
+    "Tradeoff": "tradeoff.measure",
 }
 """Modules below `analyses` of the records that analyses return, by the names of their classes."""
 __all__ = [

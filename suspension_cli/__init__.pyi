@@ -17,6 +17,7 @@ from suspension_cli.analyses.optimise.optimum import Optimum as Optimum
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
+from suspension_cli.analyses.tradeoff.measure import Tradeoff as Tradeoff
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str
@@ -847,7 +848,7 @@ def tradeoff(
     design: Design | PathLike,
     *,
     quantities: Names = (),
-) -> Result:
+) -> Tradeoff:
     """Measure time and error of each model for one design, and advise on a model.
 
     Parameters
@@ -859,9 +860,8 @@ def tradeoff(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`,
-        `choices`, `first_violin`.
+    Tradeoff
+        With `answers`, `entries`, `choices`, `first_violin`.
 
     Raises
     ------

@@ -81,6 +81,7 @@ PICTURES = {
     "thermal": lambda: sus.thermal(
         sus.example("geo-silica-triple"), outputs=["test.x", "test.pitch"], frequency=FEW
     ),
+    "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes"),
 }
 """A result of each analysis that returns a record with pictures."""
 RECORDS = [getattr(sus, name) for name in sus.__all__ if name in sus.RECORDS]
