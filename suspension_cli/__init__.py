@@ -15,16 +15,20 @@ from suspension_cli.version import __version__
 RECORDS = {
     "Budget": "budget.solve",
     "Check": "check.solve",
+    "Comparison": "compare.solve",
     "Coupling": "xcouple.solve",
     "CouplingMatrix": "xcouple.solve",
     "Damped": "damp.solve",
     "Export": "export.solve",
+    "Fit": "fit.result",
     "Modes": "modes.solve",
+    "Optimum": "optimise.optimum",
     "Response": "response.solve",
     "Sensitivity": "sensitivity.solve",
     "Sweep": "sweep.solve",
     "Thermal": "thermal.solve",
     "Tolerance": "tolerance.summary",
+    "Tradeoff": "tradeoff.measure",
 }
 """Modules below `analyses` of the records that analyses return, by the names of their classes."""
 __all__ = [

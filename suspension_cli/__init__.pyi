@@ -8,15 +8,19 @@ from suspension_cli import api, errors
 from suspension_cli.analyses.analysis import Result as Result
 from suspension_cli.analyses.budget.solve import Budget as Budget
 from suspension_cli.analyses.check.solve import Check as Check
+from suspension_cli.analyses.compare.solve import Comparison as Comparison
 from suspension_cli.analyses.damp.solve import Damped as Damped
 from suspension_cli.analyses.export.solve import Export as Export
+from suspension_cli.analyses.fit.result import Fit as Fit
 from suspension_cli.analyses.modes.solve import Modes as Modes
+from suspension_cli.analyses.optimise.optimum import Optimum as Optimum
 from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
 from suspension_cli.analyses.sweep.solve import Sweep as Sweep
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.analyses.tolerance.summary import Tolerance as Tolerance
+from suspension_cli.analyses.tradeoff.measure import Tradeoff as Tradeoff
 from suspension_cli.analyses.xcouple.solve import Coupling as Coupling
 from suspension_cli.analyses.xcouple.solve import CouplingMatrix as CouplingMatrix
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
@@ -117,7 +121,7 @@ def check(
     """
 
 def compare(
-    *items: Design | Result | PathLike,
+    *items: Design | Record | Result | PathLike,
     variants: Names = (),
     results: Names = (),
     inputs: Names = (),
@@ -126,12 +130,12 @@ def compare(
     frequency: Grid = '0.1:100:2000',
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Comparison:
     """Compare designs, results and measurements: modes, quantities, responses, noises.
 
     Parameters
     ----------
-    *items : Design | Result | PathLike
+    *items : Design | Record | Result | PathLike
         Two or more with the variants; files as of ``pendsus compare``. At least one has a design.
     variants : str or sequence of str
         Add the first design with other values, under a name.
@@ -153,9 +157,8 @@ def compare(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `quantities`, `overlay`.
+    Comparison
+        With `name`, `kind` and `models` of each item, `change`, `modes`, `quantities`, `overlay`.
 
     Raises
     ------
@@ -334,7 +337,7 @@ def fit(
     explain: bool = True,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Fit:
     """Fit numbers of designs to measured modes, quantities and transfer functions.
 
     Parameters
@@ -359,10 +362,10 @@ def fit(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...; for transfer functions `responses`. `design` is the fitted design (of
-        several experiments a list), `given` the one that was fitted.
+    Fit
+        With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
+        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
+        `run.design` the one as given.
 
     Raises
     ------
@@ -436,7 +439,7 @@ def optimise(
     seed: int = 1,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Optimum:
     """Choose numbers of a design so that it meets goals.
 
     Parameters
@@ -456,9 +459,9 @@ def optimise(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...;
-        `design` is the design that was found, `given` the one from which the search started.
+    Optimum
+        With `design`, the one that was found (`run.design` is that from which the search started),
+        `met`, and the tables `numbers`, `limits`, `quantities`, `modes` and `starts`.
 
     Raises
     ------
@@ -851,7 +854,7 @@ def tradeoff(
     design: Design | PathLike,
     *,
     quantities: Names = (),
-) -> Result:
+) -> Tradeoff:
     """Measure time and error of each model for one design, and advise on a model.
 
     Parameters
@@ -863,9 +866,8 @@ def tradeoff(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`,
-        `choices`, `first_violin`.
+    Tradeoff
+        With `answers`, `entries`, `choices`, `first_violin`.
 
     Raises
     ------

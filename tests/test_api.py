@@ -277,11 +277,11 @@ def test_the_design_of_an_optimisation_or_a_fit_is_the_one_found(tmp_path):
     )
     found = sus.optimise(design, goals, starts=1, fidelity="string")
     assert found.design["stage.test.wires.l"] == found.numbers.after[0] != found.numbers.before[0]
-    assert found.given == design
+    assert found.run.design == design
     again = sus.modes(found.design, fidelity="string")
     frequency = dict(zip(again.label, again.frequency, strict=True))
     assert frequency["test longitudinal"] == pytest.approx(0.8, rel=1e-6)
 
     fitted = sus.fit(FITTED, CONFIGS / "husman2000" / "table1-case4.toml", starts=1)
-    values = dict(zip(fitted.data.name, fitted.value, strict=True))
+    values = dict(zip(fitted.name, fitted.value, strict=True))
     assert all(fitted.design[path] == value for path, value in values.items())

@@ -17,7 +17,7 @@ from suspension_cli.design import DETECTORS
 from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.analyses.record import Presented
     from suspension_cli.design.reader import Source
 
 KINDS = ("single", "double", "triple", "quad", "blades")
@@ -216,7 +216,8 @@ def plot(
     folder = settings.folder(out) if out else None
     if together:
         results = [_compared(files)]
-        paths = [results[0].analysis.path(results[0], folder or Path(files[0]).parent)]
+        home = folder or Path(files[0]).parent
+        paths = [registry.get("compare").path(results[0], home)]
     else:
         results = []
         paths = [(folder or Path(file).parent) / Path(file).name for file in files]
@@ -224,7 +225,7 @@ def plot(
             with open_results(file) as stored:
                 results.append(registry.loaded(stored, file))
     for result, path in zip(results, paths, strict=True):
-        with reporting_damage(result.given.file, "run the analysis again"):
+        with reporting_damage(result.run.design.file, "run the analysis again"):
             with limited(*limits):
                 figures = result.figures() or {"": result.plot()}  # refused if there is none
             for figure in figures.values():
@@ -241,7 +242,7 @@ def plot(
             terminal.tell(f"wrote {one}")
 
 
-def _compared(files: tuple[str, ...]) -> Result:
+def _compared(files: tuple[str, ...]) -> Presented:
     """Compare stored results."""
     from suspension_cli.analyses.analysis import Log, Run
 

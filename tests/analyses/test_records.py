@@ -6,7 +6,9 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import pickle
+import tempfile
 import typing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,10 +31,24 @@ HANGING = (
     "upper_offset = [0.002, 0.0, 0.001]\n"
 )
 """A design whose pose, blade load and trimmed wire are found by balancing it."""
+GOALS = """
+requirement = [{ quantity = "test longitudinal", equals = 0.8 }]
+objective = [{ minimise = "stress test wires" }]
+free = [
+    { name = "stage.test.wires.l", lower = 0.1, upper = 1.0 },
+    { name = "stage.test.wires.radius", lower = 1e-4, upper = 3e-4 },
+]
+"""
 FEW = np.geomspace(0.3, 30, 40)
 PICTURES = {
     "budget": lambda: sus.budget(
         sus.example("triple-damped"), ground=["nlnm"], frequency=FEW, arm=4000.0, mirrors=4.0
+    ),
+    "fit of several designs": lambda: sus.fit(
+        ROOT / "measured" / "husman2000" / "table1.toml", fidelity="string"
+    ),
+    "fit of transfer functions": lambda: sus.fit(
+        MEASURED / "measured.toml", sus.read(MEASURED / "triple.toml"), explain=False
     ),
     "modes": lambda: sus.modes(sus.example("quadruple"), fidelity="beam"),
     "modes of an imperfect design": lambda: sus.modes(sus.example("imperfect"), fidelity="string"),
@@ -40,9 +56,19 @@ PICTURES = {
         sus.parse(HANGING), fidelity="string"
     ),
     "modes of wires": lambda: sus.modes(sus.example("husman2000/figure6"), max_frequency=300.0),
+    "compare": lambda: sus.compare(
+        sus.example("double"),
+        sus.example("double").replace({"stage.test.wires.d": 0.0005}),
+        inputs="support.x",
+        outputs="test.x",
+        noises="test.x",
+        results="stress test wires",
+        frequency=FEW,
+    ),
     "damp": lambda: sus.damp(
         sus.example("triple-damped"), frequency=FEW, duration=5.0, fidelity="string"
     ),
+    "optimise": lambda: sus.optimise(sus.template("single"), written(GOALS), starts=2),
     "response": lambda: sus.response(
         sus.example("double"), inputs=["support.x", "upper.force_x"], frequency=FEW
     ),
@@ -100,9 +126,17 @@ PICTURES = {
     "matrix of couplings": lambda: sus.xcouple(
         sus.example("imperfect"), matrix=True, fidelity="string"
     ),
+    "tradeoff": lambda: sus.tradeoff(sus.template("single"), quantities="modes"),
 }
 """A result of each analysis that returns a record with pictures."""
 RECORDS = [getattr(sus, name) for name in sus.__all__ if name in sus.RECORDS]
+
+
+def written(text: str) -> Path:
+    """A file with this text."""
+    path = Path(tempfile.mkdtemp()) / "goals.toml"
+    path.write_text(text)
+    return path
 
 
 def refuse(*_: object, **__: object) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import argument
 from suspension_cli.grids import end_points
 
@@ -51,9 +51,8 @@ class CompareAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `quantities`, `overlay`.
+    Comparison
+        With `name`, `kind` and `models` of each item, `change`, `modes`, `quantities`, `overlay`.
 
     Raises
     ------
@@ -76,7 +75,7 @@ class CompareAnalysis(Analysis):
     inputs = (
         options.Input(
             "*items",
-            "Design | Result | PathLike",
+            "Design | Record | Result | PathLike",
             "Two or more with the variants; files as of ``pendsus compare``. At least one has a"
             " design.",
         ),
@@ -114,90 +113,89 @@ class CompareAnalysis(Analysis):
 
         return items.read(ask, files["items"])
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Comparison:
         """Analyse the designs and compare all items."""
         from suspension_cli.analyses.compare import solve as compare
         from suspension_cli.files.hdf5 import reporting_damage
 
         items = run.inputs["items"]
         damage = contextlib.nullcontext()
-        if stored := " or ".join(item.result.given.file for item in items if item.result):
+        if stored := " or ".join(item.result.run.design.file for item in items if item.result):
             # whose numbers, unlike those of designs, nobody has checked
             damage = reporting_damage(stored, "run the analysis again")
         with damage:
-            found, choice = compare.solve(items, run)
+            found = compare.solve(self, items, run)
         opened = [i.name for i in items if i.run and i.source and i.source.design.control]
         if found.overlay and opened:
             run.log.say(
                 f"control loops of {', '.join(opened)} are open; for closed loops compare results"
                 " of pendsus response --closed-loop"
             )
-        return Result(self, run.source, choice, found, command=run.command)
+        return found
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Comparison) -> Document:
         """Return changed numbers, paired modes, quantities, and curves with ratios."""
-        found: Comparison = result.data
         document: Document = {
-            "designs": list(found.name),
+            "designs": list(result.name),
             "items": [
                 row | {"fidelity": row["fidelity"] or None}
-                for row in table(found, "name kind fidelity=model")
+                for row in table(result, "name kind fidelity=models")
             ],
             "changes": {
                 name: table(changes, "path before after")
-                for name, changes in zip(found.name, found.change, strict=True)
+                for name, changes in zip(result.name, result.change, strict=True)
                 if changes
             },
         }
-        if found.modes is not None:
-            document["modes"] = table(found.modes, "label frequency_hz=frequency q overlap")
-        if found.quantities is not None:
-            document["quantities"] = _list_quantities(found, found.quantities)
+        if result.modes is not None:
+            document["modes"] = table(result.modes, "label frequency_hz=frequency q overlap")
+        if result.quantities is not None:
+            document["quantities"] = _list_quantities(result, result.quantities)
         return document | {
-            "responses": [_overlay(found, one) for one in found.overlay if one.kind == "response"],
-            "noises": [_overlay(found, one) for one in found.overlay if one.kind == "noise"],
+            "responses": [
+                _overlay(result, one) for one in result.overlay if one.kind == "response"
+            ],
+            "noises": [_overlay(result, one) for one in result.overlay if one.kind == "noise"],
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Comparison) -> str:
         """Return models and what they neglect, changed numbers, modes, quantities and ratios."""
         from suspension_cli.models.registry import NOTHING
 
-        found: Comparison = result.data
-        choice = result.choice
-        kinds = zip(found.name, found.kind, found.model, strict=True)
+        choice = result.run.choice
+        kinds = zip(result.name, result.kind, result.models, strict=True)
         items = [f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds]
         neglected = choice.neglected or NOTHING * (choice.error == 0)
-        lines = ["; ".join(filter(None, (*items, neglected))), *_changes(found)]
-        if found.modes is not None:
-            lines += _pairs(found, found.modes)
-        if found.quantities is not None:
-            lines += _tabulate(found, found.quantities)
-        return "\n".join([*lines, *(row for one in found.overlay for row in _ratios(found, one))])
+        lines = ["; ".join(filter(None, (*items, neglected))), *_changes(result)]
+        if result.modes is not None:
+            lines += _pairs(result, result.modes)
+        if result.quantities is not None:
+            lines += _tabulate(result, result.quantities)
+        return "\n".join([*lines, *(row for one in result.overlay for row in _ratios(result, one))])
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Comparison, setting: Settings) -> dict[str, Figure]:
         """Draw changes of modes and of quantities, and responses and noises with their ratios."""
         import numpy as np
 
         from suspension_cli.analyses.compare import picture
 
-        found: Comparison = result.data
         figures = {}
-        if found.modes is not None:
-            figures[""] = picture.draw_modes(found, found.modes)
-        if found.quantities is not None and np.isfinite(found.quantities.change).any():
+        if result.modes is not None:
+            figures[""] = picture.draw_modes(result, result.modes)
+        if result.quantities is not None and np.isfinite(result.quantities.change).any():
             figures["-quantities" if figures else ""] = picture.draw_quantities(
-                found, found.quantities
+                result, result.quantities
             )
-        for overlay in found.overlay:
+        for overlay in result.overlay:
             stem = "-" + re.sub(r"[^A-Za-z0-9.]+", "-", overlay.name).strip("-")
-            figures[stem if figures else ""] = picture.draw_overlay(found, overlay)
+            figures[stem if figures else ""] = picture.draw_overlay(result, overlay)
         return figures
 
-    def path(self, result: Result, folder: Path) -> Path:
+    def path(self, result: Comparison, folder: Path) -> Path:
         """Path of the results file, named after the first two items."""
-        names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
+        names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
-        stem = result.given.stem(f"{names[0]}-and-{names[1]}{more}")
+        stem = result.run.design.stem(f"{names[0]}-and-{names[1]}{more}")
         return folder / f"{stem}-{self.stem}.h5"
 
 

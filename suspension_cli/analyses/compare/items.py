@@ -201,7 +201,6 @@ def _measured(responses: Sequence[MeasuredResponse]) -> dict[CurveName, tuple[Cu
 
 def curves_of(result: Any) -> dict[CurveName, tuple[Curve, str]]:
     """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
-    found = result.data
     curves: dict[CurveName, tuple[Curve, str]] = {}
 
     def add(
@@ -211,13 +210,13 @@ def curves_of(result: Any) -> dict[CurveName, tuple[Curve, str]]:
         curve = Curve(0, frequency, value + 0j, unknown, fine_frequency=more, fine=fine + 0j)
         curves[what] = curve, unit
 
-    if result.analysis.name == "response":
+    if result.run.analysis.name == "response":
         more, fine = result.curve
-        for o, out in enumerate(found.output):
-            for i, into in enumerate(found.input):
-                values = found.frequency, found.value[:, o, i], more, fine[:, o, i]
-                add(CurveName("response", out, into), found.unit[o][i], *values)
-    elif result.analysis.name == "thermal":
+        for o, out in enumerate(result.output):
+            for i, into in enumerate(result.input):
+                values = result.frequency, result.value[:, o, i], more, fine[:, o, i]
+                add(CurveName("response", out, into), result.unit[o][i], *values)
+    elif result.run.analysis.name == "thermal":
         for noise, fine in zip(result.motions, result.curves, strict=True):
             both = (values for one in (noise, fine) for values in (one.frequency, one.amplitude))
             add(CurveName("noise", noise.output, ""), f"{noise.unit}/sqrt(Hz)", *both)

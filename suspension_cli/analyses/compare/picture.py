@@ -179,4 +179,4 @@ def _refine(overlay: Overlay) -> list[Curve]:
 
 
 def _models(found: Comparison) -> str:
-    return ", ".join(f"{model} model" for model in sorted({*found.model} - {""}))
+    return ", ".join(f"{model} model" for model in sorted({*found.models} - {""}))

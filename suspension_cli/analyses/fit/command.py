@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Document, Log, Run, Settings
 from suspension_cli.analyses.options import argument, option
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, join_errors
 
 if TYPE_CHECKING:
+    import h5py
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.fit.result import Fit
+    from suspension_cli.analyses.fit.result import Fit, Fitted
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
@@ -40,10 +42,10 @@ class FitAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...; for transfer functions `responses`. `design` is the fitted design (of
-        several experiments a list), `given` the one that was fitted.
+    Fit
+        With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
+        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
+        `run.design` the one as given.
 
     Raises
     ------
@@ -132,10 +134,11 @@ class FitAnalysis(Analysis):
             inputs["functions"] = _weighted(functions, runs[0].setting["relative_uncertainty"])
         return dataclasses.replace(runs[0], inputs=inputs)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Fit:
         """Fit all designs together."""
         from suspension_cli.analyses.fit import findings
         from suspension_cli.analyses.fit import solve as fit
+        from suspension_cli.analyses.fit.result import Fit
         from suspension_cli.models import registry
         from suspension_cli.physics import model_choice
 
@@ -143,7 +146,7 @@ class FitAnalysis(Analysis):
         sources = [one.source for one in run.inputs["runs"]]
         file = run.inputs["file"]
         joint = given.experiment is not None
-        designs = [one.file for one in sources]
+        designs = tuple(one.file for one in sources)
         if not given.parameter:
             run.log.say(
                 "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
@@ -175,57 +178,60 @@ class FitAnalysis(Analysis):
         if run.setting.get("as_json", True):  # printed in the text
             for line in findings.first_lines(data):
                 run.log.warn(line)
-        stem = run.source.stem(name)
-        extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
-        return Result(self, run.source, choice, data, extra, command=run.command)
+        return Fit.extending(
+            data,
+            stem=run.source.stem(name),
+            joint=joint,
+            design_file=designs,
+            measured_file=str(file),
+            run=run.origin(self, choice),
+        )
 
-    def design_of(self, result: Result) -> Source | list[Source]:
-        """Return the fitted design, or those of several experiments."""
-        from suspension_cli.design import reader
+    def read_result(self, file: h5py.File, run: Origin, extra: Document) -> Fit:
+        """Read a result; files of earlier versions call the files of designs otherwise."""
+        files = {"design_file": extra.get("designs", [])}
+        return super().read_result(file, run, extra | files)
 
-        found = [reader.with_text(result.given, text) for text in result.data.design]
-        return found[0] if len(found) == 1 else found
-
-    def document(self, result: Result) -> Document:
+    def document(self, result: Fit) -> Document:
         """Return fitted parameters and modes; an uncertainty is null if infinite or at a bound."""
         from suspension_cli.analyses.fit import findings
 
-        found: Fit = result.data
-        return findings.document(found, result.extra.get("designs", [None] * len(found.experiment)))
+        files = result.design_file or [None] * len(result.experiment)
+        return findings.document(result, files)
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Fit) -> str:
         """Return fitted parameters, modes, and combinations that the data determine."""
         from suspension_cli.analyses.fit import findings
 
-        return f"{result.choice.line}\n\n{findings.report(result.data)}"
+        return f"{result.run.choice.line}\n\n{findings.report(result)}"
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Fit, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and fitted numbers."""
         from suspension_cli.analyses.fit import picture
 
-        title = f"{result.data.title} · {result.choice.level} model"
-        pages = {"": picture.draw(result.data, title)}
-        if result.data.responses is not None:
-            pages["-responses"] = picture.draw_responses(result.data.responses, title)
+        title = f"{result.title} · {result.run.model} model"
+        pages = {"": picture.draw(result, title)}
+        if result.responses is not None:
+            pages["-responses"] = picture.draw_responses(result.responses, title)
         return pages
 
-    def path(self, result: Result, folder: Path) -> Path:
+    def path(self, result: Fit, folder: Path) -> Path:
         """Return the path of the results file, named after the design or the measurements."""
-        return folder / f"{result.extra.get('stem', result.given.name)}-{self.stem}.h5"
+        return folder / f"{result.stem or result.run.name}-{self.stem}.h5"
 
-    def others(self, result: Result, path: Path) -> list[Path]:
+    def others(self, result: Fit, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
         from suspension_cli.analyses.fit import findings
         from suspension_cli.files.whole_files import write_bytes
 
-        extra = result.extra
         paths = []
-        measured = Path(extra["measured_file"]).name
-        pairs = zip(result.data.experiment, extra["designs"], strict=True)
+        command = result.run.command
+        measured = Path(result.measured_file).name
+        pairs = zip(result.experiment, result.design_file, strict=True)
         for n, (name, file) in enumerate(pairs):
-            stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
+            stem = f"{result.stem}-{name}" if result.joint else result.stem
             paths.append(path.with_name(f"{stem}-fitted.toml"))
-            made = findings.fitted_design(result.data, n, Path(file).name, measured, result.command)
+            made = findings.fitted_design(result, n, Path(file).name, measured, command)
             write_bytes(paths[-1], made.encode())
         return paths
 
@@ -322,7 +328,7 @@ def _designs(
     return runs
 
 
-def _warn(found: Fit, choice: Choice, log: Log) -> None:
+def _warn(found: Fitted, choice: Choice, log: Log) -> None:
     """Warn of numbers at bounds, negative stiffnesses, and implausible or unstable designs."""
     from suspension_cli.analyses.fit import findings
     from suspension_cli.design import reader
@@ -334,7 +340,7 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
             log.warn(f"{label} ends at its bound, so it has no uncertainty; widen the bound")
     for line in findings.negative_stiffnesses(found):
         log.warn(line)
-    for name, fitted in zip(found.experiment, found.design, strict=True):
+    for name, fitted in zip(found.experiment, found.toml, strict=True):
         design = reader.parse(fitted)
         near_limits.warn_implausible(design, log)
         grows = find_growth(design, choice.model, choice.model.system(design))

@@ -15,7 +15,7 @@ import numpy as np
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, table
 from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
-from suspension_cli.analyses.fit.result import SAME, Candidate, Fit, ResponseFit
+from suspension_cli.analyses.fit.result import SAME, Candidate, Fitted, ResponseFit
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import escape_unprintable
@@ -78,7 +78,7 @@ def short(name: str) -> str:
     return ".".join(keys)
 
 
-def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
+def describe(problem: Problem, slope: Array, fitted: Fitted) -> tuple[str, ...]:
     """Say which parameters the data determine without priors, one statement per line."""
     p = problem.count
     free = np.isinf(fitted.prior_sigma)
@@ -229,7 +229,7 @@ def next_measurements(
     return problem.free[least[chosen]].name, tuple(best.values())
 
 
-def first_lines(found: Fit) -> list[str]:
+def first_lines(found: Fitted) -> list[str]:
     """Return lines on a misfit, on wrong channels, and on values far from their priors."""
     lines = []
     if found.unlikely:
@@ -265,7 +265,7 @@ def first_lines(found: Fit) -> list[str]:
     return lines
 
 
-def _remedy(found: Fit) -> str:
+def _remedy(found: Fitted) -> str:
     """Say what may remove a misfit."""
     if found.exchange is None:
         channels = ", or give channels gain_uncertainty or mix_uncertainty"
@@ -280,7 +280,7 @@ def _remedy(found: Fit) -> str:
     )
 
 
-def report(found: Fit) -> str:
+def report(found: Fitted) -> str:
     """Return the text below the line on the model."""
     responses = found.responses
     parts = [first_lines(found), [_parameters(found)]]
@@ -303,7 +303,7 @@ def report(found: Fit) -> str:
     return "\n\n".join("\n".join(lines) for lines in [*parts, [end]] if lines)
 
 
-def format_uncertainty(found: Fit, n: int) -> str:
+def format_uncertainty(found: Fitted, n: int) -> str:
     """Format the standard deviation of parameter n, or say why there is none."""
     if found.at_bound[n]:
         return "at its bound"
@@ -311,7 +311,7 @@ def format_uncertainty(found: Fit, n: int) -> str:
     return f"+- {sigma:.2g}" if math.isfinite(sigma) else "not determined by these data"
 
 
-def negative_stiffnesses(found: Fit) -> list[str]:
+def negative_stiffnesses(found: Fitted) -> list[str]:
     """Describe stiffnesses that become negative in the fit."""
     lines = []
     rows = zip(found.name, found.parameters, found.value, found.start, strict=True)
@@ -345,21 +345,21 @@ def _unit_of_stiffness(name: str) -> str:
     return unit_of(name) or "N/m"
 
 
-def _parameters(found: Fit) -> str:
+def _parameters(found: Fitted) -> str:
     sigmas = [format_uncertainty(found, n) for n in range(len(found.name))]
     numbers = found.parameter_unit, found.start, found.value
     columns = {"parameter": "", "unit": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}
     return tables.render(columns, zip(found.parameters, *numbers, sigmas, strict=True))
 
 
-def _modes(found: Fit) -> str:
+def _modes(found: Fitted) -> str:
     columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
     columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
     numbers = found.measured, found.uncertainty, found.before, found.after, found.residual
     return tables.render(columns, zip(*numbers, found.modes, strict=True))
 
 
-def _quantities(found: Fit) -> str:
+def _quantities(found: Fitted) -> str:
     columns = {"measured": ".5g", "+-": ".2g", "before": ".5g", "after": ".5g"}
     columns |= {"unit": "", "residual": "+.2f", "quantity": ""}
     rows = []
@@ -417,7 +417,7 @@ def _worst(columns: dict[str, str], rows: list, by: np.ndarray, more: str) -> st
     return text + (f"\nand {len(rows) - LINES} {more}" if len(rows) > LINES else "")
 
 
-def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
+def _explanations(found: Fitted, responses: ResponseFit) -> list[str]:
     """List the single changes that explain the measurements."""
     before = responses.chi_squared_before
     if not math.isfinite(before):
@@ -439,7 +439,7 @@ def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
     return lines
 
 
-def _next(found: Fit, responses: ResponseFit) -> list[str]:
+def _next(found: Fitted, responses: ResponseFit) -> list[str]:
     """List the measurements that would determine the least known parameter."""
     n = found.name.index(responses.least)
     unit, factor = change_unit(responses.least, float(found.value[n]))
@@ -452,7 +452,7 @@ def _next(found: Fit, responses: ResponseFit) -> list[str]:
     ]
 
 
-def fitted_design(found: Fit, number: int, file: str, measured: str, command: str) -> str:
+def fitted_design(found: Fitted, number: int, file: str, measured: str, command: str) -> str:
     """Return the fitted design of an experiment (from 0), headed by comments on its origin."""
     others = ", ".join(name for n, name in enumerate(found.experiment) if n != number)
     together = f" together with {others}" if others else ""
@@ -467,10 +467,10 @@ def fitted_design(found: Fit, number: int, file: str, measured: str, command: st
         value = f"{float(found.value[n])!r}{', ' if sigma.startswith('not') else ' '}{sigma}"
         head.append(f"  {found.name[n]} = {value}, from {found.start[n]:.6g}")
     lines = "".join(f"# {escape_unprintable(line)}\n" for line in head)
-    return f"{lines}\n{found.design[number]}"
+    return f"{lines}\n{found.toml[number]}"
 
 
-def document(found: Fit, files: Sequence[str | None]) -> Document:
+def document(found: Fitted, files: Sequence[str | None]) -> Document:
     """Return the JSON document; an uncertainty is null if it is infinite or at a bound."""
     who = np.array(found.experiment)
     parameters = table(found, "name start value sigma prior prior_sigma at_bound")

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.fit.findings import short
-from suspension_cli.analyses.fit.result import Fit, ResponseFit
+from suspension_cli.analyses.fit.result import Fitted, ResponseFit
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
@@ -33,7 +33,7 @@ SHOWN = 6
 """Most functions that are drawn."""
 
 
-def draw(found: Fit, title: str) -> Figure:
+def draw(found: Fitted, title: str) -> Figure:
     """Draw the figure of `pendsus fit`.
 
     Residuals are those of modes and quantities; else those of resonances read off the peaks of
@@ -55,7 +55,7 @@ def draw(found: Fit, title: str) -> Figure:
     return panels.draw(f"MISFIT: {said}" if found.misfit else said, title, shown)
 
 
-def _data(found: Fit) -> str:
+def _data(found: Fitted) -> str:
     """Count the modes, quantities and functions that were measured."""
     what = []
     if found.label:
@@ -68,7 +68,7 @@ def _data(found: Fit) -> str:
     return " and ".join(what) + several
 
 
-def _residuals(found: Fit, verdict: str) -> Panel:
+def _residuals(found: Fitted, verdict: str) -> Panel:
     """Make the panel of modes and quantities, or of resonances of transfer functions."""
     source = "measured"
     if found.label or found.quantity or found.responses is None:
@@ -100,7 +100,7 @@ def _count(count: int, thing: str, things: str = "") -> str:
     return f"1 {thing}" if count == 1 else f"{count} {things or thing + 's'}"
 
 
-def _name(found: Fit, n: int) -> str:
+def _name(found: Fitted, n: int) -> str:
     """Shorten the path of a number; its first experiment follows unless all share it."""
     whose = np.array(found.experiment)[found.shared[n]]
     who = f" ({whose[0]}{' …' if len(whose) > 1 else ''})"
@@ -126,7 +126,7 @@ def _rows(
     )  # fmt: skip
 
 
-def _number(found: Fit, n: int) -> str:
+def _number(found: Fitted, n: int) -> str:
     """Write a fitted number with its standard deviation, rounded to two digits of that."""
     unit, factor = displayed_unit(found.name[n], float(found.value[n]))
     value = factor * float(found.value[n])

@@ -32,7 +32,7 @@ from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import findings, missing_links, start
 from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.result import Exchange, Fit, ResponseFit, is_unlikely
+from suspension_cli.analyses.fit.result import Exchange, Fitted, ResponseFit, is_unlikely
 from suspension_cli.analyses.fit.search import Search, search
 from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.conventions import GROUND
@@ -68,7 +68,7 @@ def solve(
     seed: int = 1,
     explain: bool = True,
     tell: Progress | None = None,
-) -> Fit:
+) -> Fitted:
     """Fit parameters of designs to measured modes and quantities, of one to transfer functions.
 
     `texts` are the designs (TOML) and `files` their files, for errors; `level` is a model that
@@ -214,7 +214,7 @@ def _find_exchange(found: Solution) -> Exchange | None:
     return best if worthy else None
 
 
-def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> Fit:
+def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> Fitted:
     """Collect the result of a fit. Parameters at a bound have NaN in the covariance."""
     problem = found.problem
     p = problem.count
@@ -236,7 +236,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
         direction = direction * np.where(largest < 0, -1.0, 1.0)[:, None]
     names = zip(measured.names, every, strict=True)
-    result = Fit(
+    result = Fitted(
         experiment=tuple(name or reader.parse(one.text).design.name for name, one in names),
         name=tuple(item.name for item in problem.free),
         shared=problem.shared,
@@ -265,7 +265,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         freedom=freedom,
         singular=singular,
         direction=direction,
-        design=tuple(reader.write_toml(build.document) for build in builds),
+        toml=tuple(reader.write_toml(build.document) for build in builds),
         design_before=(),
         ends=ends,
     )

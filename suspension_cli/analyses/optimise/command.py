@@ -15,7 +15,6 @@ from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
     Log,
-    Result,
     Run,
     Settings,
     table,
@@ -25,8 +24,7 @@ from suspension_cli.analyses.options import argument, option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.optimise.optimum import Optimum
-    from suspension_cli.design.reader import Source
+    from suspension_cli.analyses.optimise.optimum import Found, Optimum
 
 COLUMNS = {
     "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
@@ -57,9 +55,9 @@ class OptimiseAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...;
-        `design` is the design that was found, `given` the one from which the search started.
+    Optimum
+        With `design`, the one that was found (`run.design` is that from which the search started),
+        `met`, and the tables `numbers`, `limits`, `quantities`, `modes` and `starts`.
 
     Raises
     ------
@@ -116,9 +114,10 @@ class OptimiseAnalysis(Analysis):
         inputs = {"file": file, "text": text, "goals": goals.read(file, text)}
         return replace(run, inputs=inputs)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Optimum:
         """Search for a design, and check it."""
         from suspension_cli.analyses.optimise import solve as optimise
+        from suspension_cli.analyses.optimise.optimum import Optimum
         from suspension_cli.errors import InputError
         from suspension_cli.models.registry import Choice
 
@@ -137,85 +136,78 @@ class OptimiseAnalysis(Analysis):
         choice = Choice(found.fidelity, found.reason, found.error)
         run.log.detail(f"search and check of {run.name}: {choice.line}")
         _warn(found, run.log)
-        data = replace(found, goals=run.inputs["text"])
-        return Result(self, run.source, choice, data, {"goals_file": file}, command=run.command)
+        found = replace(found, goals=run.inputs["text"])
+        return Optimum.extending(found, goals_file=str(file), run=run.origin(self, choice))
 
-    def design_of(self, result: Result) -> Source:
-        """Return the design that was found."""
-        from suspension_cli.design import reader
-
-        return reader.with_text(result.given, result.data.design)
-
-    def document(self, result: Result) -> Document:
+    def document(self, result: Optimum) -> Document:
         """Return numbers, limits, quantities and modes; null where there is none."""
-        found: Optimum = result.data
         numbers, limits, quantities, modes, starts = (
-            table(getattr(found, name), columns) for name, columns in COLUMNS.items()
+            table(getattr(result, name), columns) for name, columns in COLUMNS.items()
         )
         for row in numbers:
             row["at_bound"] = BOUNDS[row["at_bound"] + 1] or None
         return {
-            "checked_on": found.fidelity,
-            "estimated_error": found.error,
-            "goals_met": found.met,
+            "checked_on": result.fidelity,
+            "estimated_error": result.error,
+            "goals_met": result.met,
             "parameters": numbers,
             "limits": limits,
             "quantities": quantities,
-            "unknown": list(found.unknown),
-            "remarks": list(found.remarks),
+            "unknown": list(result.unknown),
+            "remarks": list(result.remarks),
             "modes": modes,
             "starts": starts,
-            "objective": found.objective,
-            "stationarity": found.stationarity,
+            "objective": result.objective,
+            "stationarity": result.stationarity,
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Optimum) -> str:
         """Return parameters, goals with their limits, and the ends of the searches."""
-        found: Optimum = result.data
-        numbers = found.numbers
+        numbers = result.numbers
         remarks = (
             f"{'dependent ' * bool(tied)}{f'at its {BOUNDS[bound + 1]} bound' * bool(bound)}"
             for tied, bound in zip(numbers.tied, numbers.bound, strict=True)
         )
         columns = {"parameter": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
         rows = zip(numbers.name, numbers.unit, numbers.before, numbers.after, remarks, strict=True)
-        lines = [result.choice.line, "", tables.render(columns, rows), ""]
+        lines = [result.run.choice.line, "", tables.render(columns, rows), ""]
         columns = {"goal": "", "before": ".4g", "after": ".4g", "margin\n%": "+.3g", "": ""}
-        lines += [tables.render(columns | {"limit": ""}, [*_goals(found)])]
-        lines += [f"  UNKNOWN  {what}" for what in found.unknown]
-        return "\n".join([*lines, "", *_verdict(found)])
+        lines += [tables.render(columns | {"limit": ""}, [*_goals(result)])]
+        lines += [f"  UNKNOWN  {what}" for what in result.unknown]
+        return "\n".join([*lines, "", *_verdict(result)])
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Optimum, setting: Settings) -> dict[str, Figure]:
         """Draw modes and limits before and after."""
         from suspension_cli.analyses.optimise import picture
 
-        return {"": picture.draw(result.data, result.subtitle)}
+        return {"": picture.draw(result, result.subtitle)}
 
-    def others(self, result: Result, path: Path) -> list[Path]:
+    def others(self, result: Optimum, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml, with its origin and the text."""
         from suspension_cli.errors import escape_unprintable
         from suspension_cli.files.whole_files import write_bytes
         from suspension_cli.version import __version__
 
-        made = path.with_name(f"{result.given.stem()}-optimised.toml")
-        file, goals = Path(result.given.file).name, Path(result.extra.get("goals_file", "")).name
-        head = f"{file}, optimised for {goals or 'goals'} by pendsus {__version__}:"
-        lines = [head, f"  {result.command}", *str(result).splitlines()]
+        start = result.run.design
+        made = path.with_name(f"{start.stem()}-optimised.toml")
+        goals = Path(result.goals_file).name or "goals"
+        head = f"{Path(start.file).name}, optimised for {goals} by pendsus {__version__}:"
+        lines = [head, f"  {result.run.command}", *str(result).splitlines()]
         comments = "".join(f"# {escape_unprintable(line)}".rstrip() + "\n" for line in lines)
-        write_bytes(made, f"{comments}\n{result.data.design}".encode())
+        write_bytes(made, f"{comments}\n{result.toml}".encode())
         return [made]
 
-    def exit_code(self, result: Result) -> int:
+    def exit_code(self, result: Optimum) -> int:
         """Return 1 if a limit is not met."""
-        return 0 if result.data.met else 1
+        return 0 if result.met else 1
 
 
-def _warn(found: Optimum, log: Log) -> None:
+def _warn(found: Found, log: Log) -> None:
     """Warn of couplings that are 0, and of an unstable design."""
     from suspension_cli.design import reader
     from suspension_cli.physics import near_limits
 
-    near_limits.warn_implausible(reader.parse(found.design), log)
+    near_limits.warn_implausible(reader.parse(found.toml), log)
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             problem = "is 0 by the symmetry of the design, whatever its numbers are"

@@ -1,4 +1,4 @@
-"""Result of `pendsus optimise` as plain arrays, and its assembly from a design found."""
+"""Result of `pendsus optimise`: the design found, and its numbers, limits and modes as arrays."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
+from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
-from suspension_cli.files.declared import ATTRIBUTE, along, derived, in_unit, scale_of
+from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit, scale_of
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
+
+    from suspension_cli.design.reader import Source
 
 HERTZ = in_unit("Hz")
 SI = in_unit("{unit}")
@@ -161,15 +165,29 @@ class Starts:
     place: Int[np.ndarray, " start"]
 
 
-@dataclass(frozen=True)
-class Optimum:
+@dataclass(frozen=True, eq=False)
+class Found:
     """A design optimised to meet goals.
 
-    `unknown` are requested quantities that are unknown, with the keys that the design lacks;
-    `objective` describes what was minimised, `stationarity` is that of `solve.Search.multipliers`.
-    `fidelity`, `reason` and `error` are the model of the modes, why, and its estimated relative
-    error; `design` is the optimised design as TOML, `goals` the text of the file of goals;
-    `remarks` say which modes share a motion in it.
+    Attributes
+    ----------
+    numbers, quantities, limits, modes, starts
+        Tables: free and dependent numbers, quantities of goals, limits on them, all modes, and the
+        starts of the search.
+    unknown
+        Requested quantities that are unknown, with the keys that the design lacks.
+    objective
+        What was minimised, in words.
+    stationarity
+        That of `search.Search.multipliers`.
+    fidelity, reason, error
+        Model of search and check, why, and its estimated relative error.
+    toml
+        The optimised design.
+    goals
+        Text of the file of goals.
+    remarks
+        Which modes share a motion in the optimised design.
     """
 
     numbers: Numbers
@@ -183,7 +201,7 @@ class Optimum:
     fidelity: str
     reason: str
     error: float
-    design: str
+    toml: str = field(metadata=in_unit("", name="design"))
     goals: str = ""
     remarks: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE)
 
@@ -198,3 +216,21 @@ class Optimum:
         """Models with which the quantities were computed, in words."""
         levels = sorted({level for level in self.quantities.model if level} or {self.fidelity})
         return f"checked with the {' and '.join(levels)} model{'s' * (len(levels) > 1)}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimum(Record, Found):
+    """A design optimised to meet goals, and the run; `run.design` is where the search started.
+
+    Attributes
+    ----------
+    goals_file
+        Path of the file of goals.
+    """
+
+    goals_file: str = field(default="", metadata=ADDED)
+
+    @property
+    def design(self) -> Source:
+        """The design that was found."""
+        return reader.with_text(self.run.design, self.toml)

@@ -25,10 +25,10 @@ from suspension_cli.analyses.optimise.evaluator import Evaluator, Report
 from suspension_cli.analyses.optimise.free_numbers import FreeDesign
 from suspension_cli.analyses.optimise.optimum import (
     EQUAL,
+    Found,
     Limits,
     ModeTable,
     Numbers,
-    Optimum,
     Quantities,
     Starts,
 )
@@ -69,7 +69,7 @@ def solve(
     seed: int = 1,
     tolerance: float = TOLERANCE,
     report: Progress | None = None,
-) -> Optimum:
+) -> Found:
     """Optimise the free numbers of a design to meet goals.
 
     `level` is the model of all quantities that need no more complete one, or ``auto``, which may
@@ -199,7 +199,7 @@ def _starts(begins: Sequence[Point | None], ends: Sequence[Point | None]) -> Sta
     )
 
 
-def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> Optimum:
+def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> Found:
     """Assemble the result of a search from its best point."""
     evaluator = search.evaluator
     freed = search.freed
@@ -208,7 +208,7 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
     old = evaluator.report(freed.design(freed.begin))
     new = evaluator.report(freed.design(best.fraction))
     quantities = [target.quantity for target in targets.target]
-    return Optimum(
+    return Found(
         numbers=_numbers(freed, best, bound_gain.sum(0)),
         quantities=Quantities(
             name=tuple(target.text for target in targets.target),
@@ -228,7 +228,7 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> O
         fidelity=chosen.level,
         reason=chosen.reason,
         error=chosen.error,
-        design=freed.toml(best.fraction),
+        toml=freed.toml(best.fraction),
         remarks=new.remarks,
     )
 

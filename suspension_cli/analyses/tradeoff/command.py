@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -32,9 +32,8 @@ class TradeoffAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`,
-        `choices`, `first_violin`.
+    Tradeoff
+        With `answers`, `entries`, `choices`, `first_violin`.
 
     Raises
     ------
@@ -68,9 +67,9 @@ class TradeoffAnalysis(Analysis):
         *(one for one in options.WRITING if one is not options.FIDELITY),
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Tradeoff:
         """Measure every model."""
-        from suspension_cli.analyses.tradeoff.measure import measure
+        from suspension_cli.analyses.tradeoff.measure import Tradeoff, measure
         from suspension_cli.models.registry import Choice
         from suspension_cli.physics import near_limits
 
@@ -83,13 +82,12 @@ class TradeoffAnalysis(Analysis):
             )
         near_limits.warn_implausible(run.design, run.log)
         choice = Choice("all", "every valid model is compared")
-        return Result(self, run.source, choice, found, command=run.command)
+        return Tradeoff.extending(found, run=run.origin(self, choice))
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Tradeoff) -> Document:
         """Return times, errors, advice and the choice of ``auto`` by question."""
-        found: Tradeoff = result.data
         questions = []
-        for answer in found.answers:
+        for answer in result.answers:
             auto = answer.automatic
             question: Document = {
                 "quantity": answer.entries[0].quantity,
@@ -106,27 +104,28 @@ class TradeoffAnalysis(Analysis):
                     "estimated_error": auto.error,
                 }
             questions.append(question)
-        return {"first_violin_hz": found.first_violin, "questions": questions}
+        return {"first_violin_hz": result.first_violin, "questions": questions}
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Tradeoff) -> str:
         """Return the advice for each question, all times and errors, and what ``auto`` takes."""
-        found: Tradeoff = result.data
-        heads = {"question": "", f"fastest model {found.within}": ""}
-        advice = [(answer.question, answer.advice) for answer in found.answers]
-        reasons = (f"{one.model} left out: {one.left_out}" for one in found.entries if one.left_out)
+        heads = {"question": "", f"fastest model {result.within}": ""}
+        advice = [(answer.question, answer.advice) for answer in result.answers]
+        reasons = (
+            f"{one.model} left out: {one.left_out}" for one in result.entries if one.left_out
+        )
         parts = [
             tables.render(heads, advice),
-            _times_and_errors(found),
+            _times_and_errors(result),
             "\n".join(dict.fromkeys(reasons)),
-            _choices(found),
+            _choices(result),
         ]
         return "\n\n".join(part for part in parts if part)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Tradeoff, setting: Settings) -> dict[str, Figure]:
         """Draw error against time, a chart per question."""
         from suspension_cli.analyses.tradeoff import measure
 
-        return {"": measure.draw(result.data, result.given.title)}
+        return {"": measure.draw(result, result.run.title)}
 
 
 def _times_and_errors(found: Tradeoff) -> str:

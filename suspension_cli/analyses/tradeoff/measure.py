@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses import settings
 from suspension_cli.analyses.options import MOST_WIRE_MODES
+from suspension_cli.analyses.record import Record
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.imperfections import swept
 from suspension_cli.design.reader import Source
@@ -166,8 +167,8 @@ class Answer:
         return f"Use {best.model}: {why}."
 
 
-@dataclass(frozen=True)
-class Tradeoff:
+@dataclass(frozen=True, eq=False)
+class Measured:
     """Times and errors of all models for all questions about a design.
 
     `choices` are those of ``--fidelity auto``. `first_violin` is the lowest first violin mode, Hz;
@@ -192,6 +193,11 @@ class Tradeoff:
         """Tolerance and reference of the advice: ``within 0.1 % of violin``."""
         names = dict.fromkeys(answer.reference for answer in self.answers if answer.reference)
         return f"within {percent(TOLERANCE)} of {' or '.join(names)}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tradeoff(Record, Measured):
+    """Times and errors of all models for all questions about a design, and the run."""
 
 
 @dataclass(frozen=True)
@@ -351,7 +357,7 @@ def measure(
     source: Source,
     quantities: Sequence[str] = (),
     report: Callable[[int, int], None] = lambda *_: None,
-) -> Tradeoff:
+) -> Measured:
     """Measure all models for some quantities of a design (default: all).
 
     `report` is called with the numbers of answered and all questions. Raises `InputError` if the
@@ -368,7 +374,7 @@ def measure(
             choices += _choose(question.text, question.choose)
     report(len(questions), len(questions))
     complete = registry.most_complete(source.design).system(source.design)
-    return Tradeoff(tuple(entries), tuple(choices), first_violin(complete))
+    return Measured(tuple(entries), tuple(choices), first_violin(complete))
 
 
 def _choose(question: str, choose: Callable[[], Choice]) -> list[Automatic]:
@@ -455,7 +461,7 @@ def format_time(seconds: float) -> str:
     return f"{float(f'{seconds / size:.2g}'):g} {unit}"
 
 
-def draw(found: Tradeoff, title: str) -> Figure:
+def draw(found: Measured, title: str) -> Figure:
     """Draw error against time of the models, a chart per question, with the advice."""
     shown: list[Panel] = []
     notes: list[str] = []

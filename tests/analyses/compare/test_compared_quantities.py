@@ -242,7 +242,7 @@ def test_one_model_for_all_designs():
     design = sus.example("double")
     longer = design.replace({"stage.test.wires.l": 0.3, "design.name": "longer"})
     found = sus.compare(design, longer, results=["test.x/support.x:300"])
-    assert set(found.data.model) == {"violin"}
+    assert set(found.models) == {"violin"}
     assert found.estimated_error < 1e-3
     exact = sus.response(longer, inputs="support.x", outputs="test.x", frequency=300.0)
     value = abs(complex(exact.value.ravel()[0]))

@@ -60,7 +60,7 @@ def test_shared_and_own_numbers_are_found():
     assert found.parameters == (E, f"{FRAME} (e0)", f"{FRAME} (e1)")
     assert found.freedom == 9 and found.chi_squared < 1e-10
     assert [
-        tomllib.loads(text)["support"]["stiffness"]["z"] for text in found.design
+        tomllib.loads(text)["support"]["stiffness"]["z"] for text in found.toml
     ] == pytest.approx(truth[1:], rel=1e-7)
 
 

@@ -127,7 +127,7 @@ def test_each_kind_is_a_requirement(pattern):
     side = "at_least" if end > start else "at_most"
     found = solve(text, number, requirement=[QuantityRequirement(quantity=name, **{side: limit})])
     assert found.met
-    again = evaluated(found.design, name)
+    again = evaluated(found.toml, name)
     assert found.quantities.after[0] == pytest.approx(again, rel=1e-6)
     assert abs(again) == pytest.approx(limit, rel=1e-5)
     assert found.limits.active.all()
@@ -225,7 +225,7 @@ def test_thermal_noise_is_that_of_thermal_on_the_design_found():
     bounce = before.frequency[list(before.label).index("test vertical")]
     assert found.numbers.after[0] == pytest.approx(1e-4 * 15.0 / bounce, rel=1e-3)
     how = {"outputs": ["test.x"], "frequency": [30.0], "fidelity": "beam"}
-    quiet = sus.thermal(sus.parse(found.design), **how).amplitude[0]
+    quiet = sus.thermal(sus.parse(found.toml), **how).amplitude[0]
     assert found.quantities.after[1] == pytest.approx(quiet, rel=1e-9)
     assert quiet < 0.9 * sus.thermal(design, **how).amplitude[0]
 

@@ -140,7 +140,7 @@ def test_ties_hold_to_the_last_bit():
     found = solved(
         TEXTS["double"], [Goal(kind="band", dof=["x"], lowest=1, minimise=True)], numbers, ties
     )
-    design = reader.parse(found.design)
+    design = reader.parse(found.toml)
     upper, test = design.stage
     assert test.wires.l == 0.7 + -1.0 * upper.wires.l
     assert upper.body.mass == -0.3 + (1.1 * test.body.mass + 1e3 * upper.wires.radius)
@@ -152,7 +152,7 @@ def test_modes_are_followed_by_their_shapes_through_crossings():
     """Tilt of Figure 3 lies above the longitudinal mode as drawn; below it, it is still tilt."""
     found = solved(FIGURE3, [band("test pitch", at_most=0.9)], [free("s", 1e-4, 0.05, scale="log")])
     assert found.met and found.quantities.before[0] > 5
-    again = eigenmodes.solve(registry.STRING.system(reader.parse(found.design)))
+    again = eigenmodes.solve(registry.STRING.system(reader.parse(found.toml)))
     assert again.label[found.quantities.mode[0]] == "test pitch"
     assert again.frequency[found.quantities.mode[0]] <= 0.9 < 1.1 < again.of("x")[0]
 
@@ -169,7 +169,7 @@ def test_through_an_exchange_of_character(start, limit, level):
     found = solved(text, [band("test pitch", **limit)], [free("d", lowest, 3e-3)], level=level)
     assert found.met
     assert not found.remarks
-    table = sus.modes(sus.parse(found.design), fidelity=found.fidelity)
+    table = sus.modes(sus.parse(found.toml), fidelity=found.fidelity)
     frequency = table.frequency[table.label.index("test pitch")]
     assert table.label.count("test pitch") == 1
     assert frequency == pytest.approx(next(iter(limit.values())), rel=1e-5)
@@ -204,7 +204,7 @@ def test_modes_lie_apart():
         tie = [Equal(name=f"{WIRES}.t2", terms={f"{WIRES}.t1": 1.0})]
         near = [free("l", 0.1, 1.0, start=0.3), numbers[1], free("t1", 0.01, 0.2, start=0.07)]
         found = solved(text, [limit], near, tie)
-        model = registry.STRING.system(reader.parse(found.design))
+        model = registry.STRING.system(reader.parse(found.toml))
         ranked = sorted(
             f
             for mode, f in zip(
