@@ -166,8 +166,18 @@ def test_coupling_over_frequency_is_that_of_the_worst_build_at_each():
     """And the headline is the highest point of its curve."""
     ratio = np.array([[1.0, 9.0, 1.0], [3.0, 2.0, 4.0], [2.0, 3.0, np.nan]]) + 0j
     axes = (Axis("k", (0.9, 1.0, 1.1)),)
+    origin = sus.check(sus.template("single")).run
     found = Coupling(
-        axes, np.array([1.0, 2.0, 4.0]), ratio, np.zeros(3), "test.1", "", "z", "a.x", "a.z"
+        axes,
+        np.array([1.0, 2.0, 4.0]),
+        ratio,
+        np.zeros(3),
+        "test.1",
+        "",
+        "z",
+        "a.x",
+        "a.z",
+        run=origin,
     )
     figure = draw_coupling(found, "Made up")
     worst, median = figure.axes[0].lines[:2]

@@ -335,7 +335,7 @@ class Sweep(Record):
     at_least, at_most, of_magnitude
         Their limits, infinite where there is none, and whether these are limits of the magnitude.
     interpolation
-        At how many points a map was computed, and how well it was checked; empty if at all.
+        At how many points a map was computed, and how well it was checked; None if at all.
     margin, met
         Distance of each point from the nearer limit (`requirements.Requirement.margin`), and
         whether it meets it; points without a value do not.
@@ -382,7 +382,7 @@ class Sweep(Record):
     )
     of_magnitude: Bool[np.ndarray, " required"] | None = None
     margin: Float[np.ndarray, "*axes required"] | None = None
-    interpolation: str = field(default="", metadata=ATTRIBUTE)
+    interpolation: str | None = field(default=None, metadata=ATTRIBUTE)
     met: Bool[np.ndarray, "*axes required"] | None = None
 
     def content(self, name: str) -> Content | None:

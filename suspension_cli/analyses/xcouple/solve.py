@@ -182,7 +182,7 @@ class Coupling(Record):
     residual, slack_wire
         As in `studies.builds.Builds`; the residual is NaN in interpolated maps.
     interpolation
-        At how many points a map was computed, and how well it was checked; empty if at all.
+        At how many points a map was computed, and how well it was checked; None if at all.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -202,7 +202,7 @@ class Coupling(Record):
         default=None, metadata=in_unit("", name="under")
     )
     residual: Float[np.ndarray, "*axes"] | None = None
-    interpolation: str = field(default="", metadata=ATTRIBUTE)
+    interpolation: str | None = field(default=None, metadata=ATTRIBUTE)
     slack_wire: Int[np.ndarray, "*axes"] | None = None
 
     @property
