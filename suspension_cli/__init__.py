@@ -37,7 +37,6 @@ __all__ = [
     "PendsusError",
     "PendsusWarning",
     "Record",
-    "Result",
     "__version__",
     "animate",
     "example",

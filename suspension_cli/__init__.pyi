@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from suspension_cli import api, errors
-from suspension_cli.analyses.analysis import Result as Result
 from suspension_cli.analyses.budget.solve import Budget as Budget
 from suspension_cli.analyses.check.solve import Check as Check
 from suspension_cli.analyses.compare.solve import Comparison as Comparison
@@ -121,7 +120,7 @@ def check(
     """
 
 def compare(
-    *items: Design | Record | Result | PathLike,
+    *items: Design | Record | PathLike,
     variants: Names = (),
     results: Names = (),
     inputs: Names = (),
@@ -135,7 +134,7 @@ def compare(
 
     Parameters
     ----------
-    *items : Design | Record | Result | PathLike
+    *items : Design | Record | PathLike
         Two or more with the variants; files as of ``pendsus compare``. At least one has a design.
     variants : str or sequence of str
         Add the first design with other values, under a name.
@@ -668,7 +667,7 @@ def sweep(
         response OUTPUT/INPUT:HZ or any other. Default: modes, which stands for every mode.
     require : str or sequence of str
         A requirement beside those of the design: 'test pitch in 0.5:0.7', 'thermal test.x:10 <
-        1e-19', SI units and Hz.
+        1e-19', SI units and Hz, margins in dB and degrees.
     every_point : bool
         Solve every point; else maps of analytic results are interpolated, and checked.
     workers : int
@@ -799,7 +798,7 @@ def tolerance(
         Limit on the cross-coupling, whose yield is printed.
     require : str or sequence of str
         A requirement beside those of the design: 'test pitch in 0.5:0.7', 'coupling < 1e-3', 'Q of
-        test pitch < 50'; any quantity, in SI units.
+        test pitch < 50'; any quantity, in its unit.
     results : str or sequence of str
         A quantity whose statistics are computed too, such as 'thermal test.x:10'.
     input : str

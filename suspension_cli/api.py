@@ -26,7 +26,6 @@ import numpy as np
 
 from suspension_cli.analyses import options, registry, settings
 from suspension_cli.analyses.analysis import Analysis, Log, Run, Settings
-from suspension_cli.analyses.analysis import Result as Result
 from suspension_cli.analyses.python_functions import demand_known_arguments, describe, python_names
 from suspension_cli.analyses.record import Presented, Record
 from suspension_cli.conventions import ANALYSES

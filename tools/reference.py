@@ -292,7 +292,6 @@ def stub() -> str:
         "from typing import Any",
         "",
         "from suspension_cli import api, errors",
-        "from suspension_cli.analyses.analysis import Result as Result",
         *(f"from suspension_cli.analyses.{home} import {name} as {name}" for name, home in homes),
         "from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths",
         "",
@@ -319,7 +318,7 @@ def stub() -> str:
                 f'    """{text.strip()}',
                 '    """',
             ]
-        elif not name.startswith("_") and name not in ("Record", "Result", "Design", *sus.RECORDS):
+        elif not name.startswith("_") and name not in ("Record", "Design", *sus.RECORDS):
             lines.append(f"{name} = {'errors' if hasattr(errors, name) else 'api'}.{name}")
     return re.sub(r"[ \t]+\n", "\n", "\n".join(lines)) + "\n"
 

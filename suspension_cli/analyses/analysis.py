@@ -1,18 +1,6 @@
 """One class per analysis, from which the command line, the Python API and results files follow.
 
-`record` has the class of what analyses return. An analysis that returns a `Result` of `data` and
-`extra` is switched in five steps:
-
-1. The dataclass of its data gets ``(frozen=True, eq=False)`` and the base `record.Record`; what was
-   in `extra` becomes fields of it, with the metadata ``ATTRIBUTE | ADDED`` or ``ADDED`` (files of
-   earlier versions are then read with the old `extra`). Of a list of records (`declared.EACH`) it
-   becomes one record with the dimension `output`.
-2. `solve` returns ``Kind(..., run=run.origin(self, choice))``, with all that pictures need.
-3. In `command.py`, ``result.data`` becomes ``result``, ``result.given`` ``result.run.design``,
-   ``result.choice`` ``result.run.choice``; options come from ``result.run.options``.
-4. `returns` is left out: the function in Python returns the class that `result_type` names. That
-   name goes into `RECORDS` of the package, and its class into docs/api.md.
-5. `PICTURES` of ``tests/analyses/test_records.py`` gets a line.
+`record` has the class of what analyses return. Only `report` still passes its page as a `Result`.
 """
 
 from __future__ import annotations

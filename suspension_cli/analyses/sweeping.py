@@ -148,7 +148,7 @@ class _Review(Generic[J]):
     def _as_map(self) -> Job | InterpolatedMap:
         """Interpolate the job, if that is possible and `--every-point` is not given."""
         job: Any = self.job
-        if self.run.setting.get("every_point", True) or not getattr(job, "is_analytic", False):
+        if self.run.setting.get("every_point", True) or not job.is_analytic:
             return job
         found = interpolated(job)
         if found is None:

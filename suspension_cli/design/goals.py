@@ -85,7 +85,9 @@ class Goal(Table, frozen=True):
     weight: Positive | None = None
     dof: list[Dof] | None = key("coordinates whose families of modes are meant", min_length=1)
     lowest: int | None = key("of each family, this many of the lowest modes", ge=1, le=1000)
-    modes: list[str] | None = key("labels in pendsus modes --fidelity string", min_length=1)
+    modes: list[str] | None = key(
+        "names of modes, such as 'test pitch' or 'yaw 3', or 'modes' for all", min_length=1
+    )
     apart: Literal["ratio", "hertz"] | None = key("measure of a separation")
     response: str | None = key(
         "OUTPUT/INPUT:FREQUENCY, or, of a cross-coupling, OVER/UNDER/INPUT:FREQUENCY"
@@ -132,9 +134,9 @@ class QuantityRequirement(Table, frozen=True):
     """A limit on a quantity."""
 
     quantity: str = key("name of a quantity, such as 'lowest pitch'", max_length=200)
-    at_least: Number | None = key("smallest value, in the quantity's SI unit")
+    at_least: Number | None = key("smallest value, in the quantity's unit")
     at_most: Number | None = key(
-        "largest value; alone, of a quantity with a sign, that of its magnitude"
+        "largest value, in the quantity's unit; alone and positive, that of the magnitude"
     )
     equals: Number | None = key("the value itself")
     perturbation: list[Perturbation] | None = key(

@@ -34,7 +34,7 @@ class MeasuredQuantity(Table, frozen=True):
     name: str = key(
         "name of a quantity, such as 'stress test.1' or 'Q of test pitch'", max_length=200
     )
-    value: Number = key("measured value, in the quantity's SI unit")
+    value: Number = key("measured value, in the quantity's unit")
     uncertainty: Positive = key("standard deviation, in the same unit")
 
 

@@ -13,10 +13,9 @@ class RequiredQuantity(Table, frozen=True):
     quantity: str = key(
         "name of a quantity, such as 'lowest pitch' or 'thermal test.x:10'", max_length=200
     )
-    at_least: Number | None = key("smallest value, in the quantity's SI unit (Hz for modes)")
+    at_least: Number | None = key("smallest value, in the quantity's unit")
     at_most: Number | None = key(
-        "largest value, in the quantity's SI unit; alone, of a quantity with a sign, that of its"
-        " magnitude"
+        "largest value, in the quantity's unit; alone and positive, that of the magnitude"
     )
     note: str = key("where the requirement comes from, for reports", "", max_length=200)
 

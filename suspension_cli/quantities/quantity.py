@@ -22,6 +22,8 @@ from suspension_cli.quantities.solved import Solved
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
 
+    from suspension_cli.design.schema import Design
+
 
 @dataclass(frozen=True)
 class Quantity(ABC):
@@ -82,16 +84,20 @@ class Quantity(ABC):
     def change(self, old: Solved, new: Solved) -> Float[np.ndarray, " design"]:
         """Change of the values of a batch from one model to a more complete one.
 
-        Relative to the largest value in the batch; NaN where a design has none in either model,
-        infinite where it has one in only one of them.
+        Relative to the `scale`; NaN where a design has none in either model, infinite where it has
+        one in only one of them, or a finite one.
         """
         before = self.values(old)
         after = self.values(new)
-        largest = np.fmax.reduce(np.abs(after), initial=0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            relative = np.abs(after - before) / largest
+            relative = np.abs(after - before) / self.scale(new)
         relative = np.where(after == before, 0.0, relative)
         return np.where(np.isnan(before) != np.isnan(after), np.inf, relative)
+
+    def scale(self, solved: Solved) -> float:
+        """Size to which changes of a batch are relative: that of its largest finite value."""
+        values = self.values(solved)
+        return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
     def ends(
         self, solved: Solved, *, smooth: bool
@@ -109,11 +115,12 @@ class Quantity(ABC):
         value = np.where(solved.hangs, np.minimum(size, self.largest), np.nan)
         return value, value
 
-    def level(self, wanted: str) -> str:
-        """Name of the model in which it is computed if a model is wanted."""
+    def level(self, wanted: str, design: Design) -> str:
+        """Name of the model in which it is computed of a design if a model is wanted."""
         if self.wire_mass:
             return registry.VIOLIN.name
-        if self.bends and not registry.by_name(wanted).bends_wires:
+        may_bend = self.bends and not registry.BEAM.unsuitable(design)
+        if may_bend and not registry.by_name(wanted).bends_wires:
             return registry.BEAM.name
         return wanted
 

@@ -101,9 +101,9 @@ class Requirement:
 
     @property
     def limits_magnitude(self) -> bool:
-        """Whether the sign does not matter: one limit, of a quantity with a sign."""
-        one_sided = math.isinf(self.limits.low) or math.isinf(self.limits.high)
-        return self.limits.magnitude or (self.quantity.signed and one_sided)
+        """Whether the sign does not matter: of a quantity with a sign, largest values alone."""
+        alone = math.isinf(self.limits.low) and self.limits.high > 0
+        return self.limits.magnitude or (self.quantity.signed and alone)
 
     @property
     def band(self) -> Band:

@@ -251,7 +251,7 @@ class Solved:
     def each(
         self, compute: Callable[[LinearSystem, Design], object], *shape: int
     ) -> Float[np.ndarray, "design ..."]:
-        """Compute something of each design with a steady state; NaN of others, and of failures."""
+        """Compute something of each design that hangs; NaN of others, and of failures."""
         result = np.full((self.count, *shape), np.nan)
         for n in np.flatnonzero(self.hangs).tolist():
             try:

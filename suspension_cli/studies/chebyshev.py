@@ -36,8 +36,6 @@ FIRST = 4
 """Intervals between the points of each axis at first."""
 LAST = 2
 """Number of last coefficients that must be small: functions that are even or odd have others."""
-ROUNDING = 64 * np.finfo(float).eps
-"""Coefficients over the largest value that rounding leaves."""
 
 
 @dataclass(frozen=True)

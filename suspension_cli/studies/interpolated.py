@@ -87,7 +87,7 @@ class InterpolatedMap:
 
     job: Analytic
     surface: Surface
-    error: float = np.nan
+    error: float
 
     @property
     def count(self) -> int:
@@ -109,13 +109,18 @@ class InterpolatedMap:
 
     def compute(self, start: int, stop: int) -> Columns:
         """Evaluate the results of points start to stop - 1."""
-        first, *others = [np.array(axis.values) for axis in self.job.axes]
-        row = int(np.prod([len(values) for values in others], dtype=int))
-        low = start // row
-        high = -(-stop // row)
-        grid = self.surface.on_grid([first[low:high], *others])
-        flat = grid.reshape(-1, grid.shape[-1])
-        return self.job.columns_of(flat[start - low * row : stop - low * row])
+        return _evaluate(self.job, self.surface, start, stop)
+
+
+def _evaluate(job: Analytic, surface: Surface, start: int, stop: int) -> Columns:
+    """Evaluate the results of points start to stop - 1, by whole rows of the first axis."""
+    first, *others = [np.array(axis.values) for axis in job.axes]
+    row = int(np.prod([len(values) for values in others], dtype=int))
+    low = start // row
+    high = -(-stop // row)
+    grid = surface.on_grid([first[low:high], *others])
+    flat = grid.reshape(-1, grid.shape[-1])
+    return job.columns_of(flat[start - low * row : stop - low * row])
 
 
 def interpolated(job: Analytic, seed: int = 0) -> InterpolatedMap | None:
@@ -134,7 +139,7 @@ def interpolated(job: Analytic, seed: int = 0) -> InterpolatedMap | None:
     surface = interpolate(sample, box, job.count // SHARE)
     if surface is None:
         return None
-    error = _largest_difference(job, InterpolatedMap(job, surface), seed)
+    error = _largest_difference(job, surface, seed)
     return InterpolatedMap(job, surface, error) if error <= ACCEPTED else None
 
 
@@ -153,14 +158,19 @@ def _is_logarithmic(values: Float[np.ndarray, " value"]) -> bool:
         return False
     steps = np.diff(values)
     ratios = np.diff(np.log(values))
-    return bool(np.ptp(ratios) < EVEN * np.abs(ratios).max() < np.ptp(steps))
+    return _is_even(ratios) and not _is_even(steps)
 
 
-def _largest_difference(job: Analytic, found: InterpolatedMap, seed: int) -> float:
+def _is_even(steps: Float[np.ndarray, " step"]) -> bool:
+    """Whether steps are equal but for rounding."""
+    return bool(np.ptp(steps) < EVEN * np.abs(steps).max())
+
+
+def _largest_difference(job: Analytic, surface: Surface, seed: int) -> float:
     """Largest difference of interpolated from computed results, at corners and random points."""
     points = np.concatenate([_corners(job.axes), _random_points(job.count, seed)])
     exact = [job.compute(point, point + 1) for point in points.tolist()]
-    mine = [found.compute(point, point + 1) for point in points.tolist()]
+    mine = [_evaluate(job, surface, point, point + 1) for point in points.tolist()]
     largest = 0.0
     for name in job.compared:
         right = np.concatenate([one[name] for one in exact])

@@ -35,6 +35,11 @@ class Job:
         return repr([getattr(self, field.name) for field in fields(self) if field.name != "text"])
 
     @property
+    def is_analytic(self) -> bool:
+        """Whether it is `interpolated.Analytic`, so that a map of it may be interpolated."""
+        return False
+
+    @property
     def design(self) -> Design:
         """Parsed design."""
         return parse(self.text)

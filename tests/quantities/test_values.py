@@ -12,7 +12,7 @@ from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.linear import response as responses
 from suspension_cli.linear import signals
 from suspension_cli.models import registry
-from suspension_cli.quantities import solved, vocabulary
+from suspension_cli.quantities import requirements, solved, vocabulary
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import evaluate as evaluate_all
 from tests.support.exchanging import SMALL, D
@@ -112,8 +112,9 @@ def test_peak_is_that_of_a_dense_grid_around_the_resonance(lossy):
     dense = f + width * np.linspace(-3, 3, 20001)
     found = np.abs(responses.solve(model, dense, [into], [out]).value[:, 0, 0])
     assert peak == pytest.approx(found.max(), rel=1e-6)
-    end = np.abs(responses.solve(model, np.array([50.0]), [into], [out]).value[0, 0, 0])
-    assert least <= end
+    band = np.linspace(20.0, 50.0, 2001)
+    fall = np.abs(responses.solve(model, band, [into], [out]).value[:, 0, 0])
+    assert least == pytest.approx(fall.min(), rel=1e-6)
 
 
 def test_thermal_noise_is_that_of_thermal(lossy):
@@ -244,3 +245,55 @@ def test_each_kind_says_what_is_wrong(kind):
     with pytest.raises(sus.InputError) as raised:
         vocabulary.parse(f"{kind.example} nonsense:", names)
     assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("test.x/support.x:0.40111234", "test.x/support.x:0.40111235"),
+        ("thermal test.x:1.00000001", "thermal test.x:1"),
+        ("peak of test.x/support.x:0.1:5", "peak of test.x/support.x:0.1:5.0000001"),
+    ],
+)
+def test_no_two_quantities_have_one_name(lossy, one, other):
+    names = names_of(lossy)
+    texts = [vocabulary.parse_one(text, names, "--result").text for text in (one, other)]
+    assert texts == [one, other]
+
+
+@pytest.mark.parametrize("written", ["test.x / support.x : 10.0", "test.x/support.x:10"])
+def test_blanks_and_digits_of_a_name_do_not_matter(lossy, written):
+    found = vocabulary.parse_one(written, names_of(lossy), "--result")
+    assert found.text == "test.x/support.x:10"
+    peak = vocabulary.parse_one("peak of test.x / support.x:0.10:5", names_of(lossy), "--result")
+    assert peak.text == "peak of test.x/support.x:0.1:5"
+
+
+def test_labels_that_modes_prints_are_quantities():
+    """How many modes have a label depends on the model."""
+    design = sus.example("cryogenic-payload")
+    modes = sus.modes(design, fidelity="beam")
+    twice = [name for name in modes.numbered_label if name.endswith("#2")]
+    assert twice
+    for name in twice:
+        [value] = evaluate(design, name)
+        number = modes.numbered_label.index(name)
+        assert value == pytest.approx(modes.frequency[number], rel=1e-4), name
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value", "met"),
+    [
+        (-math.inf, 2e-3, -1e-3, True),
+        (-math.inf, 2e-3, -3e-3, False),  # a positive largest value limits the magnitude
+        (-math.inf, -1e-3, -2e-3, True),
+        (1e-3, math.inf, -2e-3, False),
+        (-1e-3, math.inf, -2e-3, False),
+        (-3e-3, 1e-3, -2e-3, True),
+    ],
+)
+def test_limits_of_a_quantity_with_a_sign(low, high, value, met):
+    names = names_of(sus.template("triple"))
+    found = requirements.find_one(requirements.Limits("test static pitch", low, high), names)
+    assert bool(found.is_met(np.array(value))) is met
+    assert (float(found.margin(np.array(value))) >= 0) is met

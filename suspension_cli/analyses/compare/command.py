@@ -75,7 +75,7 @@ class CompareAnalysis(Analysis):
     inputs = (
         options.Input(
             "*items",
-            "Design | Record | Result | PathLike",
+            "Design | Record | PathLike",
             "Two or more with the variants; files as of ``pendsus compare``. At least one has a"
             " design.",
         ),

@@ -53,8 +53,8 @@ class Quantities:
     """Quantities that goals refer to, in both designs; NaN for an unstable mode.
 
     `mode` is the number of the mode in the optimised design, from 0; -1 for other quantities.
-    `weight` in the objective is positive to minimise, negative to maximise. `model` is that of
-    modes and responses; "" for loads of straight wires.
+    `weight` in the objective is positive to minimise, negative to maximise. `model` is that in
+    which the quantity is computed.
     """
 
     name: tuple[str, ...] = field(metadata=scale_of("quantity"))

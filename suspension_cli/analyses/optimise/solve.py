@@ -206,7 +206,8 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> F
     targets = evaluator.targets
     gain, bound_gain, stationarity = search.multipliers(best)
     old = evaluator.report(freed.design(freed.begin))
-    new = evaluator.report(freed.design(best.fraction))
+    design = freed.design(best.fraction)
+    new = evaluator.report(design)
     quantities = [target.quantity for target in targets.target]
     return Found(
         numbers=_numbers(freed, best, bound_gain.sum(0)),
@@ -217,7 +218,7 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> F
             after=new.value,
             mode=new.mode,
             weight=targets.weight,
-            model=tuple(quantity.level(evaluator.level) for quantity in quantities),
+            model=tuple(quantity.level(evaluator.level, design) for quantity in quantities),
         ),
         limits=_limits(evaluator, old, new, gain),
         modes=_mode_table(evaluator, old, new),

@@ -20,7 +20,7 @@ import numpy as np
 from suspension_cli.analyses.record import Record
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
-from suspension_cli.errors import InputError
+from suspension_cli.errors import InputError, gather
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
@@ -156,10 +156,11 @@ def parse(texts: Sequence[str], names: Names, text: str, level: str) -> tuple[Qu
     """
     labels = eigenmodes.solve(nominal_system(text, level).constant).numbered_label
     followed = [FollowedMode(label, "Hz", n, text) for n, label in enumerate(labels)]
-    asked = [one for one in texts if one.strip() != ALL]
-    found = iter(vocabulary.parse_all(asked, names))
-    each = [[*followed] if one.strip() == ALL else [next(found)] for one in dict.fromkeys(texts)]
-    every = [one for some in each for one in some] or [*followed]
+
+    def find(one: str) -> Sequence[Quantity]:
+        return followed if one.strip() == ALL else vocabulary.parse(one, names)
+
+    every = [one for some in gather(find, list(texts) or [ALL]) for one in some]
     by_label = {one.text for one in every if isinstance(one, Frequency)}
     result: list[Quantity] = []
     for one in every:
@@ -278,4 +279,7 @@ def _differentiate_matrices(
         count + ratios.index(one) if isinstance(one, Ratio) else int(one.number(solved)[0])
         for one in quantities
     ]
-    return _Smooth(nominal[columns], rates[:, columns], around.balanced, around.matters)
+    missing = np.array(columns) < 0  # a mode that the design does not have
+    own = np.where(missing, np.nan, nominal[columns])
+    own_rates = np.where(missing, np.nan, rates[:, columns])
+    return _Smooth(own, own_rates, around.balanced, around.matters)

@@ -73,7 +73,8 @@ class SweepAnalysis(Analysis):
             metavar="TEXT",
             help=(
                 "A requirement beside those of the design: 'test pitch in 0.5:0.7',"
-                " 'thermal test.x:10 < 1e-19', SI units and Hz (repeatable)."
+                " 'thermal test.x:10 < 1e-19', SI units and Hz, margins in dB and degrees"
+                " (repeatable)."
             ),
         ),
         options.EVERY_POINT,

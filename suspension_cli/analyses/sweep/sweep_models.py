@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.analyses.sweep.swept_results import find_results
-from suspension_cli.errors import InputError, format_value
+from suspension_cli.errors import InputError, format_value, gather
 from suspension_cli.models import registry
 from suspension_cli.quantities import requirements
 from suspension_cli.quantities.quantity import Quantity
@@ -66,11 +66,11 @@ class Asked:
         Those given for this sweep are always judged.
         """
         names = {one.text for one in results}
-        own = requirements.of_design(self.source.design)
+        own = requirements.find(requirements.of_design(self.source.design), self.names)
         if len(self.axes) == 1:
-            own = [one for one in own if one.quantity in names]
-        given = [requirements.parse(text) for text in self.require]
-        return requirements.find([*own, *given], self.names)
+            own = tuple(one for one in own if one.quantity.text in names)
+        given = requirements.find(gather(requirements.parse, self.require), self.names)
+        return tuple(dict.fromkeys([*own, *given]))
 
     @cached_property
     def _quantities(self) -> tuple[Quantity, ...]:
@@ -80,14 +80,6 @@ class Asked:
     def _bends(self, quantity: Quantity) -> bool:
         """Whether a quantity needs wires that bend, in this design."""
         return quantity.bends and not registry.BEAM.unsuitable(self.source.design)
-
-    def _level(self, quantity: Quantity, wanted: str) -> str:
-        """Name of the model in which a quantity is computed if a model is wanted."""
-        if quantity.wire_mass:
-            return registry.VIOLIN.name
-        if self._bends(quantity) and not registry.by_name(wanted).bends_wires:
-            return registry.BEAM.name
-        return wanted
 
     def settle_model(self, wanted: str, say: Callable[[str], None]) -> str:
         """Return the model to compute in: the one wanted, or the simplest that the results allow.
@@ -102,7 +94,7 @@ class Asked:
             remedy = "take beam, or leave out frequencies of undamped modes"
             problem = "has no modes that could be followed"
             raise InputError.of("--fidelity", problem, remedy, format_value(model.name))
-        raised = {one.text: self._level(one, wanted) for one in self._quantities}
+        raised = {one.text: one.level(wanted, self.source.design) for one in self._quantities}
         for level in dict.fromkeys(raised.values()):
             if level != wanted:
                 names = ", ".join(name for name, own in raised.items() if own == level)

@@ -97,7 +97,7 @@ class ToleranceAnalysis(Analysis):
             metavar="TEXT",
             help=(
                 "A requirement beside those of the design: 'test pitch in 0.5:0.7',"
-                " 'coupling < 1e-3', 'Q of test pitch < 50'; any quantity, in SI units"
+                " 'coupling < 1e-3', 'Q of test pitch < 50'; any quantity, in its unit"
                 " (repeatable)."
             ),
         ),

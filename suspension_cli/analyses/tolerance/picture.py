@@ -82,7 +82,8 @@ def _requirements(summary: Tolerance) -> Iterator[Panel]:
     for name, one in shown.items():
         label = f"{name} ({one.displayed[0] or 'ratio'})"
         title = lines.get(name, [f"{name}: no limit"])
-        yield _histogram(one, share, limits.get(name, []), label, title)
+        valued = (summary.good - one.missing - one.infinite) / summary.builds
+        yield _histogram(one, valued, limits.get(name, []), label, title)
     dashes: LineStyleType = "--"
     if not limits[coupling]:  # without requirements the limit is one, else for comparison
         limits[coupling].append(Band(-np.inf, summary.limit, of_magnitude=True, open=True))
@@ -111,8 +112,8 @@ def _histogram(
 ) -> Panel:
     """Make the panel of the distribution of a quantity, with builds beyond limits on top.
 
-    `share` is the fraction of builds that hang, of which it is a distribution. Limits that are not
-    dashed are no requirements.
+    `share` is the fraction of builds that have a value, of which it is a distribution. Limits that
+    are not dashed are no requirements.
     """
     per = one.displayed[1]
     known = one.sample[np.isfinite(one.sample)]
@@ -136,7 +137,7 @@ def _histogram(
         axes.hist(
             [shown[met], shown[~met]],
             bins=spaced(first, last, BINS + 1).tolist(),
-            weights=[np.full(int(kind.sum()), 100 * share / len(shown)) for kind in (met, ~met)],
+            weights=[np.full(int(kind.sum()), 100 * share / len(known)) for kind in (met, ~met)],
             color=[MET, MISSED],
             stacked=True,
             histtype="stepfilled",

@@ -31,6 +31,8 @@ FINE = 64
 """Points per interval of the first axis, interpolated, so that zeros are sharp."""
 COLOURS = "viridis"
 """Colour map of the second axis."""
+PEAKED = 100.0
+"""Ratio of the largest coupling to the median above which the scale is logarithmic."""
 RANGE = 1e8
 """Ratio of the largest coupling of a unit to the smallest with a colour."""
 DARK = 1e-3
@@ -55,6 +57,7 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     if coupling.failures:
         said.append("gaps: " + "; ".join(coupling.failures))
     remarks = [single_line("; ".join(said))]
+    peaked = False
     if several:
         limits = None
         across = panels.FREQUENCY
@@ -67,7 +70,11 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
             where = f"{coupling.frequency[worst[-1]]:.3g} Hz: {at}"
             remarks.append(single_line(f"{coupling.status.size} builds; largest at {where}"))
     else:
+        median = float(np.nanmedian(size)) if worst else np.nan
+        peaked = most > PEAKED * median > 0
         limits = (0.0, 1.05 * most) if most > 0 else (0.0, 1.0)
+        if peaked:
+            limits = (median / PEAKED, 2 * most)
         first = coupling.axes[0]
         lines = _lines_over_axes(coupling)
         across = Across(_label(first), "linear")
@@ -81,7 +88,7 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         f"coupling ({curves.unit_of_ratio(f'{coupling.over} / {coupling.under}')})",
         lines,
         2.5,
-        "log" if several else "linear",
+        "log" if several or peaked else "linear",
         limits,
         remarks=remarks,
         ends=True,
@@ -116,8 +123,10 @@ def _lines_over_axes(coupling: Coupling) -> list[Line]:
     lines = []
     values = np.array(second.values)
     span = float(np.ptp(values)) or 1.0
-    shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values)))
-    for n in np.unique(shown.round().astype(int)).tolist():
+    shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values))).round().astype(int)
+    if coupling.worst:  # the curve that the heading is about
+        shown[np.argmin(np.abs(shown - coupling.worst[1]))] = coupling.worst[1]
+    for n in np.unique(shown).tolist():
         place = 0.88 * (values[n] - values.min()) / span  # the rest is too pale
         colour = to_hex(matplotlib.colormaps[COLOURS](place))
         curve = interpolate(x, ratio[:, n])

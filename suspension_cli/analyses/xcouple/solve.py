@@ -75,10 +75,13 @@ class Sweep(Grid):
         """Compute the couplings of builds start to stop - 1, see `couplings`."""
         return self.compute_at(self.values(start, stop))
 
-    is_analytic: ClassVar[bool] = True
-    """Whether `sample` gives functions from which all results follow."""
     compared: ClassVar[tuple[str, ...]] = ("ratio",)
     """Columns by which an interpolated map is compared with full solutions."""
+
+    @property
+    def is_analytic(self) -> bool:
+        """Couplings follow from the functions of `sample`."""
+        return True
 
     def sample(
         self, values: dict[str, Float[np.ndarray, " build"]]

@@ -23,7 +23,7 @@ import numpy as np
 from suspension_cli.conventions import DOF_NAMES, DOFS
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.linear import eigenmodes, mode_content
-from suspension_cli.linear.mode_content import Motion
+from suspension_cli.linear.mode_content import Motion, describe_shared
 from suspension_cli.linear.mode_families import Families
 from suspension_cli.quantities.kind import Kind
 from suspension_cli.quantities.names import Names
@@ -236,15 +236,9 @@ def describe_shared_motions(quantities: Sequence[Quantity], modes: Modes) -> lis
     for one in quantities:
         if not isinstance(one, Frequency):
             continue
-        found = mode_content.find(modes.fractions, one.motion)
-        if found.shared:
-            first = f"{modes.frequency[int(found.mode)]:.5g}"
-            second = f"{modes.frequency[int(found.other)]:.5g}"
-            parts = f"{100 * found.fraction:.0f} and {100 * found.other_fraction:.0f} %"
-            said.append(
-                f"two modes share {one.text}: {first} and {second} Hz, with {parts} of their"
-                " kinetic energy in it"
-            )
+        text = describe_shared(one.text, one.motion, modes.fractions, modes.frequency)
+        if text:
+            said.append(text)
     return said
 
 
@@ -262,9 +256,9 @@ def parse_label(text: str, names: Names, option: str) -> Sequence[FrequencyOfMod
     found = find_motion(text, names)
     if found is None:
         return ()
-    count = names.modes.label.count(text.partition("#")[0])
-    if found.number > count:
-        problem = f"is more than the {count} modes of this label"
+    count = len(names.modes.label)
+    if found.number > count:  # how many have this label depends on the model
+        problem = f"is more than the {count} modes of the design"
         remedy = "leave the number out, or list the modes with pendsus modes"
         raise InputError.of(option, problem, remedy, format_value(text))
     return [Frequency(text, "Hz", found)]

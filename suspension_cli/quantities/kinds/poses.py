@@ -41,20 +41,14 @@ class StaticPose(Quantity):
         """Read it of all designs."""
         return solved.on_strings(lambda hung: hung.found.static[:, self.body, self.dof])
 
-    def change(self, old: Solved, new: Solved) -> Float[np.ndarray, " design"]:
-        """Change relative to the largest displacement, or rotation, of all bodies of the batch.
+    def scale(self, solved: Solved) -> float:
+        """Size of the largest displacement, or rotation, of all bodies of the batch.
 
         A displacement that a symmetry forbids is a rounding error, whose own size means nothing.
         """
         alike = slice(0, 3) if self.dof < 3 else slice(3, 6)
-        before = self.values(old)
-        after = self.values(new)
-        every = new.on_strings(lambda hung: hung.found.static[:, :, alike])
-        largest = np.fmax.reduce(np.abs(every[new.hangs]), axis=None, initial=0.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            relative = np.abs(after - before) / largest
-        relative = np.where(after == before, 0.0, relative)
-        return np.where(np.isnan(before) != np.isnan(after), np.inf, relative)
+        every = solved.on_strings(lambda hung: hung.found.static[:, :, alike])
+        return float(np.fmax.reduce(np.abs(every[solved.hangs]), axis=None, initial=0.0))
 
 
 @dataclass(frozen=True)

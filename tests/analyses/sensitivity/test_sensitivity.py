@@ -339,3 +339,17 @@ def test_errors_are_printed(tmp_path):
     assert done.exit_code == 0, done.stderr
     [first, second] = [line for line in done.stdout.splitlines() if line.startswith("  [")][:2]
     assert "% of the largest change)" in first and "error" not in second
+
+
+def test_a_mode_that_the_design_lacks_has_no_derivatives():
+    """On wires that bend one mode alone of this design is mostly test pitch."""
+    names = ["test pitch#2", "test.x/support.x:10"]
+    found = sus.sensitivity(sus.example("quadruple"), results=names, fidelity="beam")
+    assert np.isnan(found.nominal[0]) and np.isnan(found.derivative[:, 0]).all()
+    assert found.nominal[1] > 0 and np.isfinite(found.derivative[:, 1]).any()
+
+
+def test_one_quantity_by_two_names_is_listed_once():
+    names = ["test.x/support.x:10", "test.x/support.x:10.0"]
+    found = sus.sensitivity(sus.example("double"), results=names, fidelity="string")
+    assert found.result == ("test.x/support.x:10",)

@@ -190,3 +190,16 @@ def test_maps_have_the_feasible_region_of_all_requirements(tmp_path):
     red = [one for one in figure.axes[0].collections if one.get_edgecolor().any()]
     assert red
     assert any("red line: just met" in text.get_text() for text in figure.texts)
+
+
+def test_requirements_count_however_they_are_written():
+    text = sus.example("double").text
+    text += '\n[[requirement]]\nquantity = "test.x/support.x:10.0"\nat_most = 1.0\n'
+    found = sus.sweep(
+        sus.parse(text),
+        vary={LENGTH: [0.29, 0.3]},
+        results=["test.x/support.x:10"],
+        fidelity="string",
+    )
+    assert found.required_quantity == ("test.x/support.x:10",)
+    assert found.met.all()
