@@ -216,11 +216,6 @@ class _Made:
     def _add_limits(self, target: Target, limits: Limits, group: str) -> None:
         known = {(one.target, one.sense, one.asked) for one in self.limits}
         of_magnitude = Requirement(target.quantity, limits).limits_magnitude
-        signed = of_magnitude and target.quantity.signed
-        if signed and any(asked <= 0 for _, asked in _sides(limits)):
-            problem = f"limits the magnitude of {target.text} to a value that is not positive"
-            remedy = "give a positive limit, or both at_least and at_most"
-            raise InputError.of(limits.key, problem, remedy)
         for sense, asked in _sides(limits):
             if (target, sense, asked) not in known:
                 one = OneLimit(target, sense, asked, of_magnitude, group, limits.key)
