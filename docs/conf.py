@@ -51,6 +51,14 @@ def setup(app: Sphinx) -> None:
     """Render equations at build time, and redirect the top of the site to the first page."""
     app.add_html_math_renderer("mathml", (in_line, None), (displayed, None))
     app.connect("build-finished", redirect)
+    app.connect("autodoc-process-docstring", escape_dimensions, priority=600)  # after napoleon
+
+
+def escape_dimensions(
+    _app: Sphinx, _what: str, _name: str, _object: object, _options: object, lines: list[str]
+) -> None:
+    """Escape the star of dimensions such as "*axes" in types, which is no emphasis."""
+    lines[:] = [re.sub(r"""(["'])\*(\w)""", r"\1\*\2", line) for line in lines]
 
 
 def in_line(writer: Any, node: nodes.math) -> None:

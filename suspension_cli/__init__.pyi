@@ -5,7 +5,23 @@ from pathlib import Path
 from typing import Any
 
 from suspension_cli import api, errors
-from suspension_cli.analyses.analysis import Result as Result
+from suspension_cli.analyses.budget.solve import Budget as Budget
+from suspension_cli.analyses.check.solve import Check as Check
+from suspension_cli.analyses.compare.solve import Comparison as Comparison
+from suspension_cli.analyses.damp.solve import Damped as Damped
+from suspension_cli.analyses.export.solve import Export as Export
+from suspension_cli.analyses.fit.result import Fit as Fit
+from suspension_cli.analyses.modes.solve import Modes as Modes
+from suspension_cli.analyses.optimise.optimum import Optimum as Optimum
+from suspension_cli.analyses.record import Record as Record
+from suspension_cli.analyses.response.solve import Response as Response
+from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
+from suspension_cli.analyses.sweep.solve import Sweep as Sweep
+from suspension_cli.analyses.thermal.solve import Thermal as Thermal
+from suspension_cli.analyses.tolerance.summary import Tolerance as Tolerance
+from suspension_cli.analyses.tradeoff.measure import Tradeoff as Tradeoff
+from suspension_cli.analyses.xcouple.solve import Coupling as Coupling
+from suspension_cli.analyses.xcouple.solve import CouplingMatrix as CouplingMatrix
 from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths
 
 __version__: str
@@ -26,7 +42,7 @@ def budget(
     mirrors: float = 1.0,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Budget:
     """Compute the motion of the mirror by cause, with cumulative RMS.
 
     Parameters
@@ -57,10 +73,10 @@ def budget(
 
     Returns
     -------
-    Result
-        Its `data` is a list of `physics.noise_budget.Budget`, one for each output, with
-        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz), `parts` by cause, `rms` and `rms_velocity`
-        (f,) above each frequency, and `requirement`.
+    Budget
+        With `frequency` (f,) in Hz, `amplitude` (f, outputs) in m/sqrt(Hz) or rad/sqrt(Hz),
+        `contribution` (f, outputs, causes), `rms` and `rms_velocity` (f, outputs) above each
+        frequency; `motions` has an item per output, with `parts` by cause and `requirement`.
 
     Raises
     ------
@@ -71,13 +87,13 @@ def budget(
     --------
     >>> import suspension_cli as sus
     >>> found = sus.budget(sus.example("double"), frequency=[1.0, 10.0], ground=["nlnm"])
-    >>> found.data[0].cause
+    >>> found.cause
     ('ground.x', 'ground.y', 'ground.z', 'thermal')
     """
 
 def check(
     design: Design | PathLike,
-) -> Result:
+) -> Check:
     """Check a design, and list what its wires and blades carry.
 
     Parameters
@@ -87,10 +103,8 @@ def check(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `verdicts`,
-        `warnings`, which
-        are Python warnings too.
+    Check
+        With `stable`, `statics`, `verdicts`, and `warnings`, which are Python warnings too.
 
     Raises
     ------
@@ -106,23 +120,27 @@ def check(
     """
 
 def compare(
-    *items: Design | Result | PathLike,
+    *items: Design | Record | PathLike,
     variants: Names = (),
+    results: Names = (),
     inputs: Names = (),
     outputs: Names = (),
     noises: Names = (),
     frequency: Grid = '0.1:100:2000',
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
-    """Compare designs, results and measurements: modes, responses, noises.
+) -> Comparison:
+    """Compare designs, results and measurements: modes, quantities, responses, noises.
 
     Parameters
     ----------
-    *items : Design | Result | PathLike
+    *items : Design | Record | PathLike
         Two or more with the variants; files as of ``pendsus compare``. At least one has a design.
     variants : str or sequence of str
         Add the first design with other values, under a name.
+    results : str or sequence of str
+        Compare this quantity (docs/quantities.md): test pitch, Q of test pitch, stress test wires,
+        thermal test.x:10, .... Default: those of the designs' requirements.
     inputs : str or sequence of str
         Compare responses to this input, e.g. support.x.
     outputs : str or sequence of str
@@ -138,9 +156,8 @@ def compare(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `overlay`.
+    Comparison
+        With `name`, `kind` and `models` of each item, `change`, `modes`, `quantities`, `overlay`.
 
     Raises
     ------
@@ -168,7 +185,7 @@ def damp(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Damped:
     """Close the loops of the design's [control] table.
 
     Parameters
@@ -194,9 +211,9 @@ def damp(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
-        loop, `sensitivity` of all at once, `noise` (f, sensors), ...
+    Damped
+        With `closed` poles, `margin` of each loop, `sensitivity` of all at once, `noise`
+        (f, sensors), ...
 
     Raises
     ------
@@ -252,7 +269,7 @@ def export(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     tolerance: float = 0.001,
-) -> Result:
+) -> Export:
     """Export the state space of the model as DIR/NAME-statespace.*, or a noise budget of gwinc.
 
     Parameters
@@ -291,10 +308,10 @@ def export(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
-        `analyses.export.gwinc_tables.Tables`: `table`, and the `accuracy` of interpolation.
+    Export
+        With `system` (matrices `a`, `b`, `c`, `d`), `band` in Hz, and `agreement` with the violin
+        model; for gwinc `analyses.export.gwinc_tables.GwincTables`, with `table` and the
+        `accuracy` of interpolation.
 
     Raises
     ------
@@ -319,13 +336,13 @@ def fit(
     explain: bool = True,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
-    """Fit numbers of designs to measured mode frequencies and transfer functions.
+) -> Fit:
+    """Fit numbers of designs to measured modes, quantities and transfer functions.
 
     Parameters
     ----------
     measured : path
-        TOML file of modes or files of transfer functions, and of the free numbers.
+        TOML file of modes, quantities or files of transfer functions, and the free numbers.
     design : Design, optional
         The design; None where `measured` names designs itself.
     starts : int
@@ -344,10 +361,10 @@ def fit(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...; for transfer functions `responses`. `design` is the fitted design (of
-        several experiments a list), `given` the one that was fitted.
+    Fit
+        With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
+        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
+        `run.design` the one as given.
 
     Raises
     ------
@@ -366,47 +383,6 @@ def fit(
     """
 gwinc = api.gwinc
 import_sumcon = api.import_sumcon
-
-def info(
-    design: Design | PathLike,
-    *,
-    input: str = 'support.x',
-    output: str | None = None,
-    frequency: Grid = '0.1:100:2000',
-    tolerance: float = 0.001,
-) -> Result:
-    """Compute the errors of the models of a design, and name the model that `auto` takes.
-
-    Parameters
-    ----------
-    design : Design
-        The design, or the path of its file.
-    input : str
-        Input of the response.
-    output : str, optional
-        Output of the response and of the thermal noise. Default: x of the mirror.
-    frequency : grid
-        Frequencies of the response and the noise, Hz.
-    tolerance : float
-        Largest relative error of the result that fidelity="auto" accepts.
-
-    Returns
-    -------
-    Result
-        With the attributes of `analyses.info.command.Info`: `errors`, `choices`, `first_violin`.
-
-    Raises
-    ------
-    InputError
-        If the design does not balance, or a signal does not exist.
-
-    Examples
-    --------
-    >>> import suspension_cli as sus
-    >>> found = sus.info(sus.example("geo-silica-triple"), tolerance=0.01)
-    >>> [choice.level for choice in found.choices.values()]
-    ['beam', 'violin', 'violin']
-    """
 load = api.load
 
 def modes(
@@ -417,7 +393,7 @@ def modes(
     damping: str | Mapping[str, Grid] | None = None,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Modes:
     """Compute the normal modes: frequencies, shapes, Q.
 
     Parameters
@@ -438,9 +414,8 @@ def modes(
 
     Returns
     -------
-    Result
-        With the attributes of `linear.eigenmodes.Modes`: `frequency` (m,) in Hz, `q` (m,), `label`,
-        `shape`, ...
+    Modes
+        With `frequency` (m,) in Hz, `q` (m,), `label`, `shape`, ...
 
     Raises
     ------
@@ -463,7 +438,7 @@ def optimise(
     seed: int = 1,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Optimum:
     """Choose numbers of a design so that it meets goals.
 
     Parameters
@@ -483,9 +458,9 @@ def optimise(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...;
-        `design` is the design that was found, `given` the one from which the search started.
+    Optimum
+        With `design`, the one that was found (`run.design` is that from which the search started),
+        `met`, and the tables `numbers`, `limits`, `quantities`, `modes` and `starts`.
 
     Raises
     ------
@@ -576,7 +551,7 @@ def response(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Response:
     """Compute frequency responses of motions to motions of the support and to forces.
 
     Parameters
@@ -603,10 +578,9 @@ def response(
 
     Returns
     -------
-    Result
-        With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
-        (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
-        tuple of `analyses.response.solve.Comparison`.
+    Response
+        With `frequency` (f,) in Hz and `value` (f, outputs, inputs), complex, in SI units. With
+        `measured`, the attribute `measured` is a tuple of `analyses.response.solve.Comparison`.
 
     Raises
     ------
@@ -629,16 +603,16 @@ def sensitivity(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
-    """Compute the effect of every number of a design on modes, responses and couplings.
+) -> Sensitivity:
+    """Compute the effect of every number of a design on its modes, or on any quantity.
 
     Parameters
     ----------
     design : Design
         The design, or the path of its file.
     results : str or sequence of str
-        A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ.
-        Default: modes, which stands for every mode.
+        A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a
+        response OUTPUT/INPUT:HZ, .... Default: modes, which stands for every mode.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float
@@ -648,9 +622,8 @@ def sensitivity(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sensitivity.solve.Sensitivity`: `parameter`, `derivative`
-        (parameters, results).
+    Sensitivity
+        With `parameter`, `result`, `derivative` and `derivative_error` (parameters, results).
 
     Raises
     ------
@@ -670,6 +643,8 @@ def sweep(
     *,
     vary: Mapping[str, Grid],
     results: Names = (),
+    require: Names = (),
+    every_point: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
     chunk: int = 512,
@@ -678,8 +653,8 @@ def sweep(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
-    """Compute modes, responses and couplings over a grid of a design's parameters.
+) -> Sweep:
+    """Compute modes, or any quantities, over a grid of a design's parameters.
 
     Parameters
     ----------
@@ -688,8 +663,13 @@ def sweep(
     vary : mapping
         A parameter and its values: stage.test.wires.s=1e-3:0.05:50:log.
     results : str or sequence of str
-        A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ.
-        Default: modes, which stands for every mode.
+        A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a
+        response OUTPUT/INPUT:HZ or any other. Default: modes, which stands for every mode.
+    require : str or sequence of str
+        A requirement beside those of the design: 'test pitch in 0.5:0.7', 'thermal test.x:10 <
+        1e-19', SI units and Hz, margins in dB and degrees.
+    every_point : bool
+        Solve every point; else maps of analytic results are interpolated, and checked.
     workers : int
         Number of processes.
     scheduler : str, optional
@@ -709,9 +689,9 @@ def sweep(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
-        (axis 1, axis 2, ..., results).
+    Sweep
+        With `axes`, `result`, `value` (axis 1, axis 2, ..., results); `met`, whether each point
+        meets each requirement.
 
     Raises
     ------
@@ -739,7 +719,7 @@ def thermal(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
-) -> Result:
+) -> Thermal:
     """Compute thermal noise of motions, split by cause.
 
     Parameters
@@ -764,9 +744,10 @@ def thermal(
 
     Returns
     -------
-    Result
-        Its `data` is a list of `physics.thermal_noise.Thermal`, one for each output, with
-        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
+    Thermal
+        With `frequency` (f,) in Hz, `amplitude` (f, outputs) in m/sqrt(Hz) or rad/sqrt(Hz) and
+        `contribution` (f, outputs, sources); `motions` has an item per output, with `parts` by
+        source.
 
     Raises
     ------
@@ -777,8 +758,8 @@ def thermal(
     --------
     >>> import suspension_cli as sus
     >>> found = sus.thermal(sus.example("geo-silica-triple"), frequency=[10.0, 100.0])
-    >>> found.data[0].amplitude.shape
-    (2,)
+    >>> found.amplitude.shape
+    (2, 1)
     """
 
 def tolerance(
@@ -788,8 +769,7 @@ def tolerance(
     seed: int = 1,
     limit: float = 0.001,
     require: Names = (),
-    sampling: str = 'random',
-    sobol_indices: bool = False,
+    results: Names = (),
     input: str = 'support.z',
     observe: str | None = None,
     over: str | None = None,
@@ -803,8 +783,8 @@ def tolerance(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
-    """Compute the scatter of modes and cross-coupling over random builds, and its causes.
+) -> Tolerance:
+    """Compute the scatter of quantities over random builds, yields, and the causes of scatter.
 
     Parameters
     ----------
@@ -817,13 +797,10 @@ def tolerance(
     limit : float
         Limit on the cross-coupling, whose yield is printed.
     require : str or sequence of str
-        A requirement beside those of the design: 'test pitch in 0.5:0.7', 'coupling < 1e-3', 'test
-        static pitch < 2e-3'; Hz, m, rad.
-    sampling : {"random", "sobol"}
-        Independent builds, or 8 scrambled Sobol sequences, whose statistical errors are smaller.
-    sobol_indices : bool
-        Print Sobol indices: the fraction of the variance of every result that each of the k
-        tolerances causes. Uses (k + 2) N of the builds, with N a power of two.
+        A requirement beside those of the design: 'test pitch in 0.5:0.7', 'coupling < 1e-3', 'Q of
+        test pitch < 50'; any quantity, in its unit.
+    results : str or sequence of str
+        A quantity whose statistics are computed too, such as 'thermal test.x:10'.
     input : str
         The input: a motion of the support, or a force.
     observe : str, optional
@@ -854,15 +831,15 @@ def tolerance(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tolerance.summary.Summary`: `mean`, `spread`,
-        `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static` and `required`, whose
-        items have a `name`, `mean`, `deviation`, `quantiles`, ...; `yields`, `joint`, `indices`.
+    Tolerance
+        With `mean`, `spread`, `quantiles` of mode frequencies in Hz; `modes`, `coupling`, `static`,
+        `others` and `required`, whose items have a `name`, `mean`, `deviation`, `quantiles`,
+        `share`, ...; `yields`, `joint`.
 
     Raises
     ------
     InputError
-        If the design has no ``[tolerance]`` table.
+        If the design has no ``[tolerance]`` table, or no quantity of a name.
 
     Examples
     --------
@@ -876,7 +853,7 @@ def tradeoff(
     design: Design | PathLike,
     *,
     quantities: Names = (),
-) -> Result:
+) -> Tradeoff:
     """Measure time and error of each model for one design, and advise on a model.
 
     Parameters
@@ -888,8 +865,8 @@ def tradeoff(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`.
+    Tradeoff
+        With `answers`, `entries`, `choices`, `first_violin`.
 
     Raises
     ------
@@ -921,6 +898,7 @@ def xcouple(
     under: str | None = None,
     frequency: Grid = '50',
     matrix: bool = False,
+    every_point: bool = False,
     workers: int = 1,
     scheduler: str | None = None,
     chunk: int = 512,
@@ -929,7 +907,7 @@ def xcouple(
     allow_unstable: bool = False,
     fidelity: str = 'auto',
     folder: PathLike | None = None,
-) -> Result:
+) -> Coupling | CouplingMatrix:
     """Compute the cross-coupling of imperfect builds: the ratio of two motions.
 
     Parameters
@@ -957,6 +935,8 @@ def xcouple(
         Frequencies at which the coupling is computed, Hz.
     matrix : bool
         The six-by-six table of couplings of this one design instead of a sweep.
+    every_point : bool
+        Solve every point; else maps of analytic results are interpolated, and checked.
     workers : int
         Number of processes.
     scheduler : str, optional
@@ -976,9 +956,9 @@ def xcouple(
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.xcouple.solve.Coupling`: `axes`, `ratio` (axis 1, axis 2,
-        ..., f), complex.
+    Coupling or CouplingMatrix
+        With `axes`, `ratio` (axis 1, axis 2, ..., f), complex; with `matrix` a matrix `value`
+        (f, outputs, inputs).
 
     Raises
     ------

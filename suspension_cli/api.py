@@ -25,8 +25,9 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses import options, registry, settings
-from suspension_cli.analyses.analysis import Analysis, Log, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Log, Run, Settings
 from suspension_cli.analyses.python_functions import demand_known_arguments, describe, python_names
+from suspension_cli.analyses.record import Presented, Record
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
 from suspension_cli.design.faults import suggest
@@ -335,13 +336,13 @@ def import_sumcon(
     return Design(**vars(found.source()))
 
 
-def load(file: PathLike) -> Result:
-    """Read a result from a results file.
+def load(file: PathLike) -> Any:
+    """Read a result from a results file: the record that the analysis returned.
 
     Parameters
     ----------
     file : path
-        HDF5 from a command or from `Result.save`.
+        HDF5 from a command or from `Record.save`.
 
     Raises
     ------
@@ -359,16 +360,15 @@ def load(file: PathLike) -> Result:
     from suspension_cli.files.hdf5 import open_results
 
     with python_names(), open_results(options.path(file, "file")) as results:
-        found = registry.loaded(results, str(file))
-    return dataclasses.replace(found, given=Design(**vars(found.given)))
+        return registry.loaded(results, str(file), Design)
 
 
-def animate(result: Result, mode: int | str, path: PathLike) -> Path:
+def animate(result: Record, mode: int | str, path: PathLike) -> Path:
     """Write one period of a mode as an animation (GIF) that repeats.
 
     Parameters
     ----------
-    result : Result
+    result : Record
         Of `modes`.
     mode : int or str
         Number of the mode, from 1, or its label.
@@ -391,34 +391,34 @@ def animate(result: Result, mode: int | str, path: PathLike) -> Path:
     PosixPath('yaw.gif')
     """
     from suspension_cli.analyses.modes import picture
-    from suspension_cli.equilibrium.nominal import expand
+    from suspension_cli.equilibrium.nominal import expand_geometry
     from suspension_cli.files.whole_files import write_bytes
 
-    result = _of_analysis(result, "modes", "has no modes that move")
+    found = _of_analysis(result, "modes", "has no modes that move")
     path = options.path(path, "path")
     with python_names():
         if not isinstance(mode, (int, str)):
             remedy = "give its number, from 1, or its label"
             raise InputError.of("mode", "names no mode", remedy, options.shown(mode))
-        numbers = picture.parse_names(result.data, text_of(mode), "mode")
+        numbers = picture.parse_names(found, text_of(mode), "mode")
         if len(numbers) > 1:
             problem, remedy = "names several modes", "give one number, and a file for each"
             raise InputError.of("mode", problem, remedy, options.shown(mode))
         number = numbers[0]
-        scene = expand(result.given.design)
-        moving = picture.animate(result.data, number, result.given.design, scene)
+        design = found.run.design.design
+        moving = picture.animate(found, number, design, expand_geometry(design))
         write_bytes(Path(path), moving, key="path")
     return Path(path)
 
 
-def python_control(result: Result) -> Any:
+def python_control(result: Record) -> Any:
     """Convert a result of `export` to a `control.StateSpace` of python-control.
 
     Dots in names of states, inputs and outputs become underscores.
 
     Parameters
     ----------
-    result : Result
+    result : Record
         Of `export`.
 
     Returns
@@ -442,7 +442,7 @@ def python_control(result: Result) -> Any:
     return file.python_control(_state_space(result))
 
 
-def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
+def finesse(result: Record, name: str, mirror: Any, facing: int = 1) -> Any:
     """Suspend a mirror of a finesse model by the state space of a result of `export`.
 
     Motions of the mirror and forces on it are the nodes of its own mechanical port; those of other
@@ -450,7 +450,7 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
 
     Parameters
     ----------
-    result : Result
+    result : Record
         Of `export` with `format="finesse"`.
     name : str
         Of the new element.
@@ -491,12 +491,12 @@ def finesse(result: Result, name: str, mirror: Any, facing: int = 1) -> Any:
     return file.suspend(made, name, mirror, facing)
 
 
-def gwinc(result: Result, frequency: Any = None) -> Any:
+def gwinc(result: Record, frequency: Any = None) -> Any:
     """Make a noise budget of gwinc whose mirrors hang as the design of a result of `export`.
 
     Parameters
     ----------
-    result : Result
+    result : Record
         Of `export` with `format="gwinc"`.
     frequency : array or str, optional
         Hz, or ``"FROM:COUNT:TO"``; by default 6000 frequencies of the table's band.
@@ -526,26 +526,26 @@ def gwinc(result: Result, frequency: Any = None) -> Any:
     """
     from suspension_cli.analyses.export import gwinc_budget
 
-    made: Any = getattr(result, "data", None)
+    made: Any = result
     if not hasattr(made, "interferometer"):
         remedy = 'give a result of sus.export(..., format="gwinc")'
         raise InputError.of("result", "has no table for gwinc", remedy, options.shown(result))
     return gwinc_budget.suspend(made.table, made.interferometer)(freq=frequency)
 
 
-def _of_analysis(result: object, name: str, problem: str) -> Result:
+def _of_analysis(result: object, name: str, problem: str) -> Any:
     """Return a result of an analysis; raises `InputError` for anything else."""
     remedy = f"give a result of sus.{name}"
-    if not isinstance(result, Result):
+    if not isinstance(result, Presented):
         raise InputError.of("result", "is no result", remedy, options.shown(result))
-    if result.analysis.name != name:
-        raise InputError.of("result", problem, remedy, result.analysis.name)
+    if result.run.analysis.name != name:
+        raise InputError.of("result", problem, remedy, result.run.analysis.name)
     return result
 
 
 def _state_space(result: object) -> Any:
     """Return the exported state space of a result."""
-    made = _of_analysis(result, "export", "has no state space").data
+    made = _of_analysis(result, "export", "has no state space")
     if getattr(made, "zpk", "") is not None:
         remedy = "give a result of sus.export"
         raise InputError.of("result", "has no state space", remedy, "export")
@@ -575,7 +575,7 @@ def _function(name: str) -> Callable[..., Any]:
     """Make the function of an analysis from the record of its command."""
     analysis = registry.get(name)
 
-    def call(*positional: Any, **named: Any) -> Result:
+    def call(*positional: Any, **named: Any) -> Any:
         demand_known_arguments(analysis, inspect.signature(call).parameters, named)
         bound = inspect.signature(call).bind(*positional, **named)
         bound.apply_defaults()
@@ -616,11 +616,18 @@ def _run(analysis: Analysis, named: Settings) -> Any:
             with run.faults():
                 result = analysis.solve(run)
         if folder is None and result.file is not None:
-            result = dataclasses.replace(result, holder=_TemporaryFolder(place))
+            result = _held(result, _TemporaryFolder(place))
         return analysis.returned(result, files)
     finally:
         if folder is None and (result is None or result.file is None):
             shutil.rmtree(place)
+
+
+def _held(result: Any, holder: _TemporaryFolder) -> Any:
+    """Let a result hold the temporary folder of its file."""
+    if isinstance(result, Record):
+        return dataclasses.replace(result, run=dataclasses.replace(result.run, holder=holder))
+    return dataclasses.replace(result, holder=holder)
 
 
 class _TemporaryFolder:

@@ -1,5 +1,11 @@
 """Elimination of many small symmetric systems at once, body by body.
 
+>>> stiffness = np.array([[2.0, -1.0], [-1.0, 1.0]])  # two springs of 1 N/m in a row
+>>> pattern = by_body(np.array([1, 2]), stiffness != 0)
+>>> elements = stiffness[pattern.row, pattern.column][:, None]  # of one system
+>>> pattern.solve(elements, np.array([[[0.0]], [[1.0]]]))[:, 0, 0]  # 1 N pulls at the end
+array([1., 2.])
+
 In a chain or tree each body couples only to the one that it hangs from. Elimination from the leaves
 up, D = L diag(d) L^T, then needs few elements; other couplings fill in. All P systems are
 eliminated at once, with the system axis last. The transmission from support to mirror becomes a
@@ -91,7 +97,9 @@ class Pattern:
         Coordinates whose pivot is below the fraction `held` of their diagonal element, so that it
         is a rounding error, are held by that.
         """
-        pivots, multipliers, least = [], [], np.full(elements.shape[1], np.inf)
+        pivots = []
+        multipliers = []
+        least = np.full(elements.shape[1], np.inf)
         size = np.abs(elements[self.start[:-1]]) if held is not None else elements[:0]
         size[size == 0] = 1.0
         for n, updated in enumerate(self.updated):
@@ -133,8 +141,10 @@ class Pattern:
             result = np.empty_like(x)
             result[self.order] = x
             if large.any():
-                elements, right = elements[:, large], right[..., large]
-                matrix, residual = self.assemble(elements), np.empty_like(x[..., large])
+                elements = elements[:, large]
+                right = right[..., large]
+                matrix = self.assemble(elements)
+                residual = np.empty_like(x[..., large])
                 solution = dense(matrix, rhs[..., large])
                 residual[self.order] = self._residual(elements, solution[self.order], right)
                 result[..., large] = solution + dense(matrix, residual)
@@ -178,7 +188,8 @@ def by_body(
 def _by_body(owners: bytes, couplings: bytes) -> Pattern:
     owner = np.frombuffer(owners, dtype=int)
     coupled = np.frombuffer(couplings, dtype=bool).reshape(len(owner), -1)
-    order, later = np.argsort(-owner, kind="stable"), []
+    order = np.argsort(-owner, kind="stable")
+    later = []
     rest = (coupled | coupled.T)[np.ix_(order, order)]
     for n in range(len(order)):
         later.append(n + 1 + np.flatnonzero(rest[n, n + 1 :]))
@@ -203,7 +214,8 @@ class Factors:
         self, x: Inexact[np.ndarray, "step input system"]
     ) -> Inexact[np.ndarray, "step input system"]:
         """Solve for right-hand sides in the order of steps, in place."""
-        driven, coupled = np.asarray(x.any((1, 2))), self.pattern.coupled
+        driven = np.asarray(x.any((1, 2)))
+        coupled = self.pattern.coupled
         for n, multipliers in enumerate(self.multipliers):
             if driven[n] and len(multipliers):
                 x[coupled[n]] -= multipliers[:, None] * x[n]
@@ -232,7 +244,8 @@ class Elements:
         row, column = (np.concatenate([piece[n] for piece in pieces]) for n in (0, 1))
         places, member = np.unique(np.stack([row, column]), axis=1, return_inverse=True)
         kind = np.result_type(*(piece[3] for piece in pieces))
-        weights, start = np.zeros((places.shape[1], functions), dtype=kind), 0
+        weights = np.zeros((places.shape[1], functions), dtype=kind)
+        start = 0
         for rows, _, first, own in pieces:
             span = slice(first, first + own.shape[1])
             weights[member[start : start + len(rows)], span] += own
@@ -252,7 +265,8 @@ class Elements:
     ) -> Inexact[np.ndarray, "unknown vector system"]:
         """Multiply motions of the unknowns, the support at rest."""
         own = self.column >= 6
-        values, result = self.at(functions)[own, None], np.zeros(motion.shape, dtype=complex)
+        values = self.at(functions)[own, None]
+        result = np.zeros(motion.shape, dtype=complex)
         rows, starts = np.unique(self.row[own], return_index=True)
         result[rows] = np.add.reduceat(values * motion[self.column[own] - 6], starts)
         return result
@@ -276,7 +290,8 @@ class Elements:
                 continue
             matrix = np.zeros((len(rows), len(columns)))
             matrix[i, j] = weights[own]
-            left, right = to_absolute[6 + rows, 6:], to_absolute[columns]
+            left = to_absolute[6 + rows, 6:]
+            right = to_absolute[columns]
             terms = np.abs(left).T @ sizes(matrix, place[6 + rows], place[columns]) @ np.abs(right)
             result = left.T @ matrix @ right
             kept = np.nonzero(np.abs(result) > ROUNDING * terms + (error if n == 0 else 0.0))
@@ -317,7 +332,8 @@ class Equations:
         forces: Float[np.ndarray, "own input #system"],
     ) -> Inexact[np.ndarray, "own input system"]:
         """Solve for coordinates q, given support motions and forces on x."""
-        values, (own, inputs) = self.elements.at(functions), forces.shape[:2]
+        values = self.elements.at(functions)
+        own, inputs = forces.shape[:2]
         shape = self.pattern.size, inputs, values.shape[1]
         right = np.zeros(shape, dtype=values.dtype)
         if self.to_absolute is not None:
@@ -413,9 +429,12 @@ def connected_groups(linked: Bool[np.ndarray, "node node"]) -> list[Int[np.ndarr
     >>> connected_groups(np.array([[0, 0, 1], [0, 0, 0], [0, 0, 0]], dtype=bool))
     [array([0, 2]), array([1])]
     """
-    linked, remaining, groups = linked | linked.T, np.ones(len(linked), dtype=bool), []
+    linked = linked | linked.T
+    remaining = np.ones(len(linked), dtype=bool)
+    groups = []
     while remaining.any():
-        group, front = np.zeros((2, len(linked)), dtype=bool)
+        group = np.zeros(len(linked), dtype=bool)
+        front = np.zeros(len(linked), dtype=bool)
         front[remaining.argmax()] = True
         while front.any():
             group |= front

@@ -99,7 +99,8 @@ def _range(text: str, default: str) -> list[float]:
     start, stop, number, *spacing = parts
     if len(spacing) > 1 or (spacing and spacing[0] not in ("lin", "log")):
         raise ValueError("the spacing must be lin or log")
-    first, last = _number(start), _number(stop)
+    first = _number(start)
+    last = _number(stop)
     last_place = parse_place(number.strip(), MAX_POINTS)
     if last_place is None:
         raise ValueError(f"the count must be an integer from 1 to {MAX_POINTS}")
@@ -137,7 +138,9 @@ def decade_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
     """Find the points of a grid nearest to 1 Hz, 10 Hz, ...; its ends if there are none."""
     import numpy as np
 
-    low, high = float(frequency.min()), float(frequency.max())
-    first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
+    low = float(frequency.min())
+    high = float(frequency.max())
+    first = math.ceil(math.log10(low) - 1e-9)
+    last = math.floor(math.log10(high) + 1e-9)
     targets = [10.0**n for n in range(first, last + 1)] or [low, high]
     return list(dict.fromkeys(int(np.abs(np.log(frequency / at)).argmin()) for at in targets))

@@ -14,10 +14,15 @@ def cross_matrix(vector: Inexact[np.ndarray, "*batch 3"]) -> Inexact[np.ndarray,
     """Matrices [v] (..., 3, 3) of vectors v (..., 3), such that [v] w = v x w."""
     vector = np.asarray(vector)
     result = np.zeros((*vector.shape, 3), dtype=vector.dtype)
-    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
-    result[..., 0, 1], result[..., 0, 2] = -z, y
-    result[..., 1, 0], result[..., 1, 2] = z, -x
-    result[..., 2, 0], result[..., 2, 1] = -y, x
+    x = vector[..., 0]
+    y = vector[..., 1]
+    z = vector[..., 2]
+    result[..., 0, 1] = -z
+    result[..., 0, 2] = y
+    result[..., 1, 0] = z
+    result[..., 1, 2] = -x
+    result[..., 2, 0] = -y
+    result[..., 2, 1] = x
     return result
 
 
@@ -25,10 +30,17 @@ def cross(
     a: Inexact[np.ndarray, "... 3"], b: Inexact[np.ndarray, "... 3"]
 ) -> Inexact[np.ndarray, "... 3"]:
     """Vector products (..., 3); several times faster than `numpy.cross` for a few vectors."""
-    a1, a2, a3, b1, b2, b3 = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    a1 = a[..., 0]
+    a2 = a[..., 1]
+    a3 = a[..., 2]
+    b1 = b[..., 0]
+    b2 = b[..., 1]
+    b3 = b[..., 2]
     first = a2 * b3 - a3 * b2
     result = np.empty((*first.shape, 3), dtype=first.dtype)
-    result[..., 0], result[..., 1], result[..., 2] = first, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
+    result[..., 0] = first
+    result[..., 1] = a3 * b1 - a1 * b3
+    result[..., 2] = a1 * b2 - a2 * b1
     return result
 
 
@@ -58,7 +70,8 @@ def turn_by(vector: Inexact[np.ndarray, " 3 *batch"]) -> Inexact[np.ndarray, "3 
     """
     square = vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2
     angle = np.sqrt(square)
-    sine, half = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    sine = np.sinc(angle / np.pi)
+    half = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     result = half * vector[:, None] * vector
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         result[i, i] = -half * (vector[j] ** 2 + vector[k] ** 2)

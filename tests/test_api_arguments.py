@@ -30,7 +30,6 @@ VARY = {DEPTH: [1e-3, 2e-3]}
         (lambda: sus.response(MODES), r"design = .*: is no design; give the attribute design"),
         (lambda: sus.modes(MODES.given.design), r"design = .*: is no design"),
         (lambda: sus.check(None), r"design = None: is no design"),
-        (lambda: sus.info(None), r"design = None: is no design"),
         (lambda: sus.draw(None), r"design = None: is no design"),
         (lambda: sus.report(None, "x.html"), r"design = None: is no design"),
         (lambda: sus.compare(SINGLE, None), r"items = None: cannot be compared"),
@@ -247,7 +246,7 @@ def test_designs_are_keys_of_dictionaries():
 def test_paths_stand_for_designs_in_every_function(tmp_path):
     path = tmp_path / "single.toml"
     path.write_text(SINGLE.text)
-    assert sus.check(path).name == sus.info(str(path)).name == "single"
+    assert sus.check(path).run.name == sus.check(str(path)).run.name == "single"
     assert isinstance(sus.report(path, tmp_path / "x.html", sections="numbers"), Path)
 
 

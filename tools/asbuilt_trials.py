@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses.fit import solve
-from suspension_cli.analyses.fit.result import Fit
+from suspension_cli.analyses.fit.result import Fitted
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
@@ -67,7 +67,7 @@ class Simulation:
     measured: Measured
     functions: tuple[MeasuredResponse, ...]
 
-    def fit(self, **how: Any) -> Fit:
+    def fit(self, **how: Any) -> Fitted:
         """Fit its measurements, on strings."""
         return solve.solve([self.text], self.measured, (), self.functions, explain=False, **how)
 
@@ -230,7 +230,7 @@ def spoil(
     return replace(given, functions=tuple(made))
 
 
-def distance(found: Fit, true: dict[str, float]) -> float:
+def distance(found: Fitted, true: dict[str, float]) -> float:
     """Squared distance of true from fitted parameters, in the metric of the covariance."""
     off = found.value - np.array(list(true.values()))
     return float(off @ np.linalg.solve(found.covariance, off))

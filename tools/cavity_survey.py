@@ -295,13 +295,12 @@ def draw(seed: int) -> Cavity:
     return result
 
 
-def found_poles(modes: sus.Result) -> np.ndarray:
+def found_poles(modes: sus.Modes) -> np.ndarray:
     """Poles of the listed modes, with Im s >= 0."""
-    data = modes.data
-    squared, rate = data.omega_squared, -data.decay_rate
+    squared, rate = modes.omega_squared, -modes.decay_rate
     oscillates = squared > 0
     omega = np.sqrt(np.where(oscillates, np.maximum(squared - rate**2, 0.0), 0.0))
-    still = np.where(squared < 0, data.growth_rate, rate)
+    still = np.where(squared < 0, modes.growth_rate, rate)
     return np.where(oscillates, rate + 1j * omega, still)
 
 

@@ -15,13 +15,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from suspension_cli.analyses.sweep.solve import ParameterSweep, evaluate_results, nearest_point
+import suspension_cli as sus
+from suspension_cli.analyses import named_quantities
+from suspension_cli.analyses.sweep import swept_results
+from suspension_cli.analyses.sweep.solve import ParameterSweep, complete, follow
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import rule
 from suspension_cli.drawing.labels import label_ends, room_for
 from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure, save, write_heading
 from suspension_cli.files.whole_files import write_bytes
-from suspension_cli.linear import mode_pairing, named_results
 from suspension_cli.models import closed_form
 from suspension_cli.models.closed_form import FourWires
 from suspension_cli.studies.job import Axis
@@ -72,21 +74,14 @@ def curves(figure: str, path: str, value: Any, mode: str, level: str = "force") 
 
 def follow_mode(text: str, path: str, value: Any, mode: str, level: str) -> Any:
     """Compute the frequency (p,) of one mode over a parameter, as `pendsus sweep` does."""
-    job = ParameterSweep(
-        text, (Axis(path, tuple(value.tolist())),), level, (named_results.Mode(mode, -1),)
-    )
-    number = named_results.labels(job.nominal).index(mode)
+    names = named_quantities.names_of(sus.parse(text))
+    axis = Axis(path, tuple(value.tolist()))
+    every = swept_results.find_results([], names, text, level)
+    [number] = [n for n, one in enumerate(every) if one.text == mode]
+    job = ParameterSweep(text, (axis,), level, (every[number],))
     points = job.compute(0, job.count)
-    rank, _ = mode_pairing.follow(
-        points["omega_squared"],
-        points["shape"],
-        points["status"] == 0,
-        nearest_point(job),
-        job.nominal_shape,
-    )
-    return evaluate_results(
-        (named_results.Mode(mode, number),), points["omega_squared"], rank, None
-    )[:, 0]
+    rank, _ = follow(job, points)
+    return complete(job, points, rank)[:, 0]
 
 
 def linear(wires: FourWires, s: Any) -> Any:

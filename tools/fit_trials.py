@@ -22,7 +22,7 @@ import numpy as np
 
 from suspension_cli.analyses.fit import solve, start
 from suspension_cli.analyses.fit.findings import change_unit, short
-from suspension_cli.analyses.fit.result import Fit
+from suspension_cli.analyses.fit.result import Fitted
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
@@ -77,7 +77,7 @@ class Trial:
     measured: Measured
     functions: tuple[MeasuredResponse, ...]
 
-    def fit(self, *, explain: bool = True) -> Fit:
+    def fit(self, *, explain: bool = True) -> Fitted:
         """Fit its measurements in the beam model."""
         return solve.solve(
             [self.text], self.measured, (), self.functions, level=BEAM.name, explain=explain
@@ -168,7 +168,7 @@ def _measure(
     return tuple(made)
 
 
-def misses(trial: Trial, found: Fit) -> list[str]:
+def misses(trial: Trial, found: Fitted) -> list[str]:
     """List the faults that are not within `SIGMAS` of their fitted values."""
     lines = []
     for name in trial.faults:

@@ -37,7 +37,7 @@ def with_uncertainty(value: float, sigma: float) -> str:
     )
 
 
-def combinations(found: fit.Fit) -> list[str]:
+def combinations(found: fit.Fitted) -> list[str]:
     """List the combinations of parameters that the modes alone determine, best first."""
     rows = []
     for n, (value, row) in enumerate(zip(found.singular, found.direction, strict=True), 1):
@@ -143,9 +143,9 @@ def table2() -> str:
     return "\n".join(lines)
 
 
-def _frequencies(found: fit.Fit) -> list[str]:
+def _frequencies(found: fit.Fitted) -> list[str]:
     """List all modes: measured, the paper's theory, and the fitted design in both models."""
-    design = reader.parse(found.design[0])
+    design = reader.parse(found.toml[0])
     force = eigenmodes.solve(registry.FORCE.system(design))
     rows, start = [], 0
     for family, dofs in FAMILIES.items():

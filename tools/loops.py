@@ -228,7 +228,7 @@ def _check(case: Case) -> str:
     ends: dict[str, Any] = {"inputs": ["support.x"], "outputs": ["test.x"]}
     try:
         source = sus.parse(case.source)
-        found = sus.damp(source, fidelity="string", **how).data.closed
+        found = sus.damp(source, fidelity="string", **how).closed
         sus.damp(source, **how)
         sus.modes(source)
         sus.response(source, closed_loop=True, allow_unstable=True, frequency="0.5,5", **ends)

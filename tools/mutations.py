@@ -42,10 +42,10 @@ NAMES = ("double", "five-wires", "imperfect", "payload-recoil-mass", "triple-dam
 DESIGNS = [*(CONFIGS / f"{name}.toml" for name in NAMES), CONFIGS / "husman2000/table1-case4.toml"]
 MEASURED = CONFIGS.parent / "measured" / "triple"
 GRID = ("--frequency", "0.3:10:12")
-COMMANDS = {"check": (), "info": (), "modes": (), "response": GRID, "thermal": GRID, "damp": GRID,
+COMMANDS = {"check": (), "modes": (), "response": GRID, "thermal": GRID, "damp": GRID,
             "export": (), "budget": GRID, "sensitivity": (), "tolerance": ("--builds", "100"),
             "xcouple": ("--sweep", "k=0.9:1.1:3"), "sweep": ("--vary", "constants.gravity=9:10:3")}  # fmt: skip
-ONLY_PRINT = ("check", "info", "draw")
+ONLY_PRINT = ("check", "draw")
 SIGNALS = ("--input", "upper.force_x", "--output", "upper.x")
 NUMBERS = [0, -1, 1, 1e-320, 1e-12, 1e-3, 1e6, 1e20, 1e300, math.nan, math.inf, -math.inf]
 TYPES = ["", "x", "test", "é\0", "nan", True, [], {}, [[1.0]], {"x": 1}]

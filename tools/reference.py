@@ -14,6 +14,7 @@ import inspect
 import re
 import textwrap
 import types
+import typing
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -29,7 +30,7 @@ from suspension_cli.design import (
     imperfections,
     links,
     materials,
-    requirements,
+    required_quantities,
     schema,
     towers,
     wires,
@@ -41,7 +42,7 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, control, imperfections, requirements, wires, links, towers, materials)
+MODULES = (schema, control, imperfections, required_quantities, wires, links, towers, materials)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))
@@ -282,6 +283,7 @@ def stability(_: str) -> str:
 
 def stub() -> str:
     """Stub of the package: the functions of analyses with signatures and docstrings."""
+    homes = sorted({"Record": "record", **sus.RECORDS}.items(), key=lambda item: item[1])
     lines = [
         '"""The public API, for editors and type checkers; made by `make reference`."""',
         "",
@@ -290,7 +292,7 @@ def stub() -> str:
         "from typing import Any",
         "",
         "from suspension_cli import api, errors",
-        "from suspension_cli.analyses.analysis import Result as Result",
+        *(f"from suspension_cli.analyses.{home} import {name} as {name}" for name, home in homes),
         "from suspension_cli.api import Design as Design, Grid, Names, PathLike, Paths",
         "",
         "__version__: str",
@@ -308,12 +310,15 @@ def stub() -> str:
                 given = "" if each.default is each.empty else f" = {each.default!r}"
                 lines.append(f"    {star}{each.name}: {each.annotation}{given},")
             text = textwrap.indent(inspect.getdoc(function) or "", "    ")
+            returned = inspect.signature(function).return_annotation
+            kinds = typing.get_args(returned) or (returned,)
+            names = " | ".join(getattr(kind, "__name__", kind) for kind in kinds)
             lines += [
-                f") -> {inspect.signature(function).return_annotation}:",
+                f") -> {names}:",
                 f'    """{text.strip()}',
                 '    """',
             ]
-        elif not name.startswith("_") and name not in ("Result", "Design"):
+        elif not name.startswith("_") and name not in ("Record", "Design", *sus.RECORDS):
             lines.append(f"{name} = {'errors' if hasattr(errors, name) else 'api'}.{name}")
     return re.sub(r"[ \t]+\n", "\n", "\n".join(lines)) + "\n"
 

@@ -15,10 +15,13 @@ import tomli_w
 from numpy.random import Generator
 
 import suspension_cli as sus
-from suspension_cli.analyses.sweep.solve import ParameterSweep, result_change
+from suspension_cli.analyses.named_quantities import names_of
+from suspension_cli.analyses.sweep.point_errors import PointErrors
+from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.swept_results import find_results
 from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import Design
-from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.mode_pairing import body_overlap, pair_by_overlap
 from suspension_cli.linear.signals import bodies_with_signals, parse_input, parse_output
 from suspension_cli.linear.system import LinearSystem
@@ -143,10 +146,10 @@ def of_sweep(seed: int) -> tuple[float, float]:
     results = [f"{body.name}.x/support.x:{rng.choice([2.0, 8.0, 20.0])}"] if seed % 2 else []
     how = {"vary": {path: values}, "fidelity": level, "allow_unstable": True}
     found = sus.sweep(design, results=results, **how)
-    scalars = named_results.of_system(results, registry.by_name(level).system(design.design))
+    quantities = find_results(results, names_of(design), text, level)
     axis = Axis(path, tuple(values.tolist()))
-    job = ParameterSweep(text, (axis,), level, scalars, allow_unstable=True)
-    compare = result_change(job)(np.arange(job.count))
+    job = ParameterSweep(text, (axis,), level, quantities, allow_unstable=True)
+    compare = PointErrors(job)(np.arange(job.count))
     true = choose(design.design, level, (), compare)
     return found.estimated_error, true.error
 

@@ -16,7 +16,7 @@ ARM = 600.0
 FREQUENCY = np.geomspace(0.1, 3000.0, 6000)
 
 
-def solved() -> sus.Result:
+def solved() -> sus.Thermal:
     """Compute the noise of the mirror along the beam."""
     return sus.thermal(sus.example("geo-silica-triple"), arm=ARM, frequency=FREQUENCY)
 
@@ -30,7 +30,7 @@ def main() -> None:
     values = ", ".join(
         f"{value:.2e} at {at:g} Hz"
         for at, value in zip(
-            (10, 100), np.interp((10, 100), FREQUENCY, result.data[0].amplitude), strict=True
+            (10, 100), np.interp((10, 100), FREQUENCY, result.amplitude[:, 0]), strict=True
         )
     )
     print(f"results/thermal.png: {values} (m/sqrt(Hz))")

@@ -22,7 +22,7 @@ from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
 from suspension_cli.analyses.tradeoff.measure import (
     Entry,
-    Tradeoff,
+    Measured,
     draw,
     format_time,
     measure,
@@ -130,7 +130,7 @@ def _draw_chart(axes: Axes, points: dict[str, tuple[float, float]]) -> None:
     label_points(axes, list(zip(time, shown, strict=True)), list(points), colours, 7.8)
 
 
-def tabulate(found: dict[str, Tradeoff], question: str) -> list[str]:
+def tabulate(found: dict[str, Measured], question: str) -> list[str]:
     """Tabulate errors and times for one question, a row per design."""
     rows = {
         name: {entry.model: entry for entry in one.entries if entry.question == question}
@@ -153,7 +153,7 @@ def _cell(entry: Entry, best: Entry | None) -> str:
     return f"**{text}**" if entry == best else text
 
 
-def document(found: dict[str, Tradeoff], methods: Any, text: dict[str, str]) -> str:
+def document(found: dict[str, Measured], methods: Any, text: dict[str, str]) -> str:
     """Format the page."""
     versions = (
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"

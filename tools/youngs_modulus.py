@@ -40,7 +40,7 @@ DIRECTIONS = {
 """Directions in which a frame is compliant."""
 
 
-def fitted(data: Measured) -> fit.Fit:
+def fitted(data: Measured) -> fit.Fitted:
     """Fit the four designs to modes of `FILE`."""
     return fit.solve(
         [(FILE.parent / item.design).read_text() for item in data.experiment or ()],
@@ -68,7 +68,7 @@ def modulus(each: str | None = None) -> Free:
     return msgspec.structs.replace(found, experiments=None if each is None else [each])
 
 
-def rigid(columns: list[str]) -> tuple[fit.Fit, fit.Fit]:
+def rigid(columns: list[str]) -> tuple[fit.Fitted, fit.Fitted]:
     """Fit Young's modulus on rigid frames: one per case, and one for all."""
     names = [item.title for item in measured.read(FILE).experiment or ()]
     return fitted(chosen(columns, [modulus(name) for name in names])), fitted(
@@ -76,7 +76,7 @@ def rigid(columns: list[str]) -> tuple[fit.Fit, fit.Fit]:
     )
 
 
-def framed(directions: str, extra: list[Free] | None = None) -> fit.Fit:
+def framed(directions: str, extra: list[Free] | None = None) -> fit.Fitted:
     """Fit Young's modulus on frames that are compliant in some directions only."""
     kept = [
         item
@@ -86,7 +86,7 @@ def framed(directions: str, extra: list[Free] | None = None) -> fit.Fit:
     return fitted(chosen(parameters=kept + (extra or [])))
 
 
-def with_uncertainty(found: fit.Fit, n: int = 0, unit: float = 1e11, digits: int = 2) -> str:
+def with_uncertainty(found: fit.Fitted, n: int = 0, unit: float = 1e11, digits: int = 2) -> str:
     """Format a value with its uncertainty."""
     sigma = found.sigma[n] / found.scale  # as the uncertainties imply, in a misfit too
     return f"{found.value[n] / unit:.{digits}f} ± {sigma / unit:.{digits}f}"
@@ -102,17 +102,17 @@ def table(head: list[str], rows: list[list[str]]) -> list[str]:
     ]
 
 
-def chi(found: fit.Fit) -> str:
+def chi(found: fit.Fitted) -> str:
     """Format chi^2 over degrees of freedom."""
     return f"{found.chi_squared:.0f}/{found.freedom}"
 
 
-def on_rigid_frames(value: float) -> fit.Fit:
+def on_rigid_frames(value: float) -> fit.Fitted:
     """Fit Young's modulus alone from a start value, at which `before` holds the frequencies."""
     return fitted(chosen(parameters=[msgspec.structs.replace(modulus(), start=value)]))
 
 
-def frequencies(found: fit.Fit, vertical: float) -> list[str]:
+def frequencies(found: fit.Fitted, vertical: float) -> list[str]:
     """List all modes: measured, the paper's theory, and the three fits by modulus and frame."""
     rows, before = [], [on_rigid_frames(value).before for value in (HANDBOOK, vertical)]
     columns = PAPER["table1"]["columns"]

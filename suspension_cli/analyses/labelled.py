@@ -31,19 +31,19 @@ Variables = dict[str, Variable]
 
 @contextlib.contextmanager
 def variables_of(result: Any) -> Iterator[Variables]:
-    """Open the arrays of an `analysis.Result`: of its file, or as its file would have them.
+    """Open the arrays of an `record.Record`: of its file, or as its file would have them.
 
     Without curves that only its picture needs.
     """
     stored = result.stored_file()
     if stored is not None:
         with open_results(stored) as file:
-            yield _without_curves(variables(file[result.analysis.name]))
+            yield _without_curves(variables(file[result.run.analysis.name]))
     else:
         with in_memory() as file:
-            result.analysis.fill(file, result)
-            found = _without_curves(variables(file[result.analysis.name]))
-            declared = [item.key for item in items(result.analysis.record_type())]
+            result.run.analysis.fill(file, result)
+            found = _without_curves(variables(file[result.run.analysis.name]))
+            declared = [item.key for item in items(result.run.analysis.record_type())]
             order = [path for key in declared for path in found if path.split("/")[0] == key]
             yield {path: found[path] for path in order} | found
 
@@ -55,7 +55,7 @@ def _without_curves(found: Variables) -> Variables:
 
 
 def to_xarray(result: Any) -> xarray.Dataset:
-    """Convert an `analysis.Result`; dimensions and coordinates are the scales of its file.
+    """Convert an `record.Record`; dimensions and coordinates are the scales of its file.
 
     Numbers have their `units`, unless these differ between the elements of an array: the array that
     has them is then named by `units_in`. Attributes name design, model and estimated error.
@@ -71,15 +71,15 @@ def to_xarray(result: Any) -> xarray.Dataset:
             dims = [dim.replace("/", ".") for dim in one.dims]
             arrays[path.replace("/", ".")] = (dims, one.read(), attributes)
     about = {
-        "design": result.given.name,
-        "model": result.choice.level,
-        "estimated_error": result.estimated_error,
+        "design": result.run.name,
+        "model": result.run.model,
+        "estimated_error": result.run.error,
     }
     return xarray.Dataset(arrays, attrs=about)
 
 
 def write_csv(result: Any, path: Path) -> list[Path]:
-    """Write the CSV files of an `analysis.Result`, and return their paths.
+    """Write the CSV files of an `record.Record`, and return their paths.
 
     For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
     get files of their own, NAME-ROWS.csv.
@@ -128,13 +128,15 @@ def _text(arrays: Variables, rows: tuple[str, ...], paths: list[str]) -> str:
     """Make the table of some arrays that have the same rows."""
     scales = {dim: one.read() for dim, one in arrays.items() if one.dims == (dim,)}
     grid: list[np.ndarray] = []
-    heads, columns = [], []
+    heads = []
+    columns = []
     for path in paths:
         one = arrays[path]
         own = [dim for dim in one.dims if dim in rows]
         others = [dim for dim in one.dims if dim not in rows]
         values = one.read().transpose([one.dims.index(dim) for dim in own + others])
-        shape, wide = values.shape[: len(own)], values.shape[len(own) :]
+        shape = values.shape[: len(own)]
+        wide = values.shape[len(own) :]
         if len(own) == len(rows):
             grid = [places.ravel() for places in np.indices(shape)]
         for place in np.ndindex(wide):
@@ -142,7 +144,8 @@ def _text(arrays: Variables, rows: tuple[str, ...], paths: list[str]) -> str:
             which = [
                 str(scales[dim][n]) if dim in scales else str(n + 1) for dim, n in where.items()
             ]
-            label, unit = _name(path), _unit(arrays, path, where)
+            label = _name(path)
+            unit = _unit(arrays, path, where)
             label += f" [{', '.join(which)}]" if which else ""
             column = values[(..., *place)].ravel()
             if np.iscomplexobj(column):

@@ -26,6 +26,8 @@ Settings = dict[str, Any]
 
 TOLERANCE = 1e-3
 """Copy of `models.choice.TOLERANCE`."""
+MOST_WIRE_MODES = 1000
+"""Modes of wires with mass above which a run is refused unless --all of `modes` is given."""
 FILES, MODEL, BATCH = "Files and messages", "Model", "Computation"
 """Groups of options, as help lists them."""
 LONGEST_NAME = 255
@@ -251,6 +253,19 @@ RESULTS = option(
         " (repeatable).  [default: modes, which stands for every mode]"
     ),
 )
+QUANTITIES = option(
+    "--result",
+    "results",
+    multiple=True,
+    metavar="QUANTITY",
+    help=(
+        "A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a"
+        " response OUTPUT/INPUT:HZ or any other (repeatable)."
+        "  [default: modes, which stands for every mode]"
+    ),
+)
+COUPLING_LIMIT = 1e-3
+"""Limit on the cross-coupling, unless `[analysis.tolerance]` gives another."""
 COUPLING = (
     option(
         "--input",
@@ -271,6 +286,11 @@ COUPLING = (
     frequencies("50", "Frequencies at which the coupling is computed, Hz."),
 )
 """Options that define the cross-coupling."""
+EVERY_POINT = _of_batch(
+    "--every-point",
+    is_flag=True,
+    help="Solve every point; else maps of analytic results are interpolated, and checked.",
+)
 SWEEP = (
     _of_batch(
         "--workers",

@@ -46,14 +46,16 @@ def describe(function: Callable[..., Any], analysis: Any) -> None:
             listed.append(_of_option(param, value, analysis.parameters))
     if analysis.fills_file:
         listed.append(_of_input(FOLDER, Parameter.KEYWORD_ONLY))
-    signature = inspect.Signature([one for one, _ in listed], return_annotation=analysis.returns)
+    returned = analysis.returned_type()
+    signature = inspect.Signature([one for one, _ in listed], return_annotation=returned)
     annotations = {name: one.annotation for name, one in signature.parameters.items()}
     text = inspect.cleandoc(str(type(analysis).__doc__))
-    head, sections = text.split("\n\n", 1)[0], text[text.index("\nReturns\n-") :]
+    head = text.split("\n\n", 1)[0]
+    sections = text[text.index("\nReturns\n-") :]
     described = "\n".join(description for _, description in listed)
     function.__doc__ = f"{head}\n\nParameters\n----------\n{described}\n{sections}\n"
     function.__name__ = function.__qualname__ = analysis.name
-    function.__annotations__ = annotations | {"return": analysis.returns}
+    function.__annotations__ = annotations | {"return": returned}
     vars(function)["__signature__"] = signature
 
 
@@ -72,7 +74,8 @@ def _of_option(param: Option, default: Any, all_of_command: Sequence[Option]) ->
     for mark in (" (repeatable)", " [required]"):
         about = about.replace(mark, "")
     about = translate(re.sub(r" *\[default: (.*)\]", r" Default: \1.", about), all_of_command)
-    kind, choices = param.python_type, getattr(param.type, "choices", ())
+    kind = param.python_type
+    choices = getattr(param.type, "choices", ())
     quoted = ", ".join(f'"{one}"' for one in choices)
     words = f"{{{quoted}}}" if choices else WORDS.get(kind, kind)
     return _argument(str(param.name), Parameter.KEYWORD_ONLY, kind, default, words, about)
@@ -120,7 +123,7 @@ CALLS = (
     (r"pendsus response DESIGN --measured FILE", "sus.response(design, measured=file)"),
     (r"pendsus ([a-z]+) --help", r"help(sus.\1)"),
     (r"pendsus (?!schema)([a-z]+) (--|fidelity=)(\S+)", r"sus.\1(\2\3)"),
-    (r"pendsus (check|damp|info|modes|response)\b", r"sus.\1"),
+    (r"pendsus (check|damp|modes|response)\b", r"sus.\1"),
 )
 """Commands and options with their values, as patterns, and the calls and arguments instead."""
 

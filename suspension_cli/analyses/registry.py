@@ -5,13 +5,16 @@ from __future__ import annotations
 import importlib
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from suspension_cli.analyses.analysis import Analysis, Result
+from suspension_cli.analyses.analysis import Analysis
+from suspension_cli.analyses.record import Origin
 from suspension_cli.conventions import ANALYSES
 
 if TYPE_CHECKING:
     import h5py
+
+    from suspension_cli.design.reader import Source
 
 GROUPS = (*ANALYSES, "matrix")
 """Groups of results files, in the order in which they are looked for."""
@@ -28,12 +31,12 @@ def get(name: str) -> Analysis:
     return importlib.import_module(f"suspension_cli.analyses.{name}.command").ANALYSIS
 
 
-def loaded(file: h5py.File, name: str) -> Result:
-    """Read a result from an open results file.
+def loaded(file: h5py.File, name: str, kind: type[Source] | None = None) -> Any:
+    """Read a result from an open results file, with its design as a `Source` (or `kind`).
 
     Raises `InputError` if the file holds no result of an analysis.
     """
-    from suspension_cli.design.reader import Source, parse
+    from suspension_cli.design import reader
     from suspension_cli.errors import Fault, InputError
     from suspension_cli.models.registry import Choice
 
@@ -42,9 +45,13 @@ def loaded(file: h5py.File, name: str) -> Result:
         remedy = f"name a file of pendsus {', '.join(n for n in ANALYSES if get(n).result_type)}"
         raise InputError([Fault("", "holds no result of an analysis", remedy)], name)
     known = {key: str(file.attrs[key]) for key in ("design", "fidelity", "fidelity_reason")}
-    text, error = known["design"], float(str(file.attrs["estimated_error"]))
+    text = known["design"]
+    error = float(str(file.attrs["estimated_error"]))
     choice = Choice(known["fidelity"], known["fidelity_reason"], error)
-    analysis, source = get(found), Source(parse(text), text, name)
-    data, command = analysis.load(file), str(file.attrs["command"])
+    source = (kind or reader.Source)(reader.parse(text), text, name)
+    command = str(file.attrs["command"])
+    warned = tuple(str(one) for one in list(file.attrs.get("warnings", ())))
+    analysis = get(found)
+    run = Origin(analysis, source, choice, command, warned, file=Path(file.filename))
     extra = dict(json.loads(str(file.attrs.get("extra", "{}"))))
-    return Result(analysis, source, choice, data, extra, Path(file.filename), command)
+    return analysis.read_result(file, run, extra)

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Result, Run
+from suspension_cli.analyses.analysis import Analysis, Run, RunLog
 from suspension_cli.errors import Interrupted, escape_unprintable
-from suspension_cli.files.hdf5 import Provenance, open_results, replacing
+from suspension_cli.files.hdf5 import Provenance, open_results, replacing, write_warnings
 from suspension_cli.files.whole_files import target, writing_to
 from suspension_cli.models.registry import MODELS
 from suspension_cli.physics import model_choice
+from suspension_cli.studies.interpolated import InterpolatedMap, interpolated
 from suspension_cli.studies.run import Columns, Verdict, describe_exposure, part_of
 from suspension_cli.studies.run import run as compute
 
@@ -23,16 +24,19 @@ if TYPE_CHECKING:
     import h5py
 
     from suspension_cli.analyses.analysis import Settings
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.design.reader import Source
     from suspension_cli.models.base import Model
     from suspension_cli.models.choice import Comparison
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
-    from suspension_cli.studies.run import Job, Write
+    from suspension_cli.studies.run import Job
 
     Points = Array
     """Points of a study, one per row: numbers, or deviations of random builds."""
 
+CHUNK_OF_MAP = 1 << 15
+"""Fewest points of a map that are evaluated at once."""
 J = TypeVar("J", bound="Job")
 """Kind of job."""
 
@@ -85,7 +89,10 @@ class Study(Generic[J]):
     extremes
         Points at which results of a finished job are extreme.
     write
-        Writes the group of the analysis.
+        Writes the group of the analysis, and returns the record that it wrote; `Origin` is what its
+        field `run` says.
+    warnings
+        What a finished job warns of.
     """
 
     at: Callable[[str], J]
@@ -93,7 +100,8 @@ class Study(Generic[J]):
     compare: Callable[[Points], Comparison]
     first: Points
     extremes: Callable[[J, Columns], Points]
-    write: Callable[[h5py.Group, Columns, J], None]
+    write: Callable[[h5py.Group, Columns, J, Origin], Any]
+    warnings: Callable[[Any, J], Iterable[str]]
 
     def choose(self, source: Source, setting: Settings) -> Choice:
         """Choose the model before the job is computed."""
@@ -117,40 +125,71 @@ class Study(Generic[J]):
 
 
 class _Review(Generic[J]):
-    """Review of the results of a study: the model that they need."""
+    """Review of the results of a study: the model that they need.
 
-    def __init__(self, run: Run, study: Study[J], choice: Choice) -> None:
-        self.run, self.study, self.choice = run, study, choice
-        self.job, self.points = study.at(choice.level), study.first
+    Attributes
+    ----------
+    job
+        The job in that model.
+    computed
+        The same job, or its map by interpolation.
+    """
+
+    def __init__(self, run: Run, analysis: Analysis, study: Study[J], choice: Choice) -> None:
+        self.run = run
+        self.analysis = analysis
+        self.study = study
+        self.choice = choice
+        self.job = study.at(choice.level)
+        self.computed = self._as_map()
+        self.points = study.first
+        self.warned: list[str] = []
+
+    def _as_map(self) -> Job | InterpolatedMap:
+        """Interpolate the job, if that is possible and `--every-point` is not given."""
+        job: Any = self.job
+        if self.run.setting.get("every_point", True) or not job.is_analytic:
+            return job
+        found = interpolated(job)
+        if found is None:
+            return job
+        self.run.log.say(f"{self.run.name}: {found.line}")
+        return found
 
     @property
     def origin(self) -> Provenance:
         """What the results file says about its origin."""
-        run, choice = self.run, self.choice
-        text, command = run.source.text, recorded(run.command)
-        return Provenance(text, command, choice.level, choice.reason, choice.error)
+        choice = self.choice
+        command = recorded(self.run.command)
+        return Provenance(self.run.source.text, command, choice.level, choice.reason, choice.error)
 
-    @property
-    def write(self) -> Write:
-        """Function that writes the group of the analysis."""
-        job = self.job
-        return lambda group, columns: self.study.write(group, columns, job)
+    def write(self, group: h5py.Group, columns: Columns) -> None:
+        """Write the group of the analysis, and what the run and its results warn of."""
+        origin = self.run.origin(self.analysis, self.choice)
+        record = self.study.write(group, columns, self.job, origin)
+        if isinstance(self.computed, InterpolatedMap):
+            group.attrs["interpolation"] = self.computed.line
+        self.warned = [*self.study.warnings(record, self.job)]
+        write_warnings(group.file, (*origin.warnings, *self.warned))
 
     def __call__(self, columns: Columns) -> Verdict:
         """Choose the model again, with the points at which results are extreme."""
         extreme = self.study.extremes(self.job, columns)
         self.points = np.unique(np.concatenate([self.points, extreme]), axis=0)
-        run, last = self.run, self.choice
+        run = self.run
+        last = self.choice
         self.choice = self.study.choose_again(run.source, run.setting, last, self.points)
         if self.choice.level == last.level:
             return Verdict(self.origin, self.write)
-        why, level = self.choice.reason.partition(";")[0], self.choice.level
+        why = self.choice.reason.partition(";")[0]
+        level = self.choice.level
         run.log.say(f"{run.name}: all builds are computed again in the {level} model: {why}")
         self.job = self.study.at(level)
-        return Verdict(self.origin, self.write, self.job)
+        self.computed = self._as_map()
+        return Verdict(self.origin, self.write, self.computed)
 
 
-def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Result:
+def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Any:
     """Compute all points of a study, write the results file, and read the result from there.
 
     If the results show that the model of a `choice` is not accurate enough, they are computed in a
@@ -159,20 +198,35 @@ def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Res
     """
     setting = run.setting
     path = target(run.folder / f"{run.source.stem()}-{analysis.stem}.h5")
-    review = _Review(run, study, choice)
-    if setting["scheduler"] and (exposure := describe_exposure(setting["scheduler"])):
-        run.log.warn(exposure)
+    review = _Review(run, analysis, study, choice)
+    _warn_of_exposure(run)
     with writing_to(run.folder):
         run.folder.mkdir(parents=True, exist_ok=True)
     how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
+    if isinstance(review.computed, InterpolatedMap):
+        how["chunk"] = max(how["chunk"], CHUNK_OF_MAP)
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
-            begin = review.job, path, analysis.name, review.origin, review.write
+            begin = review.computed, path, analysis.name, review.origin, review.write
             compute(*begin, review=review, progress=progress, **how)
     except KeyboardInterrupt as cause:
         part = part_of(path)
         kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
         raise Interrupted.by(cause, escape_unprintable(kept)) from None
+    for line in review.warned:
+        run.log.warn(line)
+    origin = replace(run.origin(analysis, review.choice), file=path)
     with open_results(path) as file:
-        data = analysis.load(file)
-    return Result(analysis, run.source, review.choice, data, file=path, command=run.command)
+        return analysis.read_result(file, origin, {})
+
+
+def _warn_of_exposure(run: Run) -> None:
+    """Warn of a scheduler that others may reach.
+
+    That says nothing of the results, whose file does not depend on how they were computed.
+    """
+    scheduler = run.setting["scheduler"]
+    exposure = describe_exposure(scheduler) if scheduler else ""
+    if exposure:
+        assert isinstance(run.log, RunLog)
+        run.log.outer.warn(exposure)

@@ -17,7 +17,7 @@ from suspension_cli.design import DETECTORS
 from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.analyses.record import Presented
     from suspension_cli.design.reader import Source
 
 KINDS = ("single", "double", "triple", "quad", "blades")
@@ -62,9 +62,15 @@ def new(
         problem = f"takes a kind of design ({', '.join(KINDS)}) or --from, then at most one file"
         raise InputError.of("new", problem, "write for example pendsus new triple my.toml")
     if example is not None and words and words[0] in KINDS:
-        problem, remedy = "is a kind of design, beside --from", "give one of both, then a file"
+        problem = "is a kind of design, beside --from"
+        remedy = "give one of both, then a file"
         raise InputError.of("new", problem, remedy, format_value(words[0]))
-    kind, files = (words[0], words[1:]) if example is None else (example.rpartition("/")[2], words)
+    if example is None:
+        kind = words[0]
+        files = words[1:]
+    else:
+        kind = example.rpartition("/")[2]
+        files = words
     file = files[0] if files else None
     name = _design_name(name, Path(file).stem if file else kind, kind)
     text = reader.template(kind, name) if example is None else reader.example_text(example, name)
@@ -156,7 +162,8 @@ def _write_new(path: Path, text: str, force: bool) -> None:
     from suspension_cli.files.whole_files import write_bytes
 
     if path.exists() and not force:
-        problem, remedy = "exists already", "name another file, or give --force"
+        problem = "exists already"
+        remedy = "name another file, or give --force"
         raise InputError([Fault("", problem, remedy)], str(path))
     write_bytes(path, text.encode(), key="")
 
@@ -209,14 +216,16 @@ def plot(
     folder = settings.folder(out) if out else None
     if together:
         results = [_compared(files)]
-        paths = [results[0].analysis.path(results[0], folder or Path(files[0]).parent)]
+        home = folder or Path(files[0]).parent
+        paths = [registry.get("compare").path(results[0], home)]
     else:
-        results, paths = [], [(folder or Path(file).parent) / Path(file).name for file in files]
+        results = []
+        paths = [(folder or Path(file).parent) / Path(file).name for file in files]
         for file in files:
             with open_results(file) as stored:
                 results.append(registry.loaded(stored, file))
     for result, path in zip(results, paths, strict=True):
-        with reporting_damage(result.given.file, "run the analysis again"):
+        with reporting_damage(result.run.design.file, "run the analysis again"):
             with limited(*limits):
                 figures = result.figures() or {"": result.plot()}  # refused if there is none
             for figure in figures.values():
@@ -233,7 +242,7 @@ def plot(
             terminal.tell(f"wrote {one}")
 
 
-def _compared(files: tuple[str, ...]) -> Result:
+def _compared(files: tuple[str, ...]) -> Presented:
     """Compare stored results."""
     from suspension_cli.analyses.analysis import Log, Run
 
@@ -252,8 +261,10 @@ def _limits(option: str, text: str | None) -> tuple[float, float] | None:
     try:
         low, high = map(float, text.split(":"))
     except ValueError:
-        low, high = 1.0, 0.0
+        low = 1.0
+        high = 0.0
     if not -math.inf < low < high < math.inf:
-        problem, remedy = "is not LOW:HIGH, two ascending numbers", "write for example 0.1:10"
+        problem = "is not LOW:HIGH, two ascending numbers"
+        remedy = "write for example 0.1:10"
         raise InputError.of(option, problem, remedy, format_value(text))
     return low, high

@@ -34,7 +34,7 @@ COMMANDS = (*ANALYSES, *OTHERS)
 ANALYSE = "Analyse, as in pendsus response my.toml --output test.x"
 PURPOSES = {
     "Design, as in pendsus new triple my.toml": "new import check draw sweep sensitivity optimise"
-    " info schema",
+    " schema",
     ANALYSE: "modes response thermal budget damp compare tradeoff",
     "Build and measure, as in pendsus fit my.toml measured.toml": "tolerance xcouple fit",
     "Hand over, as in pendsus report my.toml": "report export plot",

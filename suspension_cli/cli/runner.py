@@ -12,12 +12,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from suspension_cli.analyses import settings
-from suspension_cli.analyses.analysis import Analysis, Result, Run
+from suspension_cli.analyses.analysis import Analysis, Run
+from suspension_cli.analyses.record import Record
 from suspension_cli.cli import terminal
 from suspension_cli.errors import Fault, InputError, collect, format_value, join_errors
 
@@ -71,10 +72,11 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
         changes = given["overrides"]
         source = file if isinstance(file, Source) else read(file, (*overrides, *changes))
         source = replace(source, given_stem=given.get("stem"), overrides=changes)
-        setting, folder = settings.merge(analysis, source, typed), Path(given.get("out", ""))
+        setting = settings.merge(analysis, source, typed)
+        folder = Path(given.get("out", ""))
         return Run(source, setting, voice, folder, words)
 
-    def solve(one: Run) -> tuple[Run, Result]:
+    def solve(one: Run) -> tuple[Run, Any]:
         with one.faults(), _timed(voice, f"{one.name}: computed"):
             return one, analysis.solve(one)
 
@@ -90,7 +92,8 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     for number, (one, result) in enumerate(solved):
         if analysis.has_file:
             with _timed(voice, f"{one.name}: files written"):
-                _write(one, result, voice)
+                result = _write(one, result, voice)
+                solved[number] = one, result
         if not as_json and (text := str(result)):
             terminal.put("\n" * (number > 0 and analysis.has_file) + text)
     if errors:
@@ -117,25 +120,31 @@ def _demand_distinct_names(sources: Sequence[Source]) -> None:
     names = [source.stem() for source in sources]
     for n, (source, name) in enumerate(zip(sources, names, strict=True)):
         if name in names[:n]:
-            key, own = "design.name", source.design.design.name
-            problem, remedy = "is the name of another design of this run", "give each its own name"
+            key = "design.name"
+            own = source.design.design.name
+            problem = "is the name of another design of this run"
+            remedy = "give each its own name"
             if source.given_stem:
-                key, own, remedy = "--name", name, "leave it out, or give one design"
+                key = "--name"
+                own = name
+                remedy = "leave it out, or give one design"
                 problem = "would name the files of several designs"
             raise InputError([Fault(key, problem, remedy, format_value(own))], source.file)
 
 
-def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
-    """Write the files of a result: HDF5, CSV and pictures."""
-    from suspension_cli.analyses import labelled
+def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
+    """Write the files of a result: HDF5, CSV and pictures; return it with its file."""
     from suspension_cli.files.hdf5 import replacing
     from suspension_cli.files.whole_files import write_bytes
 
-    analysis, setting = result.analysis, run.setting
+    analysis = result.run.analysis
+    setting = run.setting
     path = analysis.path(result, settings.folder(str(run.folder)))
-    if result.file is None:
-        with replacing(path, result.given.text, voice.say):
-            analysis.save(path, result.completed)
+    if result.run.file is None:
+        with replacing(path, result.run.design.text, voice.say):
+            analysis.save(path, result)
+    if isinstance(result, Record):
+        result = result.in_file(path)
 
     def write(end: str, data: bytes) -> None:
         target = path.with_name(f"{path.stem}{end}")
@@ -144,7 +153,10 @@ def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
 
     with _results_complete(path):
         others = analysis.others(result, path)
-        others += labelled.write_csv(result, path) if setting.get("as_csv") else []
+        if setting.get("as_csv"):
+            from suspension_cli.analyses import labelled
+
+            others += labelled.write_csv(result, path)
         for other in others:
             voice.say(f"wrote {other}")
         pictures = setting.get("plot", False)
@@ -157,6 +169,7 @@ def _write(run: Run, result: Result, voice: terminal.Voice) -> None:
                 write(f"{end}.{form}", encode(figure, form))
         for end, data in analysis.animations(result, setting):
             write(end, data)
+    return result
 
 
 @contextlib.contextmanager

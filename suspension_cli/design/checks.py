@@ -1,12 +1,12 @@
 """Checks of a design across its tables: which names exist, which lengths fit, what is implausible.
 
-What a table must fulfil by itself is declared in its `rules`, see `design.tables`. Problems are
+What a table must fulfil by itself is declared in its `rules`, see `design.key_rules`. Problems are
 here behind whole key paths.
 
 Implausible numbers (millimetres written as metres, grams as kilograms, GPa as Pa) are valid, so
 there are warnings, not faults. Limits are wide: a unit that is wrong by a factor of a thousand
 exceeds them, an unusual design does not. Ranges of single numbers stand beside their keys
-(`tables.Plausible`); here are those that depend on several numbers.
+(`typed_tables.Plausible`); here are those that depend on several numbers.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.materials import MECHANISMS, AgainstTemperature
 from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.towers import SUFFIX, leg_count
+from suspension_cli.design.typed_tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.units import OSMIUM
 from suspension_cli.design.wires import (
     RADII,
@@ -90,7 +90,8 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
     found = [*faults.find_faults(tables), *(fault_of(design, "", *one) for one in problems)]
     for command in design.analysis:
         if command not in ANALYSES:
-            key, remedy = f"analysis.{format_key(command)}", suggest(command, [*ANALYSES])
+            key = f"analysis.{format_key(command)}"
+            remedy = suggest(command, [*ANALYSES])
             found.append(Fault(key, "unknown command", remedy))
     for link in design.link:
         own = ("stage", "materials", f"link.{link.name}")
@@ -129,7 +130,8 @@ def _bodies(stage: Stage) -> list[str]:
 def _check_materials(design: Design) -> Problems:
     """Check the tables of materials."""
     for name, own in design.materials.items():
-        path, material = f"materials.{format_key(name)}", materials.look_up(design, name)
+        path = f"materials.{format_key(name)}"
+        material = materials.look_up(design, name)
         if not re.fullmatch(units.NAME, name):
             remedy = "call it by letters, digits, _ and -, starting with a letter"
             yield path, "is not a valid name, so no wire can refer to it", remedy
@@ -147,7 +149,8 @@ def _check_names(design: Design, tables: Iterable[tuple[str, Table]]) -> Problem
     for path, table in tables:
         stage = path.split(".")[1] if path.startswith("stage.") else ""
         for key, kind in keys_with(type(table), "names"):
-            name, names = getattr(table, key), known.get(kind, known.get(f"{kind} {stage}", []))
+            name = getattr(table, key)
+            names = known.get(kind, known.get(f"{kind} {stage}", []))
             if name is not None and name not in names:
                 remedy = suggest(name, names)
                 if kind == "material":
@@ -163,10 +166,13 @@ def _known_names(design: Design) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {kind: [] for kind in ("stage", "wire", "blade", "leg")}
     above = [SUPPORT]
     for number, stage in enumerate(design.stage, 1):
-        name, legs, own = stage.name, stage.inverted_pendulum, _bodies(stage)
+        name = stage.name
+        legs = stage.inverted_pendulum
+        own = _bodies(stage)
         blades = [blade.name for blade in stage.blade]
         for key in (name, number):  # by which paths call it
-            found[f"earlier stage {key}"], found[f"blade of the stage {key}"] = [*above], blades
+            found[f"earlier stage {key}"] = [*above]
+            found[f"blade of the stage {key}"] = blades
         count = len(stage.wire) if stage.wires is None else stage.wires.count
         if stage.blades is not None:
             blades = [f"blade{n}" for n in range(1, stage.blades.count + 1)]
@@ -202,8 +208,10 @@ def _check_suspension(stage: Stage, path: str) -> Problems:
 
 def _check_set(stage: Stage, wires: WireSet, path: str) -> Problems:
     """Check that the wires of a set exceed their horizontal span, and its number of blades."""
-    shape, (both, *halves) = set_geometry(wires), [getattr(wires, key) for key in RADII]
-    ring, count = is_ring(wires), wires.count
+    shape = set_geometry(wires)
+    (both, *halves) = [getattr(wires, key) for key in RADII]
+    ring = is_ring(wires)
+    count = wires.count
     if both is not None or None not in halves or (not ring and count in BLADES_FOR_WIRES):
         (a, b), (c, d) = shape.ends[0]
         if shape.height_squared > 1e-12 * wires.l**2:
@@ -222,7 +230,9 @@ def _check_set(stage: Stage, wires: WireSet, path: str) -> Problems:
 
 def _check_span(wire: WireSet | Wire, span: Span, path: str) -> Problems:
     """Check sections and clamps against the nominal wire (of a set, the first) along `span`, m."""
-    length, neck, pieces = math.hypot(*span), wire.neck, wire.sections or []
+    length = math.hypot(*span)
+    neck = wire.neck
+    pieces = wire.sections or []
     if isinstance(wire.profile, Profile) and len(wire.profile.position) > 1:
         measured = wire.profile.position[-1] - wire.profile.position[0]
         if abs(measured - length) > PROFILE * length:
@@ -260,20 +270,26 @@ def _check_span(wire: WireSet | Wire, span: Span, path: str) -> Problems:
 def _check_links(design: Design) -> Problems:
     """Check the names of all elements between two bodies."""
     stages = [stage.name for stage in design.stage]
-    taken, ends = [*stages], [*stages, SUPPORT, GROUND]
+    taken = [*stages]
+    ends = [*stages, SUPPORT, GROUND]
     for kind, item in design.between_bodies:
-        path, (first, second) = f"{kind}.{item.name}", item.between
+        path = f"{kind}.{item.name}"
+        first, second = item.between
         if item.name in taken:
             problem = "is the name of another link, damper, cavity or stage"
             yield f"{path}.name", problem, "give each a name of its own"
         taken.append(item.name)
-        problem, remedy = "", "name two bodies"
+        problem = ""
+        remedy = "name two bodies"
         if first not in stages:
-            problem, remedy = f"begins with {first}, which is not a stage", suggest(first, stages)
+            problem = f"begins with {first}, which is not a stage"
+            remedy = suggest(first, stages)
             if second in stages and first in ends:
-                problem, remedy = "must begin with a stage", f'swap them: ["{second}", "{first}"]'
+                problem = "must begin with a stage"
+                remedy = f'swap them: ["{second}", "{first}"]'
         elif second not in ends:
-            problem, remedy = f"ends with {second}, which is not a body", suggest(second, ends)
+            problem = f"ends with {second}, which is not a body"
+            remedy = suggest(second, ends)
         elif first == second:
             problem = "joins a body to itself"
         if problem:
@@ -397,12 +413,14 @@ def _check_ranges(design: Design) -> Iterator[Row]:
     """Report numbers, lists with numbers and distributions outside their plausible ranges."""
     for path, table in faults.tables(design):
         for key, plausible in keys_with(type(table), "plausible"):
-            value, unit = getattr(table, key), declared(type(table))[key].get("unit", "")
+            value = getattr(table, key)
+            unit = declared(type(table))[key].get("unit", "")
             if isinstance(value, Distribution):
                 value = value.normal or value.uniform
             size = max(_sizes(value), default=plausible.high)
             if problem := plausible.problem(size, unit):
-                remedy, shown = plausible.remedy(size, unit), format_value(value)
+                remedy = plausible.remedy(size, unit)
+                shown = format_value(value)
                 yield f"{path}.{key}", problem, remedy, shown, plausible.serious
 
 
@@ -410,7 +428,8 @@ def _check_planes(design: Design) -> Iterator[Row]:
     """Report filters with poles or zeros in rad/s because their strings name no plane."""
     for path, text in _filter_strings(design):
         if factors := foton.find_without_plane(text):
-            what, bare = " and ".join(factors), factors[0][:-1]
+            what = " and ".join(factors)
+            bare = factors[0][:-1]
             problem = f"{what} without a plane: in rad/s by Foton's rule, not in Hz,"
             problem += " with another gain at 0 Hz than 1"
             remedy = f'write {bare}, "n") for Hz and a gain of 1, or {bare}, "s") if this is'
@@ -453,10 +472,12 @@ def _check_density(body: Body) -> Iterator[Row]:
     of the homogeneous ellipsoid, whose half axes have the squares 5 S_i / m with the second moments
     S_i of the mass m: the most compact body of these moments, so a lower bound.
     """
-    mass, moments = schema.body_mass(body), schema.second_moments(body)
+    mass = schema.body_mass(body)
+    moments = schema.second_moments(body)
     if min(moments) < -1e-6 * max(moments):
         problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
-        remedy, shown = "check the three moments, in kg m^2", format_value(body.inertia)
+        remedy = "check the three moments, in kg m^2"
+        shown = format_value(body.inertia)
         yield "body.inertia", problem, remedy, shown, True
         return
     if body.density is not None:
@@ -464,14 +485,17 @@ def _check_density(body: Body) -> Iterator[Row]:
     if body.shape is None and min(moments) <= 1e-6 * max(moments):
         return  # a plate or rod has no volume
     if body.shape is None:
+        key = "inertia"
+        units = OF_INERTIA
         axes = math.prod(5 * moment / mass for moment in moments)
         volume = 4 * math.pi / 3 * math.sqrt(axes)
     else:
+        key = "mass"
+        units = OF_SHAPE
         volume = schema.volume(body)
     density = mass / volume
     if AIR <= density <= OSMIUM:
         return
-    key, units = ("inertia", OF_INERTIA) if body.shape is None else ("mass", OF_SHAPE)
     limit = f"denser than osmium ({OSMIUM:g})" if density > AIR else f"lighter than air ({AIR:g})"
     meant = min(units, key=lambda name: abs(math.log(units[name] * density / USUAL)))
     good = 100 <= units[meant] * density <= OSMIUM

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import foton, tables, units
-from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
+from suspension_cli.design import foton, key_rules, units
+from suspension_cli.design.typed_tables import Plausible, Problems, Table, doc, given, key
 
 NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
 """Optical shadow sensors reach 1e-10 m/sqrt(Hz)."""
@@ -35,7 +35,7 @@ class NoiseSpectrum(Table, frozen=True):
             problem = "asd and frequency are lists of one length, or asd a number without frequency"
             yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
 
-    rules = (tables.excludes("frequency", "corner"), tables.ascending("frequency"))
+    rules = (key_rules.excludes("frequency", "corner"), key_rules.ascending("frequency"))
 
 
 SENSORS = {
@@ -74,11 +74,11 @@ class Osem(Table, frozen=True):
             yield "direction", "has no direction", "give x, y, z, not all zero"
 
     rules = (
-        tables.excludes("sensor", "sensor_noise"),
-        tables.needs("transconductance", "coil"),
-        tables.needs("counts_per_volt", "transconductance"),
-        tables.needs("driver_noise", "transconductance"),
-        tables.needs("range", "coil"),
+        key_rules.excludes("sensor", "sensor_noise"),
+        key_rules.needs("transconductance", "coil"),
+        key_rules.needs("counts_per_volt", "transconductance"),
+        key_rules.needs("driver_noise", "transconductance"),
+        key_rules.needs("range", "coil"),
     )
 
     @property
@@ -126,10 +126,10 @@ class DigitalFilter(Table, frozen=True):
     source: str = key("where the design comes from; filled in for a file", "")
 
     rules = (
-        tables.exactly_one("file", "design"),
-        tables.needs("file", "module"),
-        tables.needs("file", "sections"),
-        tables.together("design", "rate"),
+        key_rules.exactly_one("file", "design"),
+        key_rules.needs("file", "module"),
+        key_rules.needs("file", "sections"),
+        key_rules.together("design", "rate"),
     )
 
     def check(self) -> Problems:
@@ -182,12 +182,12 @@ class Loop(Table, frozen=True):
     actuator_noise: float = key("flat, N/sqrt(Hz) or N m/sqrt(Hz)", 0.0, ge=0, le=1e3)
 
     rules = (
-        tables.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
-        tables.excludes("gain_at", "damper", "gain"),
-        tables.excludes(
+        key_rules.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
+        key_rules.excludes("gain_at", "damper", "gain"),
+        key_rules.excludes(
             "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
         ),
-        tables.excludes(
+        key_rules.excludes(
             "damper", "zeros", "poles", problem="conflicts with damper, which has none"
         ),
     )
@@ -207,7 +207,8 @@ class Loop(Table, frozen=True):
                 yield "gain_at", problem, "give another frequency or magnitude"
                 return
         whole = self.controller_and_sensor.continuous
-        zeros, poles = len(whole.zeros), len(whole.poles)
+        zeros = len(whole.zeros)
+        poles = len(whole.poles)
         if zeros <= poles or (self.damper is not None and self.sensor_response is None):
             return  # a damper acts on the velocity, which is known
         key = given(self, "filter", "sensor_response", "zeros")[0]
@@ -222,7 +223,9 @@ class Loop(Table, frozen=True):
             return foton.Filter(2 * math.pi * self.damper, (0j,))
         if self.filter is not None:
             return make_response(self.filter)
-        gain = (1.0 if self.gain_at is not None else 0.0) if self.gain is None else self.gain
+        gain = self.gain
+        if gain is None:
+            gain = 0.0 if self.gain_at is None else 1.0
         return foton.Filter(gain, expand_roots(self.zeros), expand_roots(self.poles))
 
     @property
@@ -253,4 +256,4 @@ class Control(Table, frozen=True):
     loop: list[Loop] = key(min_length=1)
     osem: list[Osem] = key("sensors and coils at points of stages", [])
 
-    rules = (tables.unique("loop", "osem"),)
+    rules = (key_rules.unique("loop", "osem"),)

@@ -88,9 +88,11 @@ def circle(upper: float, lower: float) -> CrossSection:
     its mass is that of the frustum. For twisting e ~ r', so mu S/V = (2 pi r^3)/(pi r^4/2) = 4/r.
     In a gas, half of the circumference counts as normal, half as tangential.
     """
-    a, b = upper, lower
+    a = upper
+    b = lower
     d = 2 * a if a == b else 2 * (3 * a**3 * b**3 / (a * a + a * b + b * b)) ** 0.25
-    moment, across = math.pi * d**4 / 64, math.pi / 2 * d
+    moment = math.pi * d**4 / 64
+    across = math.pi / 2 * d
     powers = sum(a**n * b ** (4 - n) for n in range(5))
     return CrossSection(
         depth=(d, d),
@@ -128,8 +130,10 @@ def rectangle(width: float, thickness: float) -> CrossSection:
     f_n^2 along the boundary is 4 J, gives w S/2 + t L/2 = 4 J. The ratio mu S/V = (S + L)/J tends
     to 6/t for a thin ribbon.
     """
-    b, d = width, thickness
-    w, t = max(b, d), min(b, d)
+    b = width
+    d = thickness
+    w = max(b, d)
+    t = min(b, d)
     constant = rectangle_torsion(w, t)
     # tanh^2 = 1 - sech^2, and the sum of 1/n^4 over odd n is pi^4/96
     sech2 = sum(4 * e / ((1 + e) ** 2 * n**4) for n, e in _decays(w / t))
@@ -230,7 +234,8 @@ def _moment(x2: Spectrum, order: float) -> Spectrum:
 
     x2 = np.asarray(x2)
     fast = np.abs(x2) > FAST
-    slow, q = np.where(fast, 0.0, x2), 0.0
+    slow = np.where(fast, 0.0, x2)
+    q = 0.0
     steps = 14 + int(1.5 * math.sqrt(np.abs(slow).max(initial=0.0)))  # for all digits
     for n in range(steps, 0, -1):
         q = 1 / (2 * (order + 1 + n) + slow * q)

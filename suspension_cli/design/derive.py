@@ -36,7 +36,8 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
     """
     if wire.k is not None:
         return wire.k
-    pieces, temperature = stretches(wire, length), mean_temperature(design, wire)
+    pieces = stretches(wire, length)
+    temperature = mean_temperature(design, wire)
     if len(pieces) == 1 and wire.sections is None:
         modulus = _modulus(design, pieces[0].material or "", temperature)
         return modulus * pieces[0].shape.least_area / length
@@ -140,7 +141,8 @@ class SetGeometry:
                 for x, y in wire_signs(self.count)
             ]
         turns = (towers.direction(self.phase, n, self.count) for n in range(self.count))
-        upper, lower = self.ring_upper, self.ring_lower
+        upper = self.ring_upper
+        lower = self.ring_lower
         return [((upper * x, upper * y), (lower * x, lower * y)) for x, y in turns]
 
     @property
@@ -232,7 +234,8 @@ def gravity_field(design: Design) -> tuple[list[float], list[list[float]]] | Non
     dg_y/dy = -G/2, so that the divergence of the field is 0 (Laplace's equation, outside the masses
     that attract).
     """
-    vector, gradient = design.constants.gravity, design.constants.gravity_gradient
+    vector = design.constants.gravity
+    gradient = design.constants.gravity_gradient
     if not isinstance(gradient, list):
         across = -gradient / 2 if gradient else 0.0
         gradient = [[across, 0.0, 0.0], [0.0, across, 0.0], [0.0, 0.0, gradient]]
@@ -254,7 +257,9 @@ def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> Po
     for piece, density in wire_line_densities(design, wire, length) if weighed else ():
         end = start + piece / length
         # of uniform stretches: integrals of powers of s
-        zeroth, first, second = end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3
+        zeroth = end - start
+        first = (end**2 - start**2) / 2
+        second = (end**3 - start**3) / 3
         upper += density * length * (zeroth - 2 * first + second)
         mixed += density * length * (first - second)
         lower += density * length * second
@@ -300,9 +305,11 @@ def add_keystones(design: Design) -> Design:
     for stage in design.stage:
         stages.append(stage)
         if stage.filter is not None:
-            table, name = stage.filter.keystone, stage.name + SUFFIX
+            table = stage.filter.keystone
+            name = stage.name + SUFFIX
             body = Body(mass=table.mass, inertia=list(keystone_inertia(table)))
-            position, own = stage.filter.at, stage.name
+            position = stage.filter.at
+            own = stage.name
             stages.append(Keystone(name=name, body=body, position=position, blades_of=own))
     return msgspec.structs.replace(design, stage=stages)
 

@@ -1,7 +1,7 @@
 """The walker that applies what tables declare to a whole document, and lists all its faults.
 
 First single values: msgspec stops at the first error, so a file that it refuses is compared, value
-by value, with the JSON Schema of its type. Then the rules of each table, see `design.tables`.
+by value, with the JSON Schema of its type. Then the rules of each table, see `design.key_rules`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import msgspec
 from msgspec import Struct
 
 from suspension_cli.design import paths, units
-from suspension_cli.design.tables import Raw, Schema, Table, keys_with
+from suspension_cli.design.typed_tables import Raw, Schema, Table, keys_with
 from suspension_cli.errors import Fault, InputError, format_key, format_value, suggest
 
 T = TypeVar("T")
@@ -53,9 +53,11 @@ def convert(raw: Raw, kind: type[T], *, rules: bool = True) -> T:
     Raises `InputError` with all faults of its values or, if these are valid, of its `rules`.
     """
     try:
-        document, refusal = msgspec.convert(raw, kind), ""
+        document = msgspec.convert(raw, kind)
+        refusal = ""
     except msgspec.ValidationError as error:
-        document, refusal = None, str(error)
+        document = None
+        refusal = str(error)
     good = document is not None and _is_ordinary(raw)
     found = [] if good else [*islice(_walk(_schema(kind), raw, ""), MOST_FAULTS + 1)]
     if len(found) > MOST_FAULTS:
@@ -155,7 +157,8 @@ def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
     if node and (problem := _problem(node, value)):
         yield Fault(path, problem, _remedy(node, value, path), format_value(value))
     elif isinstance(value, dict):
-        known, rest = node.get("properties", {}), node.get("additionalProperties", {})
+        known = node.get("properties", {})
+        rest = node.get("additionalProperties", {})
         for key, item in value.items():
             misnamed = isinstance(item, dict) and known.get(key, {}).get("type") == "array"
             others = [name for name in known if misnamed and name in value and name != key]
@@ -224,7 +227,9 @@ def _problem(node: Schema, value: Any) -> str:
     good = len(value) >= node.get("minLength", 0) and re.search(
         node.get("pattern", "") + r"(?!\n)", value
     )
-    return "" if good else "is not acceptable" if value else "is empty"
+    if good:
+        return ""
+    return "is not acceptable" if value else "is empty"
 
 
 def _remedy(node: Schema, value: Any, path: str) -> str:

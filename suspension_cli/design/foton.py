@@ -85,7 +85,8 @@ class FotonError(ValueError):
 
     def __init__(self, problem: str, remedy: str) -> None:
         super().__init__(f"{problem}; {remedy}")
-        self.problem, self.remedy = problem, remedy
+        self.problem = problem
+        self.remedy = remedy
 
 
 @dataclass(frozen=True)
@@ -221,7 +222,10 @@ def _write(root: complex) -> str:
         repr(float(part) + 0.0).removesuffix(".0")  # no negative zero
         for part in (root.real, abs(root.imag))
     )
-    return f"{real}{'-' if root.imag < 0 else '+'}i*{imaginary}" if root.imag else real
+    if not root.imag:
+        return real
+    sign = "-" if root.imag < 0 else "+"
+    return f"{real}{sign}i*{imaginary}"
 
 
 @lru_cache(maxsize=256)
@@ -235,7 +239,9 @@ def parse(text: str, rate: float = 0.0) -> Filter:
     >>> round(abs(parse('zpk([],[1],10,"n")').at(1.0)), 6)
     7.071068
     """
-    result, place, end = Filter(1.0, rate=rate), 0, len(text.rstrip("; \t\r\n"))
+    result = Filter(1.0, rate=rate)
+    place = 0
+    end = len(text.rstrip("; \t\r\n"))
     while place < end or not end:
         found = FACTOR.match(text, place, end)
         if found is None or (place == 0 and found["times"]):
@@ -453,7 +459,8 @@ def _pair(f0: float, q: float) -> tuple[complex, complex]:
     """Roots r of f0^2 - f^2 + i f f0 / Q = (i f + r1) (i f + r2)."""
     if not (f0 > 0 and q > 0):
         raise FotonError("takes a positive frequency and Q", "correct them")
-    half, root = f0 / (2 * q), f0 * cmath.sqrt(1 / (4 * q * q) - 1)
+    half = f0 / (2 * q)
+    root = f0 * cmath.sqrt(1 / (4 * q * q) - 1)
     return half + root, half - root
 
 
@@ -472,7 +479,8 @@ def _peaks(made: Filter, name: str, plane: str, *numbers: Any) -> Filter:
     if count != int(count) or not 1 <= len(harmonics) <= MOST:
         remedy = f"give frequency (Hz), Q, height (dB) and 1 to {MOST}: comb(60,30,-40,4)"
         raise FotonError("has no number of harmonics", remedy)
-    poles, zeros = list[complex](), list[complex]()
+    poles = list[complex]()
+    zeros = list[complex]()
     sharp = _pole_q(q, height)
     flat = sharp * 10 ** (abs(height) / 20)
     for n in harmonics:
@@ -493,9 +501,11 @@ def _pole_q(q: float, height: float) -> float:
 def _prototype(made: Filter, name: str, plane: str, kind: Any, *numbers: Any) -> Filter:
     """A design of scipy: `butter`, `cheby1`, `cheby2` or `ellip`."""
     del plane
-    count, given = 1 + RIPPLES[name], _reals(*numbers)
+    count = 1 + RIPPLES[name]
+    given = _reals(*numbers)
     shape = kind.lower() if isinstance(kind, str) else ""
-    order, edges = int(given[0]) if given else 0, given[count:]
+    order = int(given[0]) if given else 0
+    edges = given[count:]
     known = [one.lower() for one in TYPES]
     if shape not in known or not 1 <= order <= MOST or len(edges) != 1 + shape.startswith("band"):
         problem = f"takes a type, an order up to {MOST}, {count - 1} ripples (dB), band edges (Hz)"
@@ -527,7 +537,8 @@ def _rpoly(made: Filter, name: str, plane: str, above: Any, below: Any, gain: An
     """A ratio of polynomials in s, highest power first."""
     from scipy.signal import tf2zpk
 
-    above, below = _reals(above), _reals(below)
+    above = _reals(above)
+    below = _reals(below)
     if not any(above) or not any(below):
         raise FotonError("has a polynomial that is 0", "correct it")
     zeros, poles, leading = tf2zpk(above, below)
@@ -539,7 +550,8 @@ def _rpoly(made: Filter, name: str, plane: str, above: Any, below: Any, gain: An
 
 
 def _zroots(zeros: Any, poles: Any, gain: Any = 1.0) -> tuple[float, Roots, Roots]:
-    zeros, poles = _pair_roots(zeros), _pair_roots(poles)
+    zeros = _pair_roots(zeros)
+    poles = _pair_roots(poles)
     if len(zeros) != len(poles):
         problem = f"has {len(zeros)} zeros and {len(poles)} poles"
         raise FotonError(problem, "give as many of each, with roots 0 for delays")
@@ -550,7 +562,8 @@ def _direct(above: Any, below: Any) -> tuple[float, Roots, Roots]:
     """The sum of b_k/z^k, over 1 less that of a_k/z^k from k = 1."""
     import numpy as np
 
-    above, below = _reals(above), _reals(below)
+    above = _reals(above)
+    below = _reals(below)
     size = max(len(above), len(below) + 1)
     rows = ([*row, *[0.0] * (size - len(row))] for row in (above, [1.0, *(-a for a in below)]))
     zeros, poles = (1 - np.roots(row) for row in rows)
@@ -564,7 +577,7 @@ def _biquad(*numbers: Any) -> tuple[float, Roots, Roots]:
 
 def _sos(first: Any, others: Any = None, order: str = "s") -> tuple[float, Roots, Roots]:
     """Second-order sections: a gain, then b1, b2, a1, a2; or a1, a2, b1, b2 ("o")."""
-    gain, *numbers = *_reals(first), *_reals(others or [])
+    gain, *numbers = [*_reals(first), *_reals(others or [])]
     if len(numbers) % 4:
         problem = f"has {len(numbers)} numbers beside the gain, instead of 4 for each section"
         raise FotonError(problem, 'write sos(gain,[a1;a2;b1;b2;...],"o")')
@@ -578,10 +591,15 @@ def _quadratic(first: float, second: float) -> list[complex]:
     """Numbers 1 - z0 of the roots z0 of 1 + first/z + second/z^2, which keep their digits."""
     if second == 0:
         return [1 + first, 1.0]
-    half, product = (2 + first) / 2, math.fsum((1.0, first, second))
+    half = (2 + first) / 2
+    product = math.fsum((1.0, first, second))
     root = cmath.sqrt(half * half - product)
-    large = half + (root if root.imag or half >= 0 else -root)
-    return [large, large.conjugate() if root.imag else product / large if large else 0.0]
+    if root.imag:
+        return [half + root, (half + root).conjugate()]
+    # the root without cancellation; the other one from the product of both
+    large = half + (root if half >= 0 else -root)
+    small = product / large if large else 0.0
+    return [large, small]
 
 
 def _in_z(made: Filter, name: str, order: str, *given: Any) -> Filter:

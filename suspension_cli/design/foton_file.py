@@ -29,8 +29,10 @@ from suspension_cli.design.foton import Filter
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.files import whole_files
 
-SECTIONS, BIQUADS = 10, 10
-"""Sections of a module, and most second-order sections of each."""
+SECTIONS = 10
+"""Sections of a module."""
+BIQUADS = 10
+"""Most second-order sections of each."""
 MOST = 4 * whole_files.TOML
 """Largest file, bytes; those of front ends have up to a few MB."""
 FIRST = 12
@@ -100,12 +102,14 @@ def _number(text: str) -> float:
 
 def _section(words: list[list[str]], start: int) -> str:
     """Read the section that starts with a line, whose number is from 0."""
-    count, found = _number(words[start][3]), words[start][FIRST - 5 :]
+    count = _number(words[start][3])
+    found = words[start][FIRST - 5 :]
     if count not in range(1, BIQUADS + 1):
         problem = f"has {words[start][3]} second-order sections"
         raise InputError.of(f"line {start + 1}", problem, f"front ends take 1 to {BIQUADS}")
     for n in range(start, start + int(count)):
-        own = found if n == start else words[n] if n < len(words) else []
+        line = words[n] if n < len(words) else []
+        own = found if n == start else line
         if len(own) != 4 + (n == start) or not all(math.isfinite(_number(one)) for one in own):
             problem = "does not hold the coefficients of a second-order section"
             raise InputError.of(f"line {n + 1}", problem, "have Foton write the file again")

@@ -1,14 +1,18 @@
-"""Files of goals: limits and objectives of a design for `pendsus optimise`."""
+"""Files of goals: limits and objectives of a design for `pendsus optimise`.
+
+`[[requirement]]` limits any quantity, `[[objective]]` minimises or maximises one. `[[goal]]` is a
+short form for limits on several quantities at once, such as the frequencies of a family of modes.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Literal
 
-from suspension_cli.design import reader, tables
+from suspension_cli.design import key_rules, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.design.tables import Problems, Table, given, key
+from suspension_cli.design.typed_tables import Problems, Table, given, key
 from suspension_cli.design.units import Dof, Name, Number, Positive
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
@@ -48,7 +52,7 @@ class Free(Table, frozen=True):
             remedy = 'give a positive bound, or scale = "linear"'
             yield "lower", "must be positive on a logarithmic scale", remedy
 
-    rules = (tables.bounded,)
+    rules = (key_rules.bounded,)
 
 
 class Equal(Table, frozen=True):
@@ -60,7 +64,7 @@ class Equal(Table, frozen=True):
     lower: Number | None = None
     upper: Number | None = None
 
-    rules = (tables.bounded,)
+    rules = (key_rules.bounded,)
 
     def check(self) -> Problems:
         """Check that there are terms."""
@@ -81,7 +85,9 @@ class Goal(Table, frozen=True):
     weight: Positive | None = None
     dof: list[Dof] | None = key("coordinates whose families of modes are meant", min_length=1)
     lowest: int | None = key("of each family, this many of the lowest modes", ge=1, le=1000)
-    modes: list[str] | None = key("labels in pendsus modes --fidelity string", min_length=1)
+    modes: list[str] | None = key(
+        "names of modes, such as 'test pitch' or 'yaw 3', or 'modes' for all", min_length=1
+    )
     apart: Literal["ratio", "hertz"] | None = key("measure of a separation")
     response: str | None = key(
         "OUTPUT/INPUT:FREQUENCY, or, of a cross-coupling, OVER/UNDER/INPUT:FREQUENCY"
@@ -116,20 +122,59 @@ class Goal(Table, frozen=True):
             yield "response", f"has the wrong form for {self.kind}", f"write {example}"
 
     rules = (
-        tables.by_kind("kind", TAKES),
-        tables.excludes("equals", "at_least", "at_most"),
-        tables.needs("lowest", "dof"),
-        tables.ordered("at_least", "at_most"),
-        tables.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
+        key_rules.by_kind("kind", TAKES),
+        key_rules.excludes("equals", "at_least", "at_most"),
+        key_rules.needs("lowest", "dof"),
+        key_rules.ordered("at_least", "at_most"),
+        key_rules.exactly_one("dof", "modes", when=lambda goal: "dof" in TAKES[goal.kind][1]),
     )
+
+
+class QuantityRequirement(Table, frozen=True):
+    """A limit on a quantity."""
+
+    quantity: str = key("name of a quantity, such as 'lowest pitch'", max_length=200)
+    at_least: Number | None = key("smallest value, in the quantity's unit")
+    at_most: Number | None = key(
+        "largest value, in the quantity's unit; alone and positive, that of the magnitude"
+    )
+    equals: Number | None = key("the value itself")
+    perturbation: list[Perturbation] | None = key(
+        "imperfections of the build that it is computed for", min_length=1
+    )
+    note: str = key("where the requirement comes from, for the report", "", max_length=200)
+
+    rules = (
+        key_rules.any_of("at_least", "at_most", "equals"),
+        key_rules.excludes("equals", "at_least", "at_most"),
+        key_rules.ordered("at_least", "at_most"),
+    )
+
+
+class Objective(Table, frozen=True):
+    """A quantity to minimise or maximise."""
+
+    minimise: str | None = key("name of a quantity, such as 'thermal test.x:10'", max_length=200)
+    maximise: str | None = key("name of a quantity", max_length=200)
+    weight: Positive = key("of its logarithm in the sum of all objectives", 1.0)
+    perturbation: list[Perturbation] | None = key(
+        "imperfections of the build that it is computed for", min_length=1
+    )
+
+    rules = (key_rules.exactly_one("minimise", "maximise"),)
 
 
 class Goals(Table, frozen=True):
     """A file of goals."""
 
-    goal: list[Goal] = key(min_length=1)
     free: list[Free] = key(min_length=1)
+    requirement: list[QuantityRequirement] = []
+    objective: list[Objective] = []
+    goal: list[Goal] = []
     equal: list[Equal] = []
+    design_requirements: bool = key(
+        "whether the design's own [[requirement]] tables are goals too", True
+    )
     title: str = ""
     reference: str = ""
     prefer: Literal["near", "margin"] = key("nearest design, or largest margins", "near")
@@ -137,7 +182,8 @@ class Goals(Table, frozen=True):
 
     def check(self) -> Problems:
         """Check that each number is free, or follows from free ones."""
-        free, tied = [item.name for item in self.free], [item.name for item in self.equal]
+        free = [item.name for item in self.free]
+        tied = [item.name for item in self.equal]
         for kind, own, others in (("free", free, []), ("equal", tied, free)):
             for n, name in enumerate(own):
                 if name in own[:n] + others:

@@ -1,7 +1,7 @@
 """Imperfections of builds: the table from which files, random builds and sweeps take them.
 
-To add one of a wire or body, add a row to `IMPERFECTIONS` and, in `scene.imperfections`, the
-function (for a wire, the argument) of its name.
+To add one of a wire or body, add a row to `IMPERFECTIONS` and, in `scene.applied_imperfections`,
+the function (for a wire, the argument) of its name.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Annotated, Any, Literal, Optional
 
 from msgspec import Meta
 
-from suspension_cli.design import tables, units
-from suspension_cli.design.tables import (
+from suspension_cli.design import key_rules, units
+from suspension_cli.design.typed_tables import (
     Plausible,
     Problems,
     Table,
@@ -45,7 +45,7 @@ Turn = Annotated[units.Angle, doc("angle in rad", "rad", LARGE_TURN)]
 class Imperfection:
     """A quantity in which one part of a build differs from the design."""
 
-    name: str  # key of `[[perturbation]]`, and name in `scene.imperfections`
+    name: str  # key of `[[perturbation]]`, and name in `scene.applied_imperfections`
     part: Part
     kind: object  # type of a number, with its unit and bounds: `Factor` for a relative error
     quantity: str  # that the factor multiplies, or that the number gives
@@ -186,7 +186,7 @@ class Perturbation(_with_perturbations(_Imperfect)):
 
     hold: units.Hold = "loaded-length"
 
-    rules = (tables.exactly_one(*PARTS),)
+    rules = (key_rules.exactly_one(*PARTS),)
 
     def check(self) -> Problems:
         """Check that the part can change in this way."""
@@ -210,7 +210,7 @@ class Distribution(Table, frozen=True):
     uniform: Spread | None = key("half width")
     truncate: float | None = key("largest deviation of a normal distribution", gt=0, le=1e3)
 
-    rules = (tables.exactly_one("normal", "uniform"), tables.needs("truncate", "normal"))
+    rules = (key_rules.exactly_one("normal", "uniform"), key_rules.needs("truncate", "normal"))
 
 
 def _with_spreads(base: type[Table], part: str) -> type:
@@ -241,15 +241,15 @@ class WireTolerance(_with_spreads(_WireScatter, "wire")):
     hold: units.Hold = "loaded-length"
 
     rules = (
-        tables.exactly_one("stage", "wire"),
-        tables.any_of(*(row.spread for row in scattered("wire"))),
+        key_rules.exactly_one("stage", "wire"),
+        key_rules.any_of(*(row.spread for row in scattered("wire"))),
     )
 
 
 class BodyTolerance(_with_spreads(Table, "body")):
     """Scatter of one body."""
 
-    rules = (tables.any_of(*(row.spread for row in scattered("body"))),)
+    rules = (key_rules.any_of(*(row.spread for row in scattered("body"))),)
 
 
 class BladeTolerance(_with_spreads(Table, "blade")):
@@ -275,15 +275,14 @@ class Requirement(Table, frozen=True):
     """Requirement on every build, in SI units (Hz for modes)."""
 
     quantity: str = key(
-        "a mode's label, coupling, STAGE static DOF (x, y, height, roll, pitch or yaw), or"
-        " a response OUTPUT/INPUT:FREQUENCY",
+        "name of a quantity, such as 'test pitch', 'coupling' or 'test static pitch'",
         max_length=200,
     )
     band: list[units.Number] | None = key("least and largest value", count=2)
     below: Limit | None = key("upper limit of the magnitude")
     above: Limit | None = key("lower limit of the magnitude")
 
-    rules = (tables.exactly_one("band", "below", "above"), tables.ascending("band"))
+    rules = (key_rules.exactly_one("band", "below", "above"), key_rules.ascending("band"))
 
 
 class Tolerance(Table, frozen=True):
@@ -296,4 +295,4 @@ class Tolerance(Table, frozen=True):
     link: list[LinkTolerance] = []
     require: list[Requirement] = []
 
-    rules = (tables.any_of(*PARTS),)
+    rules = (key_rules.any_of(*PARTS),)

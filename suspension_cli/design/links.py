@@ -11,8 +11,8 @@ import math
 from typing import Annotated, Literal
 
 from suspension_cli.conventions import DOFS, GROUND
-from suspension_cli.design import tables, units
-from suspension_cli.design.tables import Plausible, Problems, Table, doc, key
+from suspension_cli.design import key_rules, units
+from suspension_cli.design.typed_tables import Plausible, Problems, Table, doc, key
 
 Between = Annotated[
     list[units.Name],
@@ -69,11 +69,12 @@ class StiffnessTable(Table, frozen=True):
     )
     factor: float = key("factor on all stiffnesses of the table", 1.0, unit="1", gt=0, le=1e6)
 
-    rules = (tables.ascending("frequency"),)
+    rules = (key_rules.ascending("frequency"),)
 
     def check(self) -> Problems:
         """Check that each axis has one value per frequency, and a static stiffness."""
-        axes, count = 6 if self.axis is None else 1, len(self.frequency)
+        axes = 6 if self.axis is None else 1
+        count = len(self.frequency)
         if self.file is not None:
             remedy = "read the design from its file, or give frequency, real and imaginary"
             yield "file", "is read only with a design file, not with its text alone", remedy
@@ -117,7 +118,7 @@ class Strands(Table, frozen=True):
     points: list[units.Vector] = key("points between the ends, from the first body's COM, m", [])
 
     rules = (
-        tables.by_kind(
+        key_rules.by_kind(
             "shape",
             {"u": (["length"], []), "catenary": (["length"], []), "points": ([], ["points"])},
         ),
@@ -145,9 +146,9 @@ class Link(BetweenBodies, frozen=True):
     active: Active = False
 
     rules = (
-        tables.exactly_one("stiffness", "table", "strands"),
-        tables.symmetric("stiffness", "damping"),
-        tables.excludes("table", "loss_angle"),
+        key_rules.exactly_one("stiffness", "table", "strands"),
+        key_rules.symmetric("stiffness", "damping"),
+        key_rules.excludes("table", "loss_angle"),
     )
 
     @property
@@ -174,7 +175,10 @@ class EddyCurrent(Table, frozen=True):
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
     count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
 
-    rules = (tables.exactly_one("moment", "remanence"), tables.together("remanence", "volume"))
+    rules = (
+        key_rules.exactly_one("moment", "remanence"),
+        key_rules.together("remanence", "volume"),
+    )
 
 
 class Damper(BetweenBodies, frozen=True):
@@ -187,7 +191,7 @@ class Damper(BetweenBodies, frozen=True):
     eddy_current: EddyCurrent | None = None
     active: Active = False
 
-    rules = (tables.exactly_one("damping", "eddy_current"), tables.symmetric("damping"))
+    rules = (key_rules.exactly_one("damping", "eddy_current"), key_rules.symmetric("damping"))
 
 
 LIGHT = 299_792_458.0
@@ -233,8 +237,8 @@ class Cavity(BetweenBodies, frozen=True):
     wavelength: units.Length = key("wavelength of the light in m", 1064e-9, plausible=OPTICAL)
 
     rules = (
-        tables.at_most_one("pole", "finesse", "transmission"),
-        tables.exactly_one(
+        key_rules.at_most_one("pole", "finesse", "transmission"),
+        key_rules.exactly_one(
             "pole", "finesse", "transmission", when=lambda cavity: cavity.detuning != 0
         ),
     )

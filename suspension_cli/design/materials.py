@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import msgspec
 
-from suspension_cli.design import tables, units
-from suspension_cli.design.tables import Problems, Table, key
+from suspension_cli.design import key_rules, units
+from suspension_cli.design.typed_tables import Problems, Table, key
 
 if TYPE_CHECKING:
     from suspension_cli.design.cross_sections import CrossSection, Frequencies, Spectrum
@@ -56,7 +56,7 @@ class AgainstTemperature(Table, frozen=True):
         max_length=1000,
     )
 
-    rules = (tables.same_length("values", "temperature"), tables.ascending("temperature"))
+    rules = (key_rules.same_length("values", "temperature"), key_rules.ascending("temperature"))
 
     def at(self, temperature: float) -> float:
         """Interpolate at a temperature in K.
@@ -64,13 +64,15 @@ class AgainstTemperature(Table, frozen=True):
         >>> AgainstTemperature(temperature=(10.0, 20.0), values=(1.0, 8.0)).at(15.0)
         3.375
         """
-        nodes, values = self.temperature, self.values
+        nodes = self.temperature
+        values = self.values
         if temperature <= nodes[0]:
             return values[0]
         if temperature >= nodes[-1]:
             return values[-1]
         n = bisect_right(nodes, temperature) - 1
-        low, high = values[n], values[n + 1]
+        low = values[n]
+        high = values[n + 1]
         if not self._is_steep:
             part = (temperature - nodes[n]) / (nodes[n + 1] - nodes[n])
             return low + part * (high - low)
@@ -113,7 +115,7 @@ class LossTable(Table, frozen=True):
         "loss angle at each of them, rad", min_length=1, max_length=10000
     )
 
-    rules = (tables.same_length("angle", "frequency"), tables.ascending("frequency"))
+    rules = (key_rules.same_length("angle", "frequency"), key_rules.ascending("frequency"))
 
 
 class MaterialLoss(Table, frozen=True):
@@ -160,7 +162,8 @@ class Material(Table, frozen=True):
     def check(self) -> Problems:
         """Check the values of tables against the bounds of plain numbers."""
         for name, kind in BOUNDS.items():
-            given, bounds = getattr(self, name), kind.__metadata__[0]
+            given = getattr(self, name)
+            bounds = kind.__metadata__[0]
             if not isinstance(given, AgainstTemperature):
                 continue
             for temperature, value in zip(given.temperature, given.values, strict=True):
@@ -419,8 +422,10 @@ def look_up(design: WithMaterials, name: str) -> Material:
     Properties may be tables against temperature. A surface depth is relative to the loss angle of
     the bulk, so both built-in ones are dropped if the design gives a bulk loss.
     """
-    own, base = design.materials.get(name, Material()), BUILT_IN.get(name, Material())
-    loss, own_loss = _given(base.loss), _given(own.loss)
+    own = design.materials.get(name, Material())
+    base = BUILT_IN.get(name, Material())
+    loss = _given(base.loss)
+    own_loss = _given(own.loss)
     if own.loss_angle is not None:
         own_loss = {"angle": own.loss_angle, **own_loss}
     if {"angle", "table"} & own_loss.keys():
@@ -441,8 +446,10 @@ def find_unknown(design: WithMaterials, name: str, temperature: float) -> Iterat
 
     Plain numbers of a design apply at any temperature unless it gives a `temperature_range`.
     """
-    own, base = design.materials.get(name, Material()), BUILT_IN.get(name, Material())
-    found, given = look_up(design, name), own.loss_angle is not None or own.loss is not None
+    own = design.materials.get(name, Material())
+    base = BUILT_IN.get(name, Material())
+    found = look_up(design, name)
+    given = own.loss_angle is not None or own.loss is not None
     for property_name in (*BOUNDS, "loss"):
         value = getattr(found, property_name)
         if isinstance(value, AgainstTemperature):

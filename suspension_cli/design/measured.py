@@ -1,4 +1,4 @@
-"""Files of measurements: modes, transfer functions, and the numbers to fit to them."""
+"""Files of measurements: modes, quantities, transfer functions, and the numbers to fit to them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import faults, reader, tables
-from suspension_cli.design.tables import Problems, Schema, Table, key
+from suspension_cli.design import faults, key_rules, reader, typed_tables
+from suspension_cli.design.typed_tables import Problems, Schema, Table, key
 from suspension_cli.design.units import Dof, Frequency, Number, Positive, Stem
 from suspension_cli.errors import format_value
 
@@ -25,7 +25,17 @@ class Mode(Table, frozen=True):
         "without a label: coordinates of which one dominates the mode", min_length=1
     )
 
-    rules = (tables.excludes("label", "dof"),)
+    rules = (key_rules.excludes("label", "dof"),)
+
+
+class MeasuredQuantity(Table, frozen=True):
+    """One measured scalar: a quantity by name, as `[[requirement]]` takes it."""
+
+    name: str = key(
+        "name of a quantity, such as 'stress test.1' or 'Q of test pitch'", max_length=200
+    )
+    value: Number = key("measured value, in the quantity's unit")
+    uncertainty: Positive = key("standard deviation, in the same unit")
 
 
 Column = Annotated[str, Meta(min_length=1)] | Annotated[int, Meta(ge=1)]
@@ -63,7 +73,7 @@ class TransferFunction(Table, frozen=True):
     gain: Number = key("factor from the file's numbers to SI units: 1e-6 for um/N", 1.0)
     band: list[Frequency] | None = key("use frequencies from, to, Hz", count=2)
 
-    rules = (tables.nonzero("gain"), tables.ascending("band"))
+    rules = (key_rules.nonzero("gain"), key_rules.ascending("band"))
 
 
 class Transducer(Table, frozen=True):
@@ -102,14 +112,15 @@ class Transducer(Table, frozen=True):
                 remedy = "write a body and a direction: upper.x, or upper.force_x of an actuator"
                 yield name, f"{format_value(signal)} is not a signal", remedy
 
-    rules = (tables.nonzero("gain"),)
+    rules = (key_rules.nonzero("gain"),)
 
 
 class Experiment(Table, frozen=True):
-    """A design and its measured modes."""
+    """A design and its measured modes and quantities."""
 
     design: str = key("path of a design file, from the folder of this one", min_length=1)
-    mode: list[Mode] = key(min_length=1)
+    mode: list[Mode] | None = key(min_length=1)
+    quantity: list[MeasuredQuantity] | None = key(min_length=1)
     name: Stem | None = key("letters, digits, . _ and -, unique; default the design's file name")
     set: list[str] = key("overrides as --set takes them", [])
 
@@ -117,6 +128,8 @@ class Experiment(Table, frozen=True):
     def title(self) -> str:
         """Name of the experiment, given or the stem of its design file."""
         return self.name or Path(self.design).stem
+
+    rules = (key_rules.any_of("mode", "quantity"),)
 
 
 class Free(Table, frozen=True):
@@ -130,14 +143,15 @@ class Free(Table, frozen=True):
     upper: Number | None = None
     experiments: list[str] | None = key("names of those that share it; default all", min_length=1)
 
-    rules = (tables.together("prior", "uncertainty"), tables.bounded)
+    rules = (key_rules.together("prior", "uncertainty"), key_rules.bounded)
 
 
 class Measured(Table, frozen=True):
-    """A file of measurements: of one design, or of modes in several experiments."""
+    """A file of measurements: of one design, or of modes and quantities in several experiments."""
 
     parameter: list[Free] = []
     mode: list[Mode] | None = key(min_length=1)
+    quantity: list[MeasuredQuantity] | None = key(min_length=1)
     transfer_function: list[TransferFunction] = []
     sensor: list[Transducer] = []
     actuator: list[Transducer] = []
@@ -155,7 +169,14 @@ class Measured(Table, frozen=True):
         """Measured modes of each experiment."""
         if self.experiment is None:
             return (self.mode or [],)
-        return tuple(item.mode for item in self.experiment)
+        return tuple(item.mode or [] for item in self.experiment)
+
+    @property
+    def quantities(self) -> tuple[list[MeasuredQuantity], ...]:
+        """Measured quantities of each experiment."""
+        if self.experiment is None:
+            return (self.quantity or [],)
+        return tuple(item.quantity or [] for item in self.experiment)
 
     def where(self, n: int) -> str:
         """Key path of an experiment, as prefix for its modes."""
@@ -177,7 +198,8 @@ class Measured(Table, frozen=True):
                 ("input", "actuator", "upper.force_x"),
                 ("output", "sensor", "upper.x"),
             ):
-                name, known = getattr(one, end), [item.name for item in getattr(self, kind)]
+                name = getattr(one, end)
+                known = [item.name for item in getattr(self, kind)]
                 if "." not in name and name not in known:
                     remedy = f"give a signal such as {example}"
                     remedy = f"{remedy}; {faults.suggest(name, known)}" if known else remedy
@@ -199,11 +221,11 @@ class Measured(Table, frozen=True):
                     break
 
     rules = (
-        tables.any_of("mode", "transfer_function", "experiment"),
-        tables.excludes("experiment", "mode", "transfer_function"),
-        tables.unique("sensor"),
-        tables.unique("actuator"),
-        tables.unique("transfer_function"),
+        key_rules.any_of("mode", "quantity", "transfer_function", "experiment"),
+        key_rules.excludes("experiment", "mode", "quantity", "transfer_function"),
+        key_rules.unique("sensor"),
+        key_rules.unique("actuator"),
+        key_rules.unique("transfer_function"),
     )
 
 
@@ -214,4 +236,4 @@ def read(file: str | Path, text: str | None = None) -> Measured:
 
 def json_schema() -> Schema:
     """Make the JSON Schema of files of measurements."""
-    return tables.json_schema(Measured, "pendsus file of measurements")
+    return typed_tables.json_schema(Measured, "pendsus file of measurements")

@@ -15,7 +15,7 @@ import msgspec
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.schema import Design
-from suspension_cli.design.tables import Raw, Table, declared
+from suspension_cli.design.typed_tables import Raw, Table, declared
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.grids import parse_place
 
@@ -74,7 +74,8 @@ def changed(
     """
     if not keys:
         return change(node)
-    key, rest = keys[0], keys[1:]
+    key = keys[0]
+    rest = keys[1:]
     done = override.partition("=")[0].split(".")[: -len(keys)]
     if isinstance(node, msgspec.Struct):
         new = changed(getattr(node, key), rest, change, override)

@@ -18,7 +18,7 @@ from typing import TypeVar
 from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
 from suspension_cli.design.derive import add_keystones, drop_keystones
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.tables import Raw, Table
+from suspension_cli.design.typed_tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
 from suspension_cli.files import columns, whole_files
 
@@ -31,7 +31,7 @@ TEMPLATES = ("single", "double", "triple", "quad", "blades")
 KINDS = {
     "design": ("stage",),
     "file of measurements": ("mode", "transfer_function", "experiment"),
-    "file of goals": ("goal",),
+    "file of goals": ("free", "goal"),
 }
 """Tables that TOML files of each kind have."""
 
@@ -163,7 +163,8 @@ class VariedDesign:
         """The design with other numbers at dotted paths; raises `InputError`."""
         raw = self.raw
         for path, value in values.items():
-            keys, number = path.split("."), float(value)
+            keys = path.split(".")
+            number = float(value)
             raw = paths.changed(raw, keys, lambda _, new=number: new, f"{path}={value!r}")
         return convert(raw, self.stages)
 
@@ -245,7 +246,8 @@ def _insert_profile(table: Raw, file: Path) -> Raw:
 
 def _insert_sections(table: Raw, file: Path) -> Raw:
     """Read sections of a Foton filter file as a design, if the table is sound."""
-    module, numbers = table.get("module"), table.get("sections")
+    module = table.get("module")
+    numbers = table.get("sections")
     if not isinstance(numbers, list) or not numbers or not isinstance(module, str):
         return table
     known = range(1, foton_file.SECTIONS + 1)
@@ -267,10 +269,14 @@ def _insert_stiffness(table: Raw, file: Path) -> Raw:
     remedy = "give frequency and two columns per axis: 3 columns for one axis, 13 for six"
     found = _columns(file, (3, 13), remedy)
     frequency, *rows = [found.numbers(n, "number") for n in range(len(found.names))]
-    first, second = np.array(rows[::2]), np.array(rows[1::2])
+    real = np.array(rows[::2])
+    imaginary = np.array(rows[1::2])
     if table.get("form") == "modulus-loss":
-        first, second = first * np.cos(second), first * np.sin(second)
-    parts = {"frequency": frequency, "real": first, "imaginary": second}
+        modulus = real
+        loss_angle = imaginary
+        real = modulus * np.cos(loss_angle)
+        imaginary = modulus * np.sin(loss_angle)
+    parts = {"frequency": frequency, "real": real, "imaginary": imaginary}
     rest = {key: table[key] for key in table if key not in ("file", "form")}
     return rest | {key: part.tolist() for key, part in parts.items()}
 
@@ -341,7 +347,8 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
     for override in overrides:
         shown = format_value(override)
         if not _is_text(override):
-            problem, remedy = "contains bytes that are not text", "write it in UTF-8"
+            problem = "contains bytes that are not text"
+            remedy = "write it in UTF-8"
             raise InputError.of("--set", problem, remedy, shown)
         path, equals, value = override.partition("=")
         keys = [key.strip() for key in path.split(".")]
@@ -404,7 +411,8 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
     Raises `InputError` if a path leads nowhere or the new design has faults.
     """
     if not hasattr(changes, "items"):
-        problem, remedy = "must be a dictionary of paths", '{"stage.test.wires.d": 0.002}'
+        problem = "must be a dictionary of paths"
+        remedy = '{"stage.test.wires.d": 0.002}'
         shown = format_value(changes)
         raise InputError.of("changes", problem, f"write for example {remedy}", shown)
     raw = tomllib.loads(source.text)

@@ -10,15 +10,15 @@ import math
 from typing import Annotated, Any, Literal
 
 from suspension_cli.conventions import AVOGADRO, DOFS
-from suspension_cli.design import tables, units
+from suspension_cli.design import key_rules, typed_tables, units
 from suspension_cli.design.control import Control
 from suspension_cli.design.imperfections import Distribution as Distribution
 from suspension_cli.design.imperfections import Perturbation, Tolerance
 from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
 from suspension_cli.design.materials import Material
-from suspension_cli.design.requirements import RequiredQuantity
-from suspension_cli.design.tables import Problems, Raw, Schema, Table, doc, given, key
+from suspension_cli.design.required_quantities import RequiredQuantity
 from suspension_cli.design.towers import Filter, InvertedPendulum
+from suspension_cli.design.typed_tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
 
 LEAST_INERTIA = 1e-30
@@ -57,7 +57,7 @@ class Constants(Table, frozen=True):
     wire_weight: bool = key("whether wires have weight, and inertia in all models", False)
     temperature: units.Kelvin = key("temperature in K where no other is given", 290.0)
 
-    rules = (tables.symmetric("gravity_gradient"),)
+    rules = (key_rules.symmetric("gravity_gradient"),)
 
     def check(self) -> Problems:
         """Check the direction of gravity."""
@@ -97,7 +97,7 @@ class Spring(Table, frozen=True):
     temperature: units.Kelvin | None = key("in K, for its loss; default that of [constants]")
     active: Active = False
 
-    rules = (tables.symmetric("stiffness", "damping"), tables.needs("thickness", "material"))
+    rules = (key_rules.symmetric("stiffness", "damping"), key_rules.needs("thickness", "material"))
 
     @property
     def made_of(self) -> str | None:
@@ -145,7 +145,7 @@ class Support(Table, frozen=True):
     damping: FrameDamping = FrameDamping()
     loss_angle: units.LossAngle = key("loss angle of the stiffness in rad", 0.0)
 
-    rules = (tables.not_tiny("mass", "inertia"),)
+    rules = (key_rules.not_tiny("mass", "inertia"),)
 
     def check(self) -> Problems:
         """Check that it moves in some direction, and is damped only where it moves."""
@@ -187,24 +187,29 @@ class Body(Table, frozen=True):
         """Check that a rigid body can have this mass and inertia."""
         import numpy as np
 
-        mass, moments = body_mass(self), np.linalg.eigvalsh(body_inertia(self))
-        if not tables.LEAST_MASS <= mass <= MOST_MASS:
-            problem = f"the body has {mass:.3g} kg, not {tables.LEAST_MASS:g} to {MOST_MASS:g} kg"
+        mass = body_mass(self)
+        moments = np.linalg.eigvalsh(body_inertia(self))
+        if not key_rules.LEAST_MASS <= mass <= MOST_MASS:
+            problem = (
+                f"the body has {mass:.3g} kg, not {key_rules.LEAST_MASS:g} to {MOST_MASS:g} kg"
+            )
             yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
         elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
-            key, remedy = "", "check the sizes, in m"
+            key = ""
+            remedy = "check the sizes, in m"
             if self.shape is None:
-                key, remedy = "inertia", "give moments in kg m^2, products with the right signs"
+                key = "inertia"
+                remedy = "give moments in kg m^2, products with the right signs"
             problem = (
                 f"has a moment of inertia of {moments[0]:.3g} kg m^2, not positive or too small"
             )
             yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
 
     rules = (
-        tables.by_kind("shape", KEYS),
-        tables.symmetric("inertia", tolerance=1e-12),
-        tables.exactly_one("mass", "density", when=lambda body: body.shape is not None),
-        tables.ordered("inner_radius", "radius", "give a smaller hole"),
+        key_rules.by_kind("shape", KEYS),
+        key_rules.symmetric("inertia", tolerance=1e-12),
+        key_rules.exactly_one("mass", "density", when=lambda body: body.shape is not None),
+        key_rules.ordered("inner_radius", "radius", "give a smaller hole"),
     )
 
 
@@ -235,15 +240,15 @@ class Stage(Table, frozen=True):
     damping: Damping | None = None
 
     rules = (
-        tables.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
-        tables.excludes("wires", "position", problem="a symmetric set implies the position"),
-        tables.unique("blade"),
-        tables.excludes("inverted_pendulum", "wires", "wire"),
-        tables.needs(
+        key_rules.excludes("wires", "wire", problem="conflicts with a symmetric set [stage.wires]"),
+        key_rules.excludes("wires", "position", problem="a symmetric set implies the position"),
+        key_rules.unique("blade"),
+        key_rules.excludes("inverted_pendulum", "wires", "wire"),
+        key_rules.needs(
             "blades", "wires", remedy="use [[stage.blade]] and name the blade in each wire"
         ),
-        tables.any_of("wires", "wire", "spring", "inverted_pendulum"),
-        tables.required(
+        key_rules.any_of("wires", "wire", "spring", "inverted_pendulum"),
+        key_rules.required(
             "position", when=lambda stage: not given(stage, "wires", "inverted_pendulum")
         ),
     )
@@ -361,4 +366,4 @@ def half_sides(body: Any) -> list[float]:
 
 def json_schema() -> Schema:
     """Make the JSON Schema of the file format."""
-    return tables.json_schema(Design, "pendsus design file")
+    return typed_tables.json_schema(Design, "pendsus design file")

@@ -45,8 +45,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated
 
-from suspension_cli.design import tables, units
-from suspension_cli.design.tables import Problems, Table, doc, key
+from suspension_cli.design import key_rules, units
+from suspension_cli.design.typed_tables import Problems, Table, doc, key
 
 AXIAL_STIFFNESS = 1e8
 """Default stiffness of a leg along its length, N/m: an aluminium tube of 60 mm by 5 mm, 0.6 m
@@ -54,9 +54,10 @@ long."""
 ROUND_ROD = 1.3
 """Bending over torsional stiffness of a round rod, E I / (G J) = 1 + nu at Poisson's ratio 0.3."""
 SUFFIX = "-keystone"
-LATERAL, TILT = 1e7, 1e4
-"""Default stiffness of a keystone across the vertical, N/m, and against rotation, N m/rad: far
-above that of any wire."""
+LATERAL = 1e7
+"""Default stiffness of a keystone across the vertical, N/m: far above that of any wire."""
+TILT = 1e4
+"""Default stiffness of a keystone against rotation, N m/rad: far above that of any wire."""
 STEEL = 7900.0
 """Density of a keystone whose moments of inertia are not given, kg/m^3."""
 
@@ -107,11 +108,11 @@ class InvertedPendulum(Table, frozen=True):
     q: units.Quality | None = key("Q of the lateral mode with the load, instead of loss_angle")
 
     rules = (
-        tables.whole_or_parts("points", "count", "radius"),
-        tables.required("points", when=lambda legs: legs.count is None and legs.radius is None),
-        tables.excludes("points", "phase", "top"),
-        tables.exactly_one("stiffness", "frequency"),
-        tables.at_most_one("loss_angle", "q"),
+        key_rules.whole_or_parts("points", "count", "radius"),
+        key_rules.required("points", when=lambda legs: legs.count is None and legs.radius is None),
+        key_rules.excludes("points", "phase", "top"),
+        key_rules.exactly_one("stiffness", "frequency"),
+        key_rules.at_most_one("loss_angle", "q"),
     )
 
     def check(self) -> Problems:
@@ -124,7 +125,8 @@ class InvertedPendulum(Table, frozen=True):
         if area <= 1e-6 * max(math.hypot(*one) for one in across) ** 2:
             problem = "has all legs on one line, so that the stage would fall over"
             yield "points", problem, "place a leg off this line"
-        most, weight = self.leg_mass * self.length**2, self.counterweight
+        most = self.leg_mass * self.length**2
+        weight = self.counterweight
         if self.leg_mass and (self.leg_inertia or 0.0) > most:
             problem = f"is more than m L^2 of the leg, {most:g} kg m^2"
             remedy = "give it about the leg's COM in kg m^2; a thin rod has m L^2 / 12"
@@ -153,7 +155,9 @@ def direction(phase: float, number: int, count: int) -> tuple[float, float]:
     simple = given.limit_denominator(24)
     turns = (simple if abs(simple - given) < 1e-9 else given) + Fraction(4 * number, count)
     rest = float(turns - round(turns)) * math.pi / 2
-    x, y = math.cos(rest), math.sin(rest)
+    x = math.cos(rest)
+    y = math.sin(rest)
+    # the quarter turns are exact
     for _ in range(round(turns) % 4):
         x, y = -y, x
     return x, y
@@ -207,7 +211,8 @@ def leg_statics(legs: InvertedPendulum, thrust: float, hung: float, gravity: flo
     `thrust` is that of all legs at their tops, N: the weight of what moves with the tops, the legs'
     own share included, and the vertical forces of preloads; `hung` without these forces.
     """
-    count, length = len(tops(legs)), legs.length
+    count = len(tops(legs))
+    length = legs.length
     _, coupling, top = leg_inertia(legs)
     own = count * (coupling + top) * gravity
     mass = (hung - own) / gravity + count * top
@@ -274,9 +279,9 @@ class Filter(Table, frozen=True):
     thermal_expansion: units.Expansion = key("of the blades in 1/K; adds to that shift", 0.0)
 
     rules = (
-        tables.exactly_one("stiffness", "frequency"),
-        tables.at_most_one("loss_angle", "q"),
-        tables.at_most_one("saturation", "mass_coupling"),
+        key_rules.exactly_one("stiffness", "frequency"),
+        key_rules.at_most_one("loss_angle", "q"),
+        key_rules.at_most_one("saturation", "mass_coupling"),
     )
 
     def check(self) -> Problems:

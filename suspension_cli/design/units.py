@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design.tables import Plausible, doc
+from suspension_cli.design.typed_tables import Plausible, doc
 
 NAMES = "letters, digits, _ and -, starting with a letter"
 

@@ -9,9 +9,9 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from suspension_cli.design import tables, units
+from suspension_cli.design import key_rules, units
 from suspension_cli.design.cross_sections import CrossSection, circle, rectangle, taper
-from suspension_cli.design.tables import Plausible, Problems, Table, doc, given, key
+from suspension_cli.design.typed_tables import Plausible, Problems, Table, doc, given, key
 
 CROSS_SECTIONS: dict[str, Callable[[Any], CrossSection]] = {
     "radius": lambda ends: circle(*(ends if isinstance(ends, list) else (ends, ends))),
@@ -51,7 +51,7 @@ class WireSection(Table, frozen=True):
     material: units.MaterialName | None = key("default the wire's")
     steps: Steps | None = None
 
-    rules = (tables.exactly_one(*CROSS_SECTIONS),)
+    rules = (key_rules.exactly_one(*CROSS_SECTIONS),)
 
     def check(self) -> Problems:
         """Check that steps divide a taper."""
@@ -115,7 +115,7 @@ class Profile(Table, frozen=True):
     diameter: list[units.WireSize] = key("diameter at each position, m", [], max_length=20000)
     error: float = key("relative error of its reduction", 1e-3, unit="1", ge=1e-4, le=0.1)
 
-    rules = (tables.same_length("diameter", "position"), tables.ascending("position"))
+    rules = (key_rules.same_length("diameter", "position"), key_rules.ascending("position"))
 
     def check(self) -> Problems:
         """Check that there are places."""
@@ -161,9 +161,9 @@ class AnyWire(Table, frozen=True):
     temperature: units.Kelvin | EndTemperatures | None = key("in K, or { upper, lower }")
 
     rules = (
-        tables.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
-        tables.excludes("neck", *NOT_ROUND, "sections"),
-        tables.excludes("sections", *CROSS_SECTIONS),
+        key_rules.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
+        key_rules.excludes("neck", *NOT_ROUND, "sections"),
+        key_rules.excludes("sections", *CROSS_SECTIONS),
     )
 
     def check(self) -> Problems:
@@ -232,7 +232,7 @@ class WireSet(AnyWire, frozen=True):
     d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
     d_upper: units.Position = key("depth of the upper end below the COM of the body above, m", 0.0)
 
-    rules = (tables.whole_or_parts(*SEPARATIONS), tables.whole_or_parts(*RADII))
+    rules = (key_rules.whole_or_parts(*SEPARATIONS), key_rules.whole_or_parts(*RADII))
 
     def check(self) -> Problems:
         """Check also the geometry of a grid of 1, 2 or 4 wires, or of a ring."""
@@ -270,7 +270,7 @@ class Wire(AnyWire, frozen=True):
         "the [[stage.blade]] that carries the upper end", names="blade of the stage"
     )
 
-    rules = (tables.excludes("natural_length", "tension"),)
+    rules = (key_rules.excludes("natural_length", "tension"),)
 
 
 LONG = Plausible(10.0, "longer than any blade", serious=True)
@@ -314,10 +314,10 @@ class AnyBlade(Table, frozen=True):
     temperature: units.Kelvin | None = key("in K; default that of [constants]")
 
     rules = (
-        tables.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
-        tables.excludes("geometry", "material", "thickness"),
-        tables.needs("thickness", "material", unless="geometry"),
-        tables.not_tiny("tip_mass"),
+        key_rules.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
+        key_rules.excludes("geometry", "material", "thickness"),
+        key_rules.needs("thickness", "material", unless="geometry"),
+        key_rules.not_tiny("tip_mass"),
     )
 
     @property
@@ -378,7 +378,8 @@ def _reduced(
     limit = math.sqrt(wanted)
     sections: list[WireSection] = []
     length = volume = 0.0
-    low, high = math.inf, 0.0
+    low = math.inf
+    high = 0.0
     points = zip(position, diameter, strict=True)
     for (top, above), (bottom, below) in pairwise(points):
         # a steep stretch is divided, so that none exceeds the limit
@@ -386,11 +387,13 @@ def _reduced(
         span = (bottom - top) / parts
         for n in range(parts):
             ends = [above + (below - above) * k / parts for k in (n, n + 1)]
-            low, high = min(*ends, low), max(*ends, high)
+            low = min(*ends, low)
+            high = max(*ends, high)
             if length and (not wanted or high > low * (1 + limit)):
                 sections.append(_section(length, volume))
                 length = volume = 0.0
-                low, high = min(ends), max(ends)
+                low = min(ends)
+                high = max(ends)
             length += span
             volume += span * (ends[0] ** 2 + ends[0] * ends[1] + ends[1] ** 2) / 3
     return [*sections, _section(length, volume)]
@@ -406,7 +409,8 @@ def given_sections(wire: WireSet | Wire) -> Sequence[WireSection] | None:
         return reduced(wire.profile)
     if wire.neck is None:
         return wire.sections
-    neck, radius = wire.neck, wire.radius
+    neck = wire.neck
+    radius = wire.radius
     assert radius is not None
     stock = [WireSection(length=neck.stock, radius=neck.radius)] if neck.stock else []
     return [

@@ -27,8 +27,10 @@ SHORTEST = 8
 """Number of points below which a grid is that of a question, not of a curve."""
 LONGEST = 50_000
 """Number of points at which refinement ends: the curve is one of rounding errors."""
-PASSES, UNSEEN = 18, 2
-"""Most passes, and first ones in which intervals beside local maxima are always divided."""
+PASSES = 18
+"""Most passes."""
+UNSEEN = 2
+"""First passes, in which intervals beside local maxima are always divided."""
 
 
 def add_points(

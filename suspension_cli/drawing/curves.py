@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 
 PROMINENT = 2.0
 """Factor by which a peak must exceed the valleys on both sides to be labelled."""
-ENDLESS, NEAR = 3e6, 3e-4
-"""Ratio of the highest point of a peak to the curve at this relative distance, from which the peak
-is infinite; points nearer do not set the limits of the axis."""
+NEAR = 3e-4
+"""Relative distance from an infinite peak within which points do not set the limits of the axis."""
+ENDLESS = 3e6
+"""Ratio of the highest point of a peak to the curve at the distance `NEAR`, from which the peak is
+infinite."""
 SPECTRUM = 30.0, 3.0, 1e20
 """Factors of room below and above a spectral density, and largest ratio on its axis."""
 PLAIN = 0.9e-3, 1.1e4
@@ -57,7 +59,8 @@ def phase_line(
     [100.0, 150.0, nan, -160.0]
     """
     known = np.isfinite(value) & (value != 0)
-    x, phase = np.asarray(x)[known], wrap(np.degrees(np.angle(np.asarray(value)[known])), low)
+    x = np.asarray(x)[known]
+    phase = wrap(np.degrees(np.angle(np.asarray(value)[known])), low)
     jumps = 1 + np.flatnonzero(np.abs(np.diff(phase)) > 270.0)
     return np.insert(x, jumps, np.nan), np.insert(phase, jumps, np.nan)
 
@@ -79,9 +82,11 @@ def limit_sizes(size: Array, scale: str) -> tuple[float, float] | None:
     size = size[np.isfinite(size) & (size > 0)]
     if not len(size):
         return None
-    low, high = 20 * np.log10(size.min()), 20 * np.log10(size.max())
+    low = 20 * np.log10(size.min())
+    high = 20 * np.log10(size.max())
     room = 0.04 * max(high - low, 6.0)
-    low, high = float(low - room), float(high + room)
+    low = float(low - room)
+    high = float(high + room)
     return (low, high) if scale == "db" else (10 ** (low / 20), 10 ** (high / 20))
 
 
@@ -111,7 +116,8 @@ def find_tops(
 
     Each peak has its index and a remark: " ∞" if it is infinite.
     """
-    tops, around = [], np.isfinite(size)
+    tops = []
+    around = np.isfinite(size)
     for top in find_peaks(size).tolist():
         beyond = np.abs(frequency / frequency[top] - 1) > NEAR
         beside = np.interp(frequency[top] * (1 + NEAR), frequency, size)
@@ -230,7 +236,8 @@ def draw_bar(axes: Axes, tints: Tints) -> None:
     bar = figure_of(axes).colorbar(mappable, cax=axes, orientation="horizontal")
     ticks = [*tints.ticks]
     if not ticks and isinstance(tints.norm, LogNorm):
-        low, high = float(tints.norm.vmin or 0.0), float(tints.norm.vmax or 1.0)
+        low = float(tints.norm.vmin or 0.0)
+        high = float(tints.norm.vmax or 1.0)
         powers = np.arange(round(np.log10(low)), round(np.log10(high)) + 1)
         ticks = (10.0 ** powers[:: -max(1, -(-len(powers) // 5))]).tolist()
     bar.set_ticks(ticks, labels=[format_raised(tick) for tick in ticks])

@@ -13,22 +13,30 @@ from matplotlib.ticker import MaxNLocator
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry, with_bodies_above
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import parts, style, tables
+from suspension_cli.drawing import dimension_tables, parts, style
+from suspension_cli.drawing.dimension_tables import SIZE, separation
 from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, Stroke, View, sketch_at_rest
 from suspension_cli.drawing.labels import spread
 from suspension_cli.drawing.parts import Canvas, Look, full_canvas
 from suspension_cli.drawing.style import INK, NOTE, PALE, length, shorten, single_line
-from suspension_cli.drawing.tables import SIZE, separation
 from suspension_cli.equilibrium import nominal
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene
 
-MARGIN, TOP, FOOT = 0.1, 0.8, 0.55
-"""Margin around everything, and heights of the heading and of the horizontal axes, in."""
-SCALE, LEADERS, RIGHT = 0.56, 0.8, 1.2
-"""Widths of the axis of heights, and of the dimensions left and right of the views, in."""
+MARGIN = 0.1
+"""Margin around everything, in."""
+TOP = 0.8
+"""Height of the heading, in."""
+FOOT = 0.55
+"""Height of the horizontal axes, in."""
+SCALE = 0.56
+"""Width of the axis of heights, in."""
+LEADERS = 0.8
+"""Width of the dimensions left of the views, in."""
+RIGHT = 1.2
+"""Width of the dimensions right of the views, in."""
 THICK = 0.025
 """Thickness of the support over the size of the suspension."""
 TICK = 0.27
@@ -81,35 +89,13 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
     with style.house_style():
         sketch = sketch_at_rest(design, scene, THICK)
         shown, factor = exaggerate(sketch)
-        strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
-        box = parts.support_box(sketch)
-        points = np.concatenate([*(one.points for one in strokes), box])
-        low, high = points.min(0), points.max(0)
-        inner = style.PAGE_WIDTH - 2 * MARGIN
-        listed = tables.listed(design, scene) if tabulate else []
-        key = tables.key(scene) if tabulate else []
+        low, high = _extent(sketch, shown)
+        listed = dimension_tables.listed(design, scene) if tabulate else []
+        key = dimension_tables.key(scene) if tabulate else []
         below = FOOT + sum(table.height + 0.1 for table in listed) + LINE * len(key) + 0.1
-        names = 0.52 + 0.068 * min(max(len(name) for name in scene.bodies.name), 18)
-        beside = SCALE + LEADERS + names + RIGHT
-        wide, deep, tall = high - low
-        room = max(style.PAGE_HEIGHT - TOP - below, LOWEST)
-        scale = min((inner - beside) / max(wide + deep, 1e-9), room / max(tall, 1e-9))
-        left = MARGIN + SCALE + LEADERS + (inner - beside - scale * (wide + deep)) / 2
-        face = left + scale * wide + names
-        foot = below - scale * low[2]
-        plan = Plan(
-            sketch=sketch,
-            side=SIDE.at((left - scale * low[0], foot), scale),
-            face=FACE.at((face - scale * low[1], foot), scale),
-            left=left - 0.16,
-            right=face + scale * deep + 0.28,
-            names=left + scale * wide + 0.32,
-        )
-        figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * tall + below)
-        size = f"{factor or 0:,.6g} times larger" if factor != 1 else "to scale"
-        remark = f"; imperfections {size} (grey: without)" if factor else ""
-        name = design.design.title or design.design.name
-        style.write_heading(figure, "Dimensions, to scale" + remark, name)
+        plan, scale = _plan(sketch, low, high, below)
+        figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * (high - low)[2] + below)
+        style.write_heading(figure, _heading(factor), design.design.title or design.design.name)
         canvas = full_canvas(figure)
         colours = tuple(style.stage_colours(scene.bodies.name).values())
         _draw_views(canvas, plan, shown, colours, is_displaced=factor is not None)
@@ -118,13 +104,54 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         _write_numbers(canvas, plan)
         _draw_axes(figure, plan, low, high)
         top = below - FOOT
+        inner = style.PAGE_WIDTH - 2 * MARGIN
         for n, table in enumerate(listed):
-            tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
+            dimension_tables.write(canvas, MARGIN, top, inner, table, () if n else colours)
             top -= table.height + 0.1
         for n, line in enumerate(key):
             canvas.text(MARGIN, top - n * LINE, line, fontsize=SIZE, color=NOTE, va="top")
         canvas.flush()
         return figure
+
+
+def _extent(sketch: Sketch, shown: Strokes) -> tuple[Array, Array]:
+    """Smallest and largest coordinates of all that is drawn, the support included, m."""
+    strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
+    points = np.concatenate([*(one.points for one in strokes), parts.support_box(sketch)])
+    return points.min(0), points.max(0)
+
+
+def _heading(factor: float | None) -> str:
+    """Heading with the factor by which imperfections are exaggerated, if there are any."""
+    if not factor:
+        return "Dimensions, to scale"
+    size = "to scale" if factor == 1 else f"{factor:,.6g} times larger"
+    return f"Dimensions, to scale; imperfections {size} (grey: without)"
+
+
+def _plan(sketch: Sketch, low: Array, high: Array, below: float) -> tuple[Plan, float]:
+    """Place both views above what takes the height `below`, in; also their scale, in per m.
+
+    From left to right: heights, leaders, side view, names of bodies, face view, dimensions.
+    """
+    names = 0.52 + 0.068 * min(max(len(name) for name in sketch.scene.bodies.name), 18)
+    beside = SCALE + LEADERS + names + RIGHT
+    inner = style.PAGE_WIDTH - 2 * MARGIN
+    wide, deep, tall = high - low
+    room = max(style.PAGE_HEIGHT - TOP - below, LOWEST)
+    scale = min((inner - beside) / max(wide + deep, 1e-9), room / max(tall, 1e-9))
+    left = MARGIN + SCALE + LEADERS + (inner - beside - scale * (wide + deep)) / 2
+    face = left + scale * wide + names
+    foot = below - scale * low[2]
+    plan = Plan(
+        sketch=sketch,
+        side=SIDE.at((left - scale * low[0], foot), scale),
+        face=FACE.at((face - scale * low[1], foot), scale),
+        left=left - 0.16,
+        right=face + scale * deep + 0.28,
+        names=left + scale * wide + 0.32,
+    )
+    return plan, scale
 
 
 def exaggerate(sketch: Sketch) -> tuple[Strokes, float | None]:
@@ -200,14 +227,18 @@ def _draw_views(
 
 def _write_dimensions(canvas: Canvas, plan: Plan) -> None:
     """Write the dimensions of symmetric sets beside the views, with leaders to a wire of each."""
-    sketch, side, face = plan.sketch, list[tuple[Array, str]](), list[tuple[Array, str]]()
-    position, names = sketch.scene.bodies.position, (SUPPORT, *sketch.scene.bodies.name)
+    sketch = plan.sketch
+    side = list[tuple[Array, str]]()
+    face = list[tuple[Array, str]]()
+    position = sketch.scene.bodies.position
+    names = (SUPPORT, *sketch.scene.bodies.name)
     for n, (stage, above) in enumerate(with_bodies_above(sketch.design), 1):
         if stage.wires is None or len(sketch.design.stage) > MANY:
             continue
         shape = set_geometry(stage.wires)
         along, across = _dimension_texts(shape)
-        upper, lower = position[names.index(above)], position[n]
+        upper = position[names.index(above)]
+        lower = position[n]
         for view, column, own, wire in (
             (plan.side, side, along, -1),
             (plan.face, face, across, 0),
@@ -268,7 +299,8 @@ def _draw_dot(canvas: Canvas, where: Array, colour: str = NOTE) -> None:
 
 def _write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
     """Write each body's name and mass between the views, with a line to it in the side view."""
-    bodies, outlines = plan.sketch.scene.bodies, plan.sketch.outlines
+    bodies = plan.sketch.scene.bodies
+    outlines = plan.sketch.outlines
     many = len(outlines) > MANY
     places = zip(bodies.position[1:], outlines, strict=True)
     edges = [plan.side.see(position + body.half * (1, 0, 0)) for position, body in places]
@@ -312,13 +344,15 @@ def _draw_axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
     highest = float(max(0.0, *(one.points[:, 2].max() for one in plan.sketch.strokes(1))))
     for view in (plan.side, plan.face):
         axis = 1 - view.normal
-        (left, bottom), (right, top) = view.see(low), view.see(high)
+        left, bottom = view.see(low)
+        right, top = view.see(high)
         axes = style.add_axes(figure, left, up - top, right - left, top - bottom)
         limits = {"xlim": (low[axis], high[axis]), "ylim": (low[2], high[2])}
         axes.set(facecolor="none", xlabel=f"{'xy'[axis]} (m)", zorder=-1, **limits)
         axes.spines["bottom"].set_position(("outward", 8))
         axes.set_xticks(_ticks(low[axis], high[axis], view.scale))
-        middle, look = (left + right) / 2 / across, {"fontsize": 8, "fontweight": "bold"}
+        middle = (left + right) / 2 / across
+        look = {"fontsize": 8, "fontweight": "bold"}
         figure.text(middle, (top + 0.13) / up, view.name.upper(), ha="center", **look)
         if view is plan.side:
             axes.spines["left"].set_bounds(low[2], highest)

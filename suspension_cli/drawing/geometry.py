@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Body, Design
-from suspension_cli.scene import links
+from suspension_cli.scene import spring_rows
 from suspension_cli.scene.arrays import Array, Index
-from suspension_cli.scene.links import Places
+from suspension_cli.scene.places import Places
 from suspension_cli.scene.pose import Layout, Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene, Springs, Wires
 
@@ -26,8 +26,10 @@ LARGEST_ANGLE = 0.35
 """Largest rotation in the picture of a mode, rad."""
 LARGEST_SLOPE = 0.3
 """Largest relative motion of the two ends of a wire, as a fraction of its length."""
-LARGEST_SHIFT, LARGEST_BEND = 0.16, 0.06
-"""Largest motion of anything, and deflection of a blade, as fractions of the suspension's size."""
+LARGEST_SHIFT = 0.16
+"""Largest motion of anything, as a fraction of the suspension's size."""
+LARGEST_BEND = 0.06
+"""Largest deflection of a blade, as a fraction of the suspension's size."""
 SMALLEST = 0.012
 """Least half extent of a body that can be seen, relative to the size of the suspension."""
 ALONG = np.linspace(0, 1, 13)[:, None]
@@ -200,7 +202,8 @@ class Sketch:
 
 def sketch_at_rest(design: Design, scene: Scene, thick: float = 0.0) -> Sketch:
     """Make the sketch of a design at rest; the support's thickness is relative to its size."""
-    size, bodies = suspension_size(scene), scene.bodies
+    size = suspension_size(scene)
+    bodies = scene.bodies
     outlines = [
         outline(stage.body, float(m), i, SMALLEST * size)
         for stage, m, i in zip(design.stage, bodies.mass, bodies.inertia, strict=True)
@@ -220,7 +223,8 @@ def _bodies(sketch: Sketch, normal: int) -> Iterator[Stroke]:
 
 def _brackets(sketch: Sketch) -> Iterator[Stroke]:
     """Brackets from bodies to attachments outside them; of no length where these are on them."""
-    wires, held = sketch.scene.wires, sketch.scene.springs
+    wires = sketch.scene.wires
+    held = sketch.scene.springs
     free = wires.blade < 0
     body = np.concatenate([wires.lower, wires.upper[free], held.lower])
     point = np.concatenate([wires.lower_point, wires.upper_point[free], held.lower_point])
@@ -248,11 +252,13 @@ def blade_lines(sketch: Sketch) -> Iterator[Array]:
     A design gives only the tips: a blade points away from the middle of its body, with its true
     length where the design gives it.
     """
-    blades, tables = sketch.scene.blades, []
+    blades = sketch.scene.blades
+    tables = []
     for stage in sketch.design.stage:
         tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
     for n, (table, body) in enumerate(zip(tables, blades.body.tolist(), strict=True)):
-        tip, bent = blades.tip[n], sketch.pose.deflection[n]
+        tip = blades.tip[n]
+        bent = sketch.pose.deflection[n]
         reach = float(sketch.outlines[body - 1].half[:2].max()) if body else 0.2 * sketch.size
         out = float(np.hypot(tip[0], tip[1]))
         on_axis = out <= 1e-6 * reach
@@ -266,17 +272,22 @@ def blade_lines(sketch: Sketch) -> Iterator[Array]:
 
 def free_springs(scene: Scene) -> Index:
     """Numbers (k,) of the springs that are drawn: all but the flexures of legs."""
-    springs, legs = scene.springs, scene.struts
+    springs = scene.springs
+    legs = scene.struts
     same = (springs.lower_point[:, None] == legs.lower_point).all(-1)
     return np.flatnonzero(~(same & (springs.lower[:, None] == legs.lower)).any(1))
 
 
 def _springs(sketch: Sketch) -> Iterator[Stroke]:
     """Springs, dampers and links of curved wires; the ends of springs coincide at rest."""
-    scene, springs = sketch.scene, sketch.scene.springs
-    curves, ends = dict(_link_curves(sketch)), _ends(scene, sketch.pose, springs)
+    scene = sketch.scene
+    springs = sketch.scene.springs
+    curves = dict(_link_curves(sketch))
+    ends = _ends(scene, sketch.pose, springs)
     for n in free_springs(scene).tolist():
-        label, body, grounded = springs.label[n], int(springs.upper[n]), bool(springs.grounded[n])
+        label = springs.label[n]
+        body = int(springs.upper[n])
+        grounded = bool(springs.grounded[n])
         if label in curves:
             yield Stroke("link", curves[label], grounded=grounded)
         elif label.endswith(".blades"):
@@ -307,12 +318,13 @@ def _link_curves(sketch: Sketch) -> Iterator[tuple[str, Array]]:
 
     In another pose the ends follow their bodies, and the line between is interpolated.
     """
-    number, position = Places.of(sketch.design).number, sketch.scene.bodies.position
+    number = Places.of(sketch.design).number
+    position = sketch.scene.bodies.position
     for link in sketch.design.link:
         if link.strands is None:
             continue
         first, second = (number[name] for name in link.between)
-        curve = links.link_curve(link, position[first], position[second])
+        curve = spring_rows.link_curve(link, position[first], position[second])
         line = np.vstack([np.zeros(3), np.real(curve.point), np.real(curve.end)])
         line += position[first] + np.array(link.at)
         start, end = (
@@ -336,7 +348,8 @@ def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> A
 def amplitude(scene: Scene, step: Array) -> float:
     """Largest factor for drawing a step (N,) that leaves the suspension recognisable."""
     motion = step[: 6 * (len(scene.bodies.name) + 1)].reshape(-1, 6)
-    wires, size = scene.wires, suspension_size(scene)
+    wires = scene.wires
+    size = suspension_size(scene)
     tips = np.append(step, 0.0)[layout(scene).blade]
 
     def end(body: Index, point: Array) -> Array:

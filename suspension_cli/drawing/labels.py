@@ -84,13 +84,18 @@ def label_ends(
     place; `ends` are abscissas, ordinates, label and colour of each line, `most` the characters of
     a label.
     """
-    box, inch = axes.get_window_extent(), axes.figure.dpi
+    box = axes.get_window_extent()
+    inch = axes.figure.dpi
     raw = [_end_height(axes, np.asarray(x, float), np.asarray(y, float)) for x, y, *_ in ends]
     gap = 1.18 * SMALL * inch / 72 / box.height
     # outside the panel the order is that of the values
     places = spread([min(max(at, 1e-6 * at), 1.0) for at in raw], gap, 0.0, 1.0)
     for at, real, (*_, name, colour) in zip(places, raw, ends, strict=True):
-        outside = "↓ " if real < -5e-3 else "↑ " if real > 1.005 else ""
+        outside = ""
+        if real < -5e-3:
+            outside = "↓ "
+        elif real > 1.005:
+            outside = "↑ "
         plain = name if name.startswith("$") else single_line(shorten(name, most))
         look: Any = {"va": "center", "fontsize": SMALL, "color": colour, "annotation_clip": False}
         look |= {"xycoords": "axes fraction", "textcoords": "offset points"}
@@ -127,7 +132,8 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
             chosen.append(peak)
     if not chosen:
         return
-    box, inch = axes.get_window_extent(), axes.figure.dpi
+    box = axes.get_window_extent()
+    inch = axes.figure.dpi
     texts = [f"{format_raised(peak[0], 3)}{peak[2]}" for peak in chosen[:MOST_PEAKS]]
     wide = (widest(texts) + 0.1) * inch
     chosen = chosen[: min(MOST_PEAKS, max(1, int(box.width / wide)))]
@@ -145,7 +151,8 @@ def label_peaks(axes: Axes, peaks: Sequence[tuple[float, float, str]], unit: str
         middle = place / box.width
         axes.text(middle, foot, text, ha="center", va="bottom", fontsize=SMALL, **look)
         top = (axes.transData.transform(peak[:2])[1] - box.y0) / box.height
-        across, up = [x / box.width] * 2 + [middle], [min(top + 0.01, 1.0), 1.0, foot]
+        across = [x / box.width] * 2 + [middle]
+        up = [min(top + 0.01, 1.0), 1.0, foot]
         axes.add_line(Line2D(across, up, linewidth=0.4, zorder=1, clip_on=False, **look))
 
 
@@ -166,7 +173,8 @@ def label_points(
     where = axes.transData.transform(np.reshape(points, (-1, 2)).astype(float)) / pixel
     dots = np.stack([where - 3.0, where + 3.0], axis=1)
     offsets = np.array([(side, reach) for reach in REACHES for side in range(len(SIDES))])
-    placed, found = np.zeros((0, 2, 2)), dict[int, Text]()
+    placed = np.zeros((0, 2, 2))
+    found = dict[int, Text]()
     for n in np.lexsort((where[:, 1], where[:, 0])).tolist():
         half = np.array([36 * text_width(texts[n], size), 0.58 * size]) + pad
         shifts = SIDES[offsets[:, 0].astype(int)] * (half + offsets[:, 1:])

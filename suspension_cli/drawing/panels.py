@@ -40,16 +40,30 @@ if TYPE_CHECKING:
 
 COLUMN = 4.55
 """Width of a figure whose text is legible in a column of 8.5 cm, in."""
-HEAD, FOOT = 0.5, 0.16
-"""Room for the heading at the top, and for the remark on the model at the bottom, in."""
-LEFT, GAP = 0.75, 0.16
-"""Margin left of panels with numbers, and distance between panels, in."""
-ROW, ITEM = 0.15, 0.17
-"""Height of a line of text above panels and of notes, and of a row of a panel of rows, in."""
-PEAKS, RULES = 0.25, 0.14
-"""Room above axes for the frequencies of peaks, or for the texts of rules, in."""
-SAMPLE, APART = 0.22, 0.15
-"""Length of the sample of a line beside its name, and distance to the next name, in."""
+HEAD = 0.5
+"""Room for the heading at the top, in."""
+FOOT = 0.16
+"""Room for the remark on the model at the bottom, in."""
+LEFT = 0.75
+"""Margin left of panels with numbers, in."""
+GAP = 0.16
+"""Distance between panels, in."""
+ROW = 0.15
+"""Height of a line of text above panels and of notes, in."""
+ITEM = 0.17
+"""Height of a row of a panel of rows, in."""
+PEAKS = 0.25
+"""Room above axes for the frequencies of peaks, in."""
+RULES = 0.14
+"""Room above axes for the texts of rules, in."""
+SAMPLE = 0.22
+"""Length of the sample of a line beside its name, in."""
+APART = 0.15
+"""Distance from a name to the next sample, in."""
+PHASE = 1.1
+"""Height of a panel of phases, in."""
+ZERO = "0 by symmetry at all frequencies"
+"""Remark in a panel whose curves all vanish."""
 MANY = 12
 """Number of curves above which peaks have no labels."""
 REACH = 1.5
@@ -268,7 +282,9 @@ def draw(
         for n in range(len(rows))
     ]
     with house_style():
-        places, tops, end = [_place(row, width) for row in rows], [], HEAD
+        places = [_place(row, width) for row in rows]
+        tops = []
+        end = HEAD
         for n, row in enumerate(rows):
             above = [ROW * len(one.words(room)) + one.room for one, *_, room in places[n]]
             tops.append(end + GAP + max(above))
@@ -306,10 +322,12 @@ def _place(row: Sequence[Panel], width: float) -> list[tuple[Panel, float, float
     Words reach as far as the figure, if there are none further right.
     """
     wide = np.array([one.width for one in row]) * width / sum(one.width for one in row)
-    ends, spoken = wide.cumsum(), [bool(one.title or one.remarks or one.samples) for one in row]
+    ends = wide.cumsum()
+    spoken = [bool(one.title or one.remarks or one.samples) for one in row]
     result = []
     for k, one in enumerate(row):
-        start, end = float(ends[k] - wide[k]), float(ends[k])
+        start = float(ends[k] - wide[k])
+        end = float(ends[k])
         begin = start + (0.1 if one.rows or one.left else one.margins[0])
         room = (end if any(spoken[k + 1 :]) else width) - begin
         result.append((one, start, end - start, begin, room))
@@ -395,7 +413,8 @@ def _draw_panel(
 
 def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:
     """Draw one line; return its abscissas and ordinates."""
-    x, y = np.asarray(line.x, dtype=float), np.asarray(line.y)
+    x = np.asarray(line.x, dtype=float)
+    y = np.asarray(line.y)
     look: LineLook = {"linewidth": 1.0, **line.look}
     if len(x) == 1 and "marker" not in look:
         look |= {"marker": "o", "markersize": 3}
@@ -403,7 +422,8 @@ def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:
         low, high = (curves.ordinates(np.asarray(end), scale) for end in line.error)
         if scale == "phase":  # an error of the size is one of the angle
             off = np.degrees(np.abs(np.asarray(line.error[1]) - y) / np.abs(y))
-            low, high = low - off, high + off
+            low = low - off
+            high = high + off
         axes.vlines(x, low, high, color=ERROR, linewidth=0.6, zorder=1.5)
     if scale == "phase" and np.iscomplexobj(y) and not line.is_dotted:
         x, y = curves.phase_line(x, y)
@@ -456,7 +476,8 @@ def _limit_upright(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]
         axes.set_ylim(*limits)
     low, high = sorted(axes.get_ylim())
     for line, (x, y) in zip(panel.lines, drawn, strict=True):
-        below, above = np.zeros(len(y), dtype=bool), y > high
+        below = np.zeros(len(y), dtype=bool)
+        above = y > high
         if line.is_dotted:
             below = y < low
         elif panel.limits is None and not panel.peaks:
@@ -471,9 +492,10 @@ def _limit_upright(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]
 
 def _find_peaks(axes: Axes, panel: Panel, drawn: Sequence[tuple[Array, Array]]) -> None:
     """Write the frequencies of the peaks of lines above."""
-    peaks, high = [], axes.get_ylim()[1]
     if len(drawn) > MANY or axes.get_xscale() != "log":
         return
+    peaks = []
+    high = axes.get_ylim()[1]
     for x, y in drawn:
         size = 10 ** (y / 20) if panel.scale == "db" else y
         tops, _ = curves.find_tops(x, size)
@@ -492,16 +514,19 @@ def _draw_rule(axes: Axes, one: Rule) -> None:
     low, high = transform.transform(np.sort(axis.get_view_interval()))
     with np.errstate(divide="ignore", invalid="ignore"):
         at = float(transform.transform(np.array([one.at]))[0])
-    room, span = 0.05 * (high - low), high - low
+    room = 0.05 * (high - low)
+    span = high - low
     fixed = _LIMITS.get()[0 if one.vertical else 1]
     if not (fixed or low <= at <= high) and low - REACH * span <= at <= high + REACH * span:
-        low, high = min(low, at - room), max(high, at + room)
+        low = min(low, at - room)
+        high = max(high, at + room)
         limit = axes.set_xlim if one.vertical else axes.set_ylim
         limit(*transform.inverted().transform(np.array([low, high])))
     look: Any = {"color": one.colour, "fontsize": SMALL, "textcoords": "offset points"}
     if not low <= at <= high:
         below = at < low
-        arrow = ("← " if below else "→ ") if one.vertical else ("↓ " if below else "↑ ")
+        towards_low, towards_high = ("← ", "→ ") if one.vertical else ("↓ ", "↑ ")
+        arrow = towards_low if below else towards_high
         left = one.vertical and below
         look |= {"xycoords": "axes fraction", "ha": "left" if left else "right"}
         axes.annotate(arrow + one.text if one.text else "", (0 if left else 1, 1), (0, 2), **look)

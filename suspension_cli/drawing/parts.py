@@ -78,7 +78,8 @@ class Canvas:
         self, corner: ArrayLike, opposite: ArrayLike, colour: ColorType, order: float
     ) -> None:
         """Hatch a rectangle between two opposite corners."""
-        (left, foot), (right, top) = np.asarray(corner), np.asarray(opposite)
+        left, foot = np.asarray(corner)
+        right, top = np.asarray(opposite)
         look: Any = {"hatch": 5 * "/", "edgecolor": colour, "facecolor": "none", "linewidth": 0.0}
         box = Rectangle((left, foot), right - left, top - foot, zorder=order, clip_on=False, **look)
         self.axes.add_artist(box)
@@ -200,7 +201,8 @@ def _support_points(sketch: Sketch) -> Array:
     """Points (k, 3) of the support where wires, roots of blades and springs are attached, m."""
 
     def attached() -> Iterator[Array]:
-        scene, free = sketch.scene, free_springs(sketch.scene)
+        scene = sketch.scene
+        free = free_springs(sketch.scene)
         yield scene.wires.upper_point[(scene.wires.upper == 0) & (scene.wires.blade < 0)]
         blades = [one.points[:1] for one in sketch.strokes(0) if one.kind == "blade"]
         yield from (blades[n] for n in np.flatnonzero(scene.blades.body == 0))
@@ -218,8 +220,10 @@ def support_box(sketch: Sketch) -> tuple[Array, Array]:
     It is above everything attached to it, or below what stands on it; the first corner's z is on
     the side of the attachments.
     """
-    points, scene = _support_points(sketch), sketch.scene
-    low, high = points.min(0) - 2 * sketch.thick, points.max(0) + 2 * sketch.thick
+    points = _support_points(sketch)
+    scene = sketch.scene
+    low = points.min(0) - 2 * sketch.thick
+    high = points.max(0) + 2 * sketch.thick
     stands = bool((scene.struts.upper == 0).any())
     up = -1.0 if stands or scene.bodies.position[1:, 2].mean() > 0 else 1.0
     gap = 1.2 * sketch.thick if (scene.blades.body == 0).any() else 0.0
@@ -232,7 +236,8 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
     """Draw the support: a hatched bar with posts to remote attachments, or plate from above."""
     low, high = support_box(sketch)
     if view.normal == 2:
-        (x0, y0, z), (x1, y1, _) = low, high
+        x0, y0, z = low
+        x1, y1, _ = high
         frame = view.see([[x0, y0, z], [x0, y1, z], [x1, y1, z], [x1, y0, z], [x0, y0, z]])
         canvas.line(frame, NOTE, 0.6, 0.5)
         canvas.hatch(frame[3], frame[1], PALE, 0.5)
@@ -241,7 +246,8 @@ def draw_support(canvas: Canvas, view: View, sketch: Sketch) -> None:
     points = points[np.abs(points[:, 2] - low[2]) > 1e-9]
     for post in view.see(np.stack([points, points * (1, 1, 0) + (0, 0, low[2])], axis=1)):
         canvas.line(post, NOTE, 1.4, 0.6)
-    (left, foot), (right, top) = view.see(low), view.see(high)
+    left, foot = view.see(low)
+    right, top = view.see(high)
     canvas.line([[left, foot], [right, foot]], NOTE, 1.4, 0.7)
     canvas.hatch([left, foot], [right, top], NOTE, 0.5)
 

@@ -29,15 +29,22 @@ if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
 
 DPI = 180
-PAGE_WIDTH, PAGE_HEIGHT = 17.8 / 2.54, 25 / 2.54
-"""Largest size of a picture that is shown on a page of its own, in."""
+PAGE_WIDTH = 17.8 / 2.54
+"""Largest width of a picture that is shown on a page of its own, in."""
+PAGE_HEIGHT = 25 / 2.54
+"""Largest height of such a picture, in."""
 MAX_PIXELS = 30_000
 """Longest side of a picture, pixels; larger figures get a lower resolution."""
 SMALL = 7.5
 """Font size of labels, points."""
-INK, PALE, NOTE, RED = "#222222", "#c4c8cc", "#5f6770", "#cc0000"
-"""Colours: text and outlines; parts at rest and rules; dimensions and remarks; limits, and what is
-unstable or not met."""
+INK = "#222222"
+"""Colour of text and outlines."""
+PALE = "#c4c8cc"
+"""Colour of parts at rest and of rules."""
+NOTE = "#5f6770"
+"""Colour of dimensions and remarks."""
+RED = "#cc0000"
+"""Colour of limits, and of what is unstable or not met."""
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9", "#882255", "#999933")
 """Colours that can be told apart with every common colour blindness (Okabe and Ito 2008; Tol 2021
 beyond the fifth)."""

@@ -1,5 +1,12 @@
 """Energy, forces and stiffness of wires against bending and twisting, in any pose.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium import clamps, nominal
+>>> design = sus.example("geo-silica-triple").design
+>>> scene = replace(nominal.expand(design), fibres=clamps.compose(design))
+>>> float(with_bending(scene).flex.twist[-1].round(6))  # N m/rad, of the last fibre
+4.7e-05
+
 A wire leaves its clamps along directions fixed in its two bodies. Relative to its chord e (the unit
 vector between its ends) it has slopes a at the upper and b at the lower end in each principal plane
 p, and a twist phi. Beyond the energy of a taut string a beam under its tension stores
@@ -8,11 +15,11 @@ p, and a twist phi. Beyond the energy of a taut string a beam under its tension 
     a_p = -e . n_p (upper body),   b_p = -e . n_p (lower body),
     phi = (n_1' . m_2 - n_2' . m_1) / 2 (the sine of the twist; m: upper, n': lower body),
 
-to second order in the slopes, with S the static stiffness of `elements.beam` against rotation of
-its ends (the chord fixed) and n_p the unit vectors of the planes, fixed in the bodies across the
-clamps. A common rotation changes none of the three. If the clamps point along the chord, all slopes
-vanish at rest and only products of first derivatives count; else also the second derivatives, times
-the moments:
+to second order in the slopes, with S the static stiffness of `elements.tensioned_beam` against
+rotation of its ends (the chord fixed) and n_p the unit vectors of the planes, fixed in the bodies
+across the clamps. A common rotation changes none of the three. If the clamps point along the chord,
+all slopes vanish at rest and only products of first derivatives count; else also the second
+derivatives, times the moments:
 
     d(a)  = -(n - (n.e) e) . dr / L - e . dn,
     d2(a) = dr . (e n_+ + n_+ e + (e.n) P) . dr / L^2 - 2 dr . P . dn / L - e . d2(n),
@@ -37,8 +44,8 @@ from suspension_cli.elements.configuration import (
     batch_first,
     builds_last,
 )
-from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Derivatives, Terms
 from suspension_cli.elements.resting import resistance_of_wires, with_planes
 from suspension_cli.elements.vectors import (
     Matrix,
@@ -68,7 +75,10 @@ def with_bending(
     `tension` (N) and `length` (m) are those at which the stiffness is taken; nominal by default.
     """
     scene = with_planes(scene) if scene.flex is None else scene
-    fibres, flex, wires, batch = scene.fibres, scene.flex, scene.wires, scene.batch
+    fibres = scene.fibres
+    flex = scene.flex
+    wires = scene.wires
+    batch = scene.batch
     assert fibres is not None and flex is not None
     length = wires.length if length is None else length
     tension = wires.tension if tension is None else tension
@@ -82,7 +92,8 @@ def with_bending(
 
 def _normals(now: Configuration) -> tuple[Vector, Vector]:
     """Unit vectors (3, plane, wire, build) of the planes at the upper and lower ends."""
-    flex, wires = now.flex, now.wires
+    flex = now.flex
+    wires = now.wires
     assert flex is not None
     upper, lower = (
         n + times(now.turn_of(body)[:, :, None], n)
@@ -96,7 +107,8 @@ def _normals(now: Configuration) -> tuple[Vector, Vector]:
 
 def _twist(upper: Vector, lower: Vector) -> tuple[Scalar, Vector]:
     """Sine of the twist, and its derivative by a rotation of the lower body."""
-    (u_1, u_2), (l_1, l_2) = upper.swapaxes(0, 1), lower.swapaxes(0, 1)
+    u_1, u_2 = upper.swapaxes(0, 1)
+    l_1, l_2 = lower.swapaxes(0, 1)
     return (dot(l_1, u_2) - dot(l_2, u_1)) / 2, (cross(l_1, u_2) - cross(l_2, u_1)) / 2
 
 
@@ -116,32 +128,44 @@ def _bending(
     now: Configuration, bend: np.ndarray, upper: Vector, lower: Vector, *, curved: bool
 ) -> Terms:
     """Derivatives of the energy of bending in both planes."""
-    e, length = now.wires.direction, now.wires.length
+    e = now.wires.direction
+    length = now.wires.length
     s_uu, s_ul, s_ll = bend.swapaxes(0, 1)
     along = e[:, None]
-    a, b = -dot(along, upper), -dot(along, lower)
-    m_u, m_l = s_uu * a + s_ul * b, s_ul * a + s_ll * b
-    moment_u, moment_l = (m_u * upper).sum(1), (m_l * lower).sum(1)
+    # slopes of both ends in each plane, and the moments that they take
+    a = -dot(along, upper)
+    b = -dot(along, lower)
+    m_u = s_uu * a + s_ul * b
+    m_l = s_ul * a + s_ll * b
+    # summed over the planes, as vectors along the normals
+    moment_u = (m_u * upper).sum(1)
+    moment_l = (m_l * lower).sum(1)
     both = moment_u + moment_l
-    across = both - dot(e, both) * e
-    turn_u, turn_l = cross(e, moment_u), cross(e, moment_l)
-    force = -across / length
-    if not curved:
-        return Terms(force, turn_u, turn_l)
-    f_u, f_l = upper + a * along, lower + b * along
-    c_u, c_l = cross(along, upper), cross(along, lower)
-    on_u, on_l = s_uu * f_u + s_ul * f_l, s_ul * f_u + s_ll * f_l
     pulled = dot(e, both)
+    across = both - pulled * e
+    force = -across / length
+    torque_u = cross(e, moment_u)
+    torque_l = cross(e, moment_l)
+    if not curved:
+        return Terms(force, torque_u, torque_l)
+    # a slope changes by -f . dr / L + c . t, with the rotation t of its body
+    f_u = upper + a * along
+    f_l = lower + b * along
+    c_u = cross(along, upper)
+    c_l = cross(along, lower)
+    # and so the moments by -on . dr / L
+    on_u = s_uu * f_u + s_ul * f_l
+    on_l = s_ul * f_u + s_ll * f_l
     bent = _outer_sum(f_u, on_u) + _outer_sum(f_l, on_l)
     bent += outer(e, across - pulled * e) + outer(across, e)
     over = 1 / length
     return Terms(
         force,
-        turn_u,
-        turn_l,
+        torque_u,
+        torque_l,
         s=plus_unit(bent, pulled) * over**2,
-        x_u=(cross_matrix(moment_u) - outer(e, turn_u) - _outer_sum(on_u, c_u)) * over,
-        x_l=(cross_matrix(moment_l) - outer(e, turn_l) - _outer_sum(on_l, c_l)) * over,
+        x_u=(cross_matrix(moment_u) - outer(e, torque_u) - _outer_sum(on_u, c_u)) * over,
+        x_l=(cross_matrix(moment_l) - outer(e, torque_l) - _outer_sum(on_l, c_l)) * over,
         y_uu=_outer_sum(s_uu * c_u, c_u) - turning(e, moment_u),
         y_lu=_outer_sum(s_ul * c_l, c_u),
         y_ll=_outer_sum(s_ll * c_l, c_l) - turning(e, moment_l),
@@ -159,8 +183,10 @@ def _twisting(stiffness: Scalar, upper: Vector, lower: Vector, *, curved: bool) 
     torque = stiffness * twist
     if not curved:
         return Terms(None, -torque * row, torque * row)
-    (u_1, u_2), (l_1, l_2) = upper.swapaxes(0, 1), lower.swapaxes(0, 1)
-    own, half = outer(stiffness * row, row), torque / 2
+    u_1, u_2 = upper.swapaxes(0, 1)
+    l_1, l_2 = lower.swapaxes(0, 1)
+    own = outer(stiffness * row, row)
+    half = torque / 2
     turned = own + turning(half * u_2, l_1) - turning(half * u_1, l_2)
     mixed = outer(half * u_1, l_2) - outer(half * u_2, l_1) - own
     mixed = plus_unit(mixed, torque * twist)
@@ -169,7 +195,8 @@ def _twisting(stiffness: Scalar, upper: Vector, lower: Vector, *, curved: bool) 
 
 def add_loss(now: Configuration, derivatives: Derivatives) -> None:
     """Add the imaginary part of the stiffness against twisting of wires."""
-    flex, loss = now.flex, now.arrays.wires.loss
+    flex = now.flex
+    loss = now.arrays.wires.loss
     if flex is not None and loss.any():
         _, row = _twist(*_normals(now))
         own = outer(flex.twist * loss[:, None] * row, row)

@@ -219,7 +219,8 @@ class Configuration:
         self, body: Numbers, point: Vector, blade: Numbers | None = None
     ) -> tuple[Vector, Vector]:
         """Vectors from the COMs of bodies to points (or tips of blades), and their changes."""
-        turn, moved = self.turn_of(body), 0.0
+        turn = self.turn_of(body)
+        moved = 0.0
         if max(blade or (), default=-1) >= 0:
             none = np.zeros_like(self.deflection[:, :1])
             moved = np.concatenate([self.deflection, none], axis=1)[:, list(blade or ())]
@@ -240,7 +241,9 @@ class Configuration:
     @cached_property
     def flex(self) -> Flex | None:
         """Resistance of the wires to bending and twisting."""
-        fibres, flex, wires = self.arrays.scene.fibres, self.arrays.flex, self.arrays.wires
+        fibres = self.arrays.scene.fibres
+        flex = self.arrays.flex
+        wires = self.arrays.wires
         if not self.arrays.follows or fibres is None or flex is None or flex.bend is None:
             return flex
         length = self.wires.length

@@ -1,8 +1,15 @@
 """Dynamic stiffness and dissipation of one wire in bending, stretching and twisting.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.scene.fibres import compose
+>>> fibre = compose(sus.example("geo-silica-triple").design).wire[-1]
+>>> wire = TautWire(fibre, tension=14.0, massive=True, lossy=False)
+>>> (wire.held_resonances("bend-1", 2 * np.pi * 300.0) / (2 * np.pi)).round()  # violin modes, Hz
+array([ 649., 1293.])
+
 The motion of the two ends of a wire falls into four parts that do not couple (`PARTS`): bending in
-the two principal planes (W_s, T_s, W_a, T_a each, see `elements.beam`), stretching (U_s, U_a, see
-`elements.joined_sections`) and twisting (the same two, in rad).
+the two principal planes (W_s, T_s, W_a, T_a each, see `elements.tensioned_beam`), stretching (U_s,
+U_a, see `elements.joined_sections`) and twisting (the same two, in rad).
 
 A wire under tension T resists twisting with GJ + T I_p/A (Buckley, Phil. Mag. 28, 778 (1914)), I_p
 the polar second moment of its area A: at a twist theta' per length, a filament at the distance r
@@ -19,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.schema import Gas
-from suspension_cli.elements import beam, joined_sections, loss, resting
+from suspension_cli.elements import joined_sections, loss, resting, tensioned_beam
 from suspension_cli.elements.joined_sections import ENDS, EPS, Joined
 from suspension_cli.scene.scene import Fibre, Section
 
@@ -81,11 +88,13 @@ class TautWire:
         while (count := self.resonances_below(np.array([highest]), (part,))[0]) < wanted:
             highest *= 1.5
         number = np.arange(1, count + 1)
-        low, high = np.zeros(count), np.full(count, highest)
+        low = np.zeros(count)
+        high = np.full(count, highest)
         for _ in range(40):
             middle = (low + high) / 2
             above = self.resonances_below(middle, (part,)) >= number
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
+            low = np.where(above, low, middle)
+            high = np.where(above, middle, high)
         return high
 
 
@@ -94,7 +103,8 @@ class WireAtFrequencies(dict[str, "PartAtFrequencies"]):
 
     def __init__(self, strand: TautWire, omega: Inexact[np.ndarray, " frequency"]) -> None:
         super().__init__()
-        self.strand, self.omega = strand, omega
+        self.strand = strand
+        self.omega = omega
 
     def __missing__(self, part: str) -> PartAtFrequencies:
         """Make a part when it is first needed."""
@@ -147,11 +157,13 @@ class PartAtFrequencies:
     def change(self) -> Inexact[np.ndarray, "*elements"]:
         """F(omega) - F(0), with F(0) without loss and inertia.
 
-        Of bending on (W, T_s, phi, d), or without mass on (T_s, d) (see `elements.beam`); of
-        twisting as springs between the ends and from either end to the ground; of stretching F
+        Of bending on (W, T_s, phi, d), or without mass on (T_s, d) (see `elements.tensioned_beam`);
+        of twisting as springs between the ends and from either end to the ground; of stretching F
         itself, as such springs.
         """
-        own, sections, tension = self._joined.stiffness, self.sections, self.strand.tension
+        own = self._joined.stiffness
+        sections = self.sections
+        tension = self.strand.tension
         if PARTS[self.number] == "stretch":
             return own
         whole = own.copy()
@@ -176,7 +188,7 @@ class PartAtFrequencies:
         if not self.strand.massive:
             return np.zeros(np.shape(self.omega), dtype=int)
         if self.bends:
-            below = beam.resonances_below(self._waves)
+            below = tensioned_beam.resonances_below(self._waves)
         else:
             below = joined_sections.rod_resonances_below(*self._numbers, self.omega)
         return below.sum(0) + self._joined.negative
@@ -251,12 +263,14 @@ class PartAtFrequencies:
             whole = np.array(motion)
             whole[2] *= 2 / self._length
             whole[3] -= whole[2]
-            elements, places = self._uniform_beams, beam.ELEMENT_PLACES
+            elements = self._uniform_beams
+            places = self._places
             if not self.strand.massive:
-                whole, places = whole[1::2], ((0, 0), (1, 1))
+                whole = whole[1::2]
         else:
             whole = np.tensordot(ENDS[1], motion, 1)
-            elements, places = self._springs, ((0, 0), (1, 1), (2, 2))
+            elements = self._springs
+            places = ((0, 0), (1, 1), (2, 2))
         moved = joined_sections.section_motions(self._joined.motions, whole).swapaxes(0, 1)
         if not self.bends:
             moved = (moved[1] - moved[0], *moved)
@@ -271,7 +285,8 @@ class PartAtFrequencies:
         """All sections together."""
         if not self.bends:
             return joined_sections.join_rods(self._springs)
-        size, places = (4, beam.ELEMENT_PLACES) if self.strand.massive else (2, ((0, 0), (1, 1)))
+        size = 4 if self.strand.massive else 2
+        places = self._places
         elements = self._uniform_beams
         parts = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
         for (i, j), value in zip(places, elements, strict=True):
@@ -279,12 +294,17 @@ class PartAtFrequencies:
         lengths = self._stack(section.length for section in self.sections)
         return joined_sections.join(parts, self._stack(map(self._tension, self.sections)), lengths)
 
+    @property
+    def _places(self) -> tuple[tuple[int, int], ...]:
+        """Places of the elements of `_uniform_beams` in their symmetric matrices."""
+        return tensioned_beam.ELEMENT_PLACES if self.strand.massive else ((0, 0), (1, 1))
+
     @cached_property
     def _uniform_beams(self) -> list[Inexact[np.ndarray, "*section"]]:
-        """Stiffness of each section, see `beam.stiffness`; without mass, on T_s and on d."""
+        """Stiffness of each section (`tensioned_beam.stiffness`); without mass, on T_s and on d."""
         rigidity, _, half = self._numbers
         if self.strand.massive:
-            return beam.stiffness(rigidity, self._waves)
+            return tensioned_beam.stiffness(rigidity, self._waves)
         return resting.uniform_stiffness(rigidity, self.strand.tension, half)
 
     @cached_property
@@ -297,11 +317,11 @@ class PartAtFrequencies:
         return np.array([between, even / 2, even / 2])
 
     @cached_property
-    def _waves(self) -> beam.Waves:
+    def _waves(self) -> tensioned_beam.Waves:
         """Waves of the sections."""
         rigidity, mass, half = self._numbers
         tension = self._stack(map(self._tension, self.sections))
-        return beam.waves(rigidity, tension, mass, half, self.omega)
+        return tensioned_beam.waves(rigidity, tension, mass, half, self.omega)
 
     @cached_property
     def _numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -360,7 +380,8 @@ class PartAtFrequencies:
 
 def _cut_in_middle(sections: tuple[Section, ...]) -> list[tuple[Section, int]]:
     """Cut the section in the middle of a wire there; each part with the end it is near, 0 or 1."""
-    left, result = sum(section.length for section in sections) / 2, []
+    left = sum(section.length for section in sections) / 2
+    result = []
     for section in sections:
         if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
             result.append((replace(section, length=left), 0))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.elements.configuration import Configuration
-from suspension_cli.elements.derivatives import Derivatives
+from suspension_cli.elements.energy_derivatives import Derivatives
 from suspension_cli.scene.scene import Scene
 
 if TYPE_CHECKING:

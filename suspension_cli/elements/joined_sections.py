@@ -1,7 +1,11 @@
 """Sections of wire joined end to end, by elimination of the nodes between them; uniform rods.
 
-Beams are joined in the coordinates q = (W, T_s, phi, d) of `elements.beam`: deflection in the
-middle of the chord, half the difference of the slopes of the ends, slope of the chord, and mean
+>>> rods = np.array([[2.0, 2.0], [0.0, 0.0], [0.0, 0.0]])  # two springs of 2 N/m in series
+>>> join_rods(rods).stiffness  # 1 N/m between the ends, nothing to the ground
+array([1., 0., 0.])
+
+Beams are joined in the coordinates q = (W, T_s, phi, d) of `elements.tensioned_beam`: deflection in
+the middle of the chord, half the difference of the slopes of the ends, slope of the chord, and mean
 slope of the ends relative to it. Without inertia W and phi have no stiffness but T L phi^2 / 2,
 which no stiffness here includes, and (T_s, d) alone are joined. The slopes of the two ends relative
 to the chord are a = d - T_s and b = d + T_s.
@@ -53,7 +57,7 @@ ENDS = {
     1: np.array([[1.0, -1], [1, 1]]),
 }
 """By p, the matrix from even and odd motion to the two ends: (W_s, T_s, W_a, T_a) of
-`elements.beam` to (w_1, w'_1, w_2, w'_2), and (U_s, U_a) of a rod to (u_1, u_2)."""
+`elements.tensioned_beam` to (w_1, w'_1, w_2, w'_2), and (U_s, U_a) of a rod to (u_1, u_2)."""
 
 
 class Joined(NamedTuple):
@@ -77,7 +81,8 @@ def join(
     `parts` are the stiffness of each section on (W, T_s, phi, d), or on (T_s, d) without inertia,
     from the top; tensions and lengths are in N and m.
     """
-    motions, negative = [], 0
+    motions = []
+    negative = 0
     kept = slice(None) if len(parts) == 4 else slice(1, None, 2)
     while parts.shape[2] > 1:
         paired = parts.shape[2] // 2 * 2
@@ -92,15 +97,20 @@ def join(
             for form, part in ((upper, above), (lower, below))
         )
         node = one + other
-        string, step = t_a / l_a + t_b / l_b, t_a - t_b
+        string = t_a / l_a + t_b / l_b
+        step = t_a - t_b
         node[0, -2] += string
-        if len(parts) == 4:
+        massive = len(parts) == 4
+        if massive:
             node[0, 2] += step
         (ee, ez), (_, zz) = node[:, -2:]
         det = ee * zz - ez**2
         det = np.where(det == 0, EPS * np.abs(ee * zz), det)  # at a resonance: just beside it
         if not np.iscomplexobj(det):
-            negative = negative + np.where(det < 0, 1, np.where(ee + zz < 0, 2, 0)).sum(0)
+            one_negative = det < 0
+            both_negative = ~one_negative & (ee + zz < 0)
+            negative = negative + (one_negative + 2 * both_negative).sum(0)
+        # the motion of a node on which no force is left
         eta = (ez * node[1, :-2] - zz * node[0, :-2]) / det
         zeta = (ez * node[0, :-2] - ee * node[1, :-2]) / det
         upper, lower = (
@@ -109,7 +119,7 @@ def join(
         )
         motions.append((upper, lower))
         pairs = _congruence(upper, above) + _congruence(lower, below) + string * eta[:, None] * eta
-        if len(parts) == 4:
+        if massive:
             pairs[2] += step * eta
             pairs[:, 2] += step * eta
         length = l_a + l_b
@@ -151,12 +161,17 @@ def _node_forms(
     forms = []
     for other, slope, sign in ((-below, 1 / above, 1), (above, -1 / below, -1)):
         form = np.zeros((4, 6, *slope.shape), dtype=slope.dtype)
-        form[0, 0], form[0, 2], form[0, 4] = 1, other / 2, 0.5
-        form[2, 2], form[2, 4], form[3, 4] = 1, slope, -slope
+        form[0, 0] = 1
+        form[0, 2] = other / 2
+        form[0, 4] = 0.5
+        form[2, 2] = 1
+        form[2, 4] = slope
+        form[3, 4] = -slope
         # (b - a) / 2 and (a + b) / 2, where zeta is the slope of one end
         form[1, 1] = form[1, 3] = form[3, 1] = form[3, 3] = form[3, 5] = 0.5
         form[1, 5] = 0.5 * sign
-        form[3, 1], form[1, 3] = -0.5 * sign, -0.5 * sign
+        form[3, 1] = -0.5 * sign
+        form[1, 3] = -0.5 * sign
         forms.append(np.concatenate([form[:, :4][:, kept], form[:, 4:]], axis=1))
     return forms[0], forms[1]
 
@@ -204,7 +219,8 @@ def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
     The `springs` are c, r_1 and r_2 of each section, from the top; the `motions` those of both
     ends.
     """
-    motions, negative = [], 0
+    motions = []
+    negative = 0
     while springs.shape[1] > 1:
         paired = springs.shape[1] // 2 * 2
         (c_a, r_a1, r_a2), (c_b, r_b1, r_b2) = (springs[:, n:paired:2] for n in (0, 1))
@@ -214,10 +230,13 @@ def join_rods(springs: Inexact[np.ndarray, "3 section *shape"]) -> Joined:
         own = np.where(own == 0, EPS * np.abs(terms).sum(0), own)
         if not np.iscomplexobj(own):
             negative = negative + (own < 0).sum(0)
-        one, other, ground = c_a / own, c_b / own, (r_a2 + r_b1) / own
+        one = c_a / own
+        other = c_b / own
+        ground = (r_a2 + r_b1) / own
         pairs = np.array([c_a * other, r_a1 + c_a * ground, r_b2 + c_b * ground])
         springs = np.concatenate([pairs, springs[:, paired:]], axis=1)
-        still, full = np.zeros_like(one), np.ones_like(one)
+        still = np.zeros_like(one)
+        full = np.ones_like(one)
         motions.append(
             (np.array([[full, still], [one, other]]), np.array([[one, other], [still, full]]))
         )

@@ -1,5 +1,9 @@
 """Loss angles of wires and blades against frequency, and the drag of a thin gas.
 
+>>> across, along = surface_drag(Gas(pressure=1e-5, temperature=293.0))
+>>> round(1e9 * across, 2), round(1e9 * along, 2)  # of a square metre, nN s/m
+(48.3, 13.53)
+
 Loss angles are sums over the mechanisms of `design.materials`, finite at zero frequency. `omega` is
 in rad/s, not negative, or complex (of a damped mode).
 
@@ -93,7 +97,8 @@ def blade_angle(blade: BladeLoss, omega: Omega) -> Angle:
     """
     if blade.losses is None:
         return blade.angle + 0.0 * np.asarray(omega)
-    shape, result = blade.shape or plate(blade.thickness), 0.0 * np.asarray(omega)
+    shape = blade.shape or plate(blade.thickness)
+    result = 0.0 * np.asarray(omega)
     for own in blade.losses:
         angle = own.bending(shape, 0, omega, blade.temperature)
         coefficient = own.coefficient(1.0, blade.temperature)
@@ -125,8 +130,9 @@ def body_damping(body: Body, gas: Gas) -> Array | None:
     push, push_along, turn, turn_along = _cylinder(
         body.radius, body.inner_radius or 0.0, body.length, *drag
     )
-    values = [push] * 3 + [turn] * 3
-    values[axis], values[3 + axis] = push_along, turn_along
+    values = [push] * 3 + [turn] * 3  # across the axis
+    values[axis] = push_along
+    values[3 + axis] = turn_along
     return np.diag(values)
 
 
@@ -138,7 +144,8 @@ def _sphere(area: float, normal: float, along: float) -> list[float]:
     Rev. 23, 710 (1924)). It is the mean over all directions for any convex body of this surface. In
     a rotation all slides, with the mean square 2 R^2/3.
     """
-    push, turn = area * (normal + 2 * along) / 3, area * along * area / (6 * math.pi)
+    push = area * (normal + 2 * along) / 3
+    turn = area * along * area / (6 * math.pi)
     return [push] * 3 + [turn] * 3
 
 

@@ -1,5 +1,9 @@
 """Static stiffness of wires against rotation of their ends, for arrays of lengths and tensions.
 
+>>> even, odd = uniform_stiffness(np.array(1e-3), tension=100.0, half=0.25)
+>>> float(even.round(4)), float(odd.round(4))  # each end has about sqrt(EI T) = 0.3162 N m/rad
+(0.6325, 0.6406)
+
 A beam of length L = 2h, bending stiffness EI and tension T, whose ends lean by a and b against its
 chord, stores (a, b) S (a, b)^T / 2. With u^2 = T h^2 / EI and t = h tanh(u) / u, opposite and equal
 slopes have (w'''' EI = T w''; Gonzalez and Saulson, J. Acoust. Soc. Am. 96, 207 (1994), for u >> 1)
@@ -18,8 +22,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.beam import tanhc
 from suspension_cli.elements.joined_sections import Joined, join
+from suspension_cli.elements.tensioned_beam import tanhc
 from suspension_cli.rotations import cross
 from suspension_cli.scene.scene import Fibre, Flex, Scene, Section
 
@@ -116,7 +120,8 @@ def with_planes(scene: Scene) -> Scene:
     planes = np.array([fibre.plane for fibre in scene.fibres.wire]).reshape(-1, 3)
     clamps = np.array([fibre.clamp for fibre in scene.fibres.wire]).reshape(-1, 2, 3)
     upper, lower = (principal_planes(planes, clamps[:, end]) for end in (0, 1))
-    bend, twist = np.zeros((len(planes), 2, 3)), np.zeros(len(planes))
+    bend = np.zeros((len(planes), 2, 3))
+    twist = np.zeros(len(planes))
     return replace(scene, flex=Flex(upper, lower, bend, twist))
 
 
@@ -138,8 +143,10 @@ def resistance_of_wires(
     torsion: Inexact[np.ndarray, "wire build"],
 ) -> tuple[Inexact[np.ndarray, "2 3 wire build"], Inexact[np.ndarray, "wire build"]]:
     """Stiffness of wires against slopes in both planes, and against twist, see `resistance`."""
-    shape, dtype = length.shape, np.result_type(length, tension, torsion)
-    bend, twist = np.empty((2, 3, *shape), dtype=dtype), np.empty(shape, dtype=dtype)
+    shape = length.shape
+    dtype = np.result_type(length, tension, torsion)
+    bend = np.empty((2, 3, *shape), dtype=dtype)
+    twist = np.empty(shape, dtype=dtype)
     each = [fibre.sections for fibre in fibres]
     for sections in dict.fromkeys(each):
         which = [n for n, other in enumerate(each) if other == sections]

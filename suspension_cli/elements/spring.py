@@ -1,5 +1,10 @@
 """Energy, force and stiffness of linear springs between two bodies (flexures, cables), and blades.
 
+>>> delta = np.array([0.1, 0.0, 0.0]).reshape(3, 1, 1)
+>>> lean, rates = _lean(delta, np.array([[1.0]]))  # of a leg of 1 m whose top is displaced by 0.1 m
+>>> float(lean[0, 0, 0].round(6)), float(np.arctan(0.1).round(6))  # by this angle, in rad
+(0.099669, 0.099669)
+
 A spring joins a point of the lower body to the coincident point of the upper body in the nominal
 pose. Its strain (delta, phi) is in the frame of the upper body, so it does not depend on the
 observer's frame: delta is the displacement of the lower point, phi = vee(skew(Q)) of the relative
@@ -47,8 +52,8 @@ from suspension_cli.elements.configuration import (
     Configuration,
     Ends,
 )
-from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Derivatives, Terms
 from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,
@@ -107,35 +112,50 @@ def _strains_of(now: Configuration, which: list[int], legs: Scalar | None) -> _S
         now.turn[:, :, list(body)] + np.eye(3)[:, :, None, None]
         for body in (ends.upper, ends.lower)
     )
+    # displacement of the lower point, seen from the upper body
     to_upper = transposed(upper)
-    above, below = springs.upper_point[:, which], springs.lower_point[:, which]
+    above = springs.upper_point[:, which]
+    below = springs.lower_point[:, which]
     arm, moved = now.arms(ends.lower, below)
     shift = now.shift[:, list(ends.lower)] - now.shift[:, list(ends.upper)]
     reach = above + (shift + moved)
     delta = times(to_upper, reach) - above
-    q, rates = product(to_upper, lower), None
+    # rotation between the bodies, and the sine of its angle about its axis
+    q = product(to_upper, lower)
     phi = np.array([q[2, 1] - q[1, 2], q[0, 2] - q[2, 0], q[1, 0] - q[0, 1]]) / 2
     spin = product((unit(np.trace(q)) - q) / 2, to_upper)
     strain = delta
+    rates = None
     if legs is not None:
         strain, rates = _lean(delta, legs)
+        # the tilt of the lower body's z axis in place of the first two components
         tilts = product(to_upper, cross_matrix(lower[:, 2]))
-        phi[0], phi[1] = -q[1, 2], q[0, 2]
-        spin[0], spin[1] = tilts[1], -tilts[0]
+        phi[0] = -q[1, 2]
+        phi[1] = q[0, 2]
+        spin[0] = tilts[1]
+        spin[1] = -tilts[0]
     attached = Attached(ends, reach, arm)
     return _Strains(which, legs, attached, upper, lower, delta, (strain, phi), rates, spin)
 
 
 def _lean_factor(delta: Vector, length: Scalar) -> tuple[Scalar, Vector, Matrix]:
     """L f with its gradient and Hessian by delta."""
-    x, y, z = delta[0], delta[1], length + delta[2]
+    x = delta[0]
+    y = delta[1]
+    z = length + delta[2]
     q = x * x + y * y
     n = z * z + q
     a, first, second = _arctan_ratio(q / (z * z))
-    f_q, f_qq = length * first / z**3, length * second / z**5
-    f_z, f_qz, f_zz = -length / n, length / n**2, 2 * length * z / n**2
-    xx, xy, yy = 2 * f_q + 4 * f_qq * x * x, 4 * f_qq * x * y, 2 * f_q + 4 * f_qq * y * y
-    xz, yz = 2 * x * f_qz, 2 * y * f_qz
+    f_q = length * first / z**3
+    f_qq = length * second / z**5
+    f_z = -length / n
+    f_qz = length / n**2
+    f_zz = 2 * length * z / n**2
+    xx = 2 * f_q + 4 * f_qq * x * x
+    xy = 4 * f_qq * x * y
+    yy = 2 * f_q + 4 * f_qq * y * y
+    xz = 2 * x * f_qz
+    yz = 2 * y * f_qz
     curve = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, f_zz]])
     return length * a / z, np.array([2 * f_q * x, 2 * f_q * y, f_z]), curve
 
@@ -163,7 +183,8 @@ def _lean_curvature(delta: Vector, length: Scalar, pull: Vector) -> Matrix:
 def _arctan_ratio(t: Scalar) -> list[Scalar]:
     """Return A(t), A'(t) and A''(t)."""
     small = np.abs(t) < SMALL
-    far, near = np.where(small, 1.0, t), np.where(small, t, 0.0)
+    far = np.where(small, 1.0, t)
+    near = np.where(small, t, 0.0)
     a = np.arctan(np.sqrt(far)) / np.sqrt(far)
     first = (1 / (1 + far) - a) / (2 * far)
     closed = a, first, -(1 / (1 + far) ** 2 + 3 * first) / (2 * far)
@@ -182,7 +203,8 @@ def _blocks(
 
 def _pull(now: Configuration, one: _Strains) -> tuple[Vector, Vector]:
     """Gradient of the energy with respect to the strain."""
-    springs, (delta, phi) = now.arrays.springs, one.strain
+    springs = now.arrays.springs
+    delta, phi = one.strain
     straight, mixed, turns = _blocks(springs.stiffness[:, :, one.which])
     preload = springs.preload[:, one.which]
     pull = times(straight, delta) + times(mixed, phi) - preload[:3]
@@ -194,7 +216,8 @@ def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     for one in _strains(now):
         pull, twist = _pull(now, one)
         along = pull if one.rates is None else times(transposed(one.rates), pull)
-        force, torque = times(one.upper, along), times(transposed(one.spin), twist)
+        force = times(one.upper, along)
+        torque = times(transposed(one.spin), twist)
         terms = Terms(force, -torque, torque)
         if derivatives.curved:
             form = now.arrays.springs.stiffness[:, :, one.which]
@@ -222,12 +245,14 @@ def _form(
 
 def _curvature(one: _Strains, force: Vector, pull: Vector, twist: Vector) -> Terms:
     """Second derivatives of the strain times its pull."""
-    skew, s = cross_matrix(twist), None
+    skew = cross_matrix(twist)
+    s = None
     if one.legs is not None:
         curve = _lean_curvature(one.delta, one.legs, pull)
         s = product(product(one.upper, curve), transposed(one.upper))
         skew[0, 0] = skew[1, 1] = skew[2, 0] = skew[2, 1] = 0.0
-        skew[0, 2], skew[1, 2] = 2 * twist[1], -2 * twist[0]
+        skew[0, 2] = 2 * twist[1]
+        skew[1, 2] = -2 * twist[0]
     g = product(product(one.upper, skew), transposed(one.lower))
     own = plus_unit(symmetric(g) / 2, -np.trace(g) / 2)
     # a force fixed in the upper body turns with it
@@ -263,7 +288,8 @@ ELEMENT = Element(add_derivatives, add_damping=add_damping, add_loss=add_loss)
 
 def add_blade_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of all blades."""
-    blades, axes = now.arrays.blades, now.arrays.blades.axes.T
+    blades = now.arrays.blades
+    axes = now.arrays.blades.axes.T
     if not blades.label:
         return
     rows = now.arrays.numbering.blade.T[axes]
@@ -274,7 +300,8 @@ def add_blade_derivatives(now: Configuration, derivatives: Derivatives) -> None:
 
 def add_blade_loss(now: Configuration, derivatives: Derivatives) -> None:
     """Add the imaginary part of the stiffness of all blades."""
-    blades, axes = now.arrays.blades, now.arrays.blades.axes.T
+    blades = now.arrays.blades
+    axes = now.arrays.blades.axes.T
     if blades.loss.any():
         rows = now.arrays.numbering.blade.T[axes]
         derivatives.add_diagonal(rows, (blades.stiffness * blades.loss[:, None])[axes])

@@ -40,8 +40,12 @@ def times_cross(m: Matrix, a: Vector) -> Matrix:
 def cross_matrix(a: Vector) -> Matrix:
     """Matrix [a] of the vector product: [a] b = a x b."""
     result = np.zeros((3, *a.shape), dtype=a.dtype)
-    result[0, 1], result[0, 2], result[1, 2] = -a[2], a[1], -a[0]
-    result[1, 0], result[2, 0], result[2, 1] = a[2], -a[1], a[0]
+    result[0, 1] = -a[2]
+    result[0, 2] = a[1]
+    result[1, 2] = -a[0]
+    result[1, 0] = a[2]
+    result[2, 0] = -a[1]
+    result[2, 1] = a[0]
     return result
 
 

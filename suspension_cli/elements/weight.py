@@ -1,5 +1,14 @@
 r"""Weight and inertia of bodies, blade tips, wires and bars, in a field uniform or with a gradient.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium import energy, nominal
+>>> from suspension_cli.scene.pose import layout, nominal_pose
+>>> scene = nominal.expand(sus.example("double").design)
+>>> pose = nominal_pose(scene)
+>>> gradient, _ = energy.gradient_and_stiffness(scene, layout(scene), pose, [ELEMENT])
+>>> gradient.reshape(3, 6)[1:, 2].round(2)  # weights of the two bodies, N
+array([29.43, 26.49])
+
 At a place r from the suspension point the acceleration is g + G r with a symmetric G, so a point
 mass m has the energy -m (g . r + r . G r / 2).
 
@@ -39,8 +48,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements.configuration import Attached, Configuration, Ends, SceneArrays
-from suspension_cli.elements.derivatives import Derivatives, Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Derivatives, Terms
 from suspension_cli.elements.vectors import (
     Matrix,
     Scalar,
@@ -60,7 +69,8 @@ if TYPE_CHECKING:
 
 def lift(scene: Scene, place: Vector) -> Vector:
     """Gradient -(g + G r) of the energy per mass at places r from the suspension point, m/s^2."""
-    vector, slope = np.array([0.0, 0.0, scene.gravity]), _slope(scene)
+    vector = np.array([0.0, 0.0, scene.gravity])
+    slope = _slope(scene)
     if scene.field is not None:
         vector = -scene.field.vector
     vector = vector.reshape(3, *(1,) * (place.ndim - 1))
@@ -103,12 +113,14 @@ class Masses:
 
 def masses(arrays: SceneArrays) -> tuple[list[Masses], list[Masses]]:
     """List all masses but those of the bodies: at points, and of lines."""
-    blades, wires, bars = arrays.blades, arrays.wires, arrays.bars
+    blades = arrays.blades
+    wires = arrays.wires
+    bars = arrays.bars
     points: list[Masses] = []
     lines: list[Masses] = []
 
     def add_lines(ends: Ends, upper: Vector, lower: Vector, moments: Vector) -> None:
-        (first, mixed, second) = moments
+        first, mixed, second = moments
         lines.append(Masses(ends, (upper, lower), -mixed))
         free = (-1,) * len(ends.upper)
         points.append(Masses(Ends(ends.upper, free, ends.blade), (upper,), first + mixed))
@@ -139,18 +151,18 @@ def _turned(now: Configuration, tensor: Matrix) -> Matrix:
 
 def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     """Add the derivatives of the energy of all weights."""
-    scene, mass = now.arrays.scene, now.arrays.bodies.mass
-    slope, bodies = _slope(scene), len(now.arrays.bodies.name) + 1
+    scene = now.arrays.scene
+    mass = now.arrays.bodies.mass
+    slope = _slope(scene)
+    bodies = len(now.arrays.bodies.name) + 1
     form = None if slope is None else slope[:, :, None, None]
     rows = derivatives.gradient[: 6 * bodies].reshape(bodies, 6, -1).swapaxes(0, 1)
     rows[:3, 1:] += mass * lift(scene, now.place[:, 1:])
     points, lines = masses(now.arrays)
     for group in points:
         # the span ends at the point
-        force, s = (
-            -group.mass * lift(scene, group.places(now)),
-            None if form is None else form * group.mass,
-        )
+        force = -group.mass * lift(scene, group.places(now))
+        s = None if form is None else form * group.mass
         derivatives.add(group.attached(now), Terms(force, s=s))
     if form is None or slope is None:
         return
@@ -158,7 +170,8 @@ def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
         force = -group.mass * times(form, group.places(now))
         derivatives.add(group.attached(now), Terms(force, s=form * group.mass))
     moments = _turned(now, _second_moments(now))
-    m, total = product(moments, form), np.trace(slope)
+    m = product(moments, form)
+    total = np.trace(slope)
     rows[3:, 1:] += np.array([m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]])
     if derivatives.curved:
         curvature = 3 * symmetric(m) - total * moments - np.trace(moments) * form

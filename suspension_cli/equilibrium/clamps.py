@@ -65,7 +65,8 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
     if scene.batch and hanging is not None:
         # where the strings that define the clamps have no equilibrium, these are reported
-        unknown, strings = np.asarray(np.isnan(hanging.tension).any(-1)), hanging.found
+        unknown = np.asarray(np.isnan(hanging.tension).any(-1))
+        strings = hanging.found
         residual = np.where(unknown, strings.residual, found.residual)
         tension = np.where(unknown[..., None], strings.tension, found.tension)
         found = replace(found, residual=residual, tension=tension)
@@ -84,7 +85,8 @@ def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
     fibres = scene.fibres
     assert fibres is not None
     drawn = None if scene.drawn is None else replace(scene.drawn, fibres=fibres)
-    nominal, hanging = drawn or scene, None
+    nominal = drawn or scene
+    hanging = None
     effective = np.array([fibre.effective for fibre in fibres.wire], dtype=bool)
     u: Any = 0.0
     if effective.any():
@@ -146,7 +148,8 @@ def _all_distances(
     nominal: Scene, hanging: HangingWires | None
 ) -> Inexact[np.ndarray, "*batch wire 2"]:
     """Distances of given bending points from their clamps, m; 0 for other wires."""
-    fibres, wires = nominal.fibres, nominal.wires
+    fibres = nominal.fibres
+    wires = nominal.wires
     assert fibres is not None
     shape = (*nominal.batch, len(wires.label))
     at = wires if hanging is None else hanging
@@ -187,7 +190,8 @@ def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
         if table.bending is None:
             result.append((0.0, 0.0))
             continue
-        pieces, temperature = stretches(table, 1.0), mean_temperature(design, table)
+        pieces = stretches(table, 1.0)
+        temperature = mean_temperature(design, table)
         ends = []
         for piece in (pieces[0], pieces[-1]):
             modulus = materials.resolve(design, piece.material or "", temperature).youngs_modulus

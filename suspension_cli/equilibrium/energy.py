@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.elements.configuration import Configuration, batch_of, configuration
-from suspension_cli.elements.derivatives import Derivatives
 from suspension_cli.elements.element import Contribution, Element
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.energy_derivatives import Derivatives
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.scene.pose import Layout, Pose
 from suspension_cli.scene.scene import Scene
 

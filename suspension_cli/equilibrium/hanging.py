@@ -7,17 +7,17 @@ to which imperfect wires are trimmed are those of that pose, not of the drawing 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.imperfections import perturbed, perturbed_part
 from suspension_cli.design.schema import Perturbation
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.scene import imperfections
+from suspension_cli.scene import applied_imperfections
 from suspension_cli.scene.scene import Scene, Wires
 
 if TYPE_CHECKING:
@@ -57,7 +57,8 @@ def hang(scene: Scene) -> HangingWires:
     found = _balance_strings(scene)
     if not scene.batch:
         found.demand(scene)
-    now, turn = string.state(scene, found.pose), np.swapaxes(found.pose.rotation, -1, -2)
+    now = taut_string.state(scene, found.pose)
+    turn = np.swapaxes(found.pose.rotation, -1, -2)
     upper, lower = (
         (turn[..., body, :, :] @ now.direction[..., None])[..., 0]
         for body in (scene.wires.upper, scene.wires.lower)
@@ -71,7 +72,19 @@ def hang(scene: Scene) -> HangingWires:
 def _balance_strings(scene: Scene) -> Equilibrium:
     """Balance strings without torsion between the given points."""
     wires = replace(scene.wires, torsion=np.zeros_like(scene.wires.torsion))
-    return equilibrium.solve(replace(scene, fibres=None, flex=None, wires=wires))
+    alone = replace(scene, fibres=None, flex=None)
+    # all models of a command ask for the strings of one design
+    for known, found in _latest:
+        if all(getattr(known, name) is getattr(alone, name) for name in _PARTS):
+            return found
+    found = equilibrium.solve(replace(alone, wires=wires))
+    _latest[:] = [(alone, found)]
+    return found
+
+
+_PARTS = [part.name for part in fields(Scene)]
+_latest: list[tuple[Scene, Equilibrium]] = []
+"""The scene whose strings were balanced last, and their equilibrium."""
 
 
 def lengthened(
@@ -85,7 +98,8 @@ def lengthened(
     With `hanging` only those of `effective` wires.
     """
     if hanging is None:
-        e, extra = wires.span / wires.length[..., None], u.sum(-1)
+        e = wires.span / wires.length[..., None]
+        extra = u.sum(-1)
         return replace(
             wires,
             upper_point=wires.upper_point - u[..., :1] * e,
@@ -93,7 +107,8 @@ def lengthened(
             span=wires.span + extra[..., None] * e,
             length=wires.length + extra,
         )
-    extra, whole = u.sum(-1), wires.length + u.sum(-1)
+    extra = u.sum(-1)
+    whole = wires.length + u.sum(-1)
     above = np.where(effective[..., None], u[..., :1] * hanging.upper, 0.0)
     below = np.where(effective[..., None], u[..., 1:] * hanging.lower, 0.0)
     added = above + below
@@ -113,13 +128,18 @@ def lengthened(
     )
 
 
-def apply(scene: Scene, item: Perturbation) -> Scene:
-    """Apply one `[[perturbation]]` of a design file to a scene, see `impose`."""
+def apply(scene: Scene, item: Perturbation, *, trim: bool = True) -> Scene:
+    """Apply one `[[perturbation]]` of a design file to a scene, see `impose`.
+
+    Without `trim` tensions are not those of the pose in which the suspension hangs: nothing is
+    balanced.
+    """
     part, name = perturbed_part(item)
     given = {row.name: getattr(item, row.name) for row in perturbed(part)}
     amounts = {name: amount for name, amount in given.items() if amount is not None}
-    number = imperfections.members(scene, part)[name]
-    return impose(scene, part, number, amounts, item.hold)
+    number = applied_imperfections.members(scene, part)[name]
+    act = impose if trim else applied_imperfections.impose
+    return act(scene, part, number, amounts, item.hold)
 
 
 def impose(
@@ -129,12 +149,12 @@ def impose(
     amounts: Mapping[str, ArrayLike],
     hold: str = "loaded-length",
 ) -> Scene:
-    """Apply imperfections of one part to a scene, see `scene.imperfections.impose`.
+    """Apply imperfections of one part to a scene, see `scene.applied_imperfections.impose`.
 
     Where natural lengths are given, a wire is trimmed in the pose in which the nominal scene hangs;
     raises `InputError` if that of a single scene does not exist.
     """
-    result = imperfections.impose(scene, part, number, amounts, hold)
+    result = applied_imperfections.impose(scene, part, number, amounts, hold)
     if not scene.solves_pose or part != "wire" or hold != "loaded-length":
         return result
     nominal = scene.drawn or scene
@@ -146,7 +166,7 @@ def impose(
     moved = scene.bodies.position - nominal.bodies.position
     pose = replace(pose, shift=pose.shift + (pose.turn @ moved[..., None])[..., 0])
     before, after = (
-        one.wires.stiffness[..., number] * string.state(one, pose).elongation[..., number]
+        one.wires.stiffness[..., number] * taut_string.state(one, pose).elongation[..., number]
         for one in (scene, result)
     )
     tension = result.wires.tension.astype(np.result_type(result.wires.tension, before))

@@ -19,10 +19,10 @@ import numpy as np
 
 from suspension_cli.design.derive import gives_natural_lengths
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.elements import weight as weights
 from suspension_cli.elements.configuration import configuration
-from suspension_cli.elements.registry import have_own_arrays, with_added
+from suspension_cli.elements.known_elements import have_own_arrays, with_added
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.hanging import apply
 from suspension_cli.errors import Fault, InputError
@@ -60,6 +60,17 @@ def expand(design: Design) -> Scene:
 
 _latest: list[tuple[Design, Scene]] = []
 """The design expanded last, and its scene."""
+
+
+def expand_geometry(design: Design) -> Scene:
+    """Expand a design into the scene that drawings show: nothing is balanced.
+
+    Places and lengths are those of `expand`; loads of blades and tensions are not.
+    """
+    scene = with_added(scene_expand.expand_as_drawn(design), design)
+    for item in design.perturbation:
+        scene = apply(scene, item, trim=False)
+    return scene
 
 
 def expand_nominal(design: Design) -> Scene:
@@ -146,7 +157,9 @@ def _blade_loads(scene: Scene, pose: Pose) -> Array:
 
     They carry the tip masses, and the wires of each stage at tensions of least energy.
     """
-    wires, blades, now = scene.wires, scene.blades, string.state(scene, pose)
+    wires = scene.wires
+    blades = scene.blades
+    now = taut_string.state(scene, pose)
     arrays = configuration(scene, layout(scene), pose)
     weight = np.zeros((len(blades.label), 3))
     for group in weights.masses(arrays.arrays)[0]:

@@ -1,5 +1,11 @@
 """Equilibrium of a scene, by Newton's method with exact finite rotations and tangent stiffness.
 
+>>> import suspension_cli as sus
+>>> from suspension_cli.equilibrium.nominal import expand
+>>> found = solve(expand(sus.example("imperfect").design))
+>>> (1e6 * found.pose.shift[1]).round()  # the mirror hangs so far from its nominal place, um
+array([ 75., -48., -10.])
+
 During the search wires may push, so that the energy is smooth; that all are taut is checked at the
 end. A saddle point is an equilibrium too: an unstable suspension is a finding, not an error, so the
 search goes to the stationary point next to the nominal pose and does not slide down from it.
@@ -13,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
 from suspension_cli.equilibrium.newton import chunks, factorise, search
@@ -43,6 +49,8 @@ within rounding, not unstable."""
 CLEAR = 1e-6
 """Least pivot of the tangent stiffness, over its diagonal element, above which a pose is stable;
 below it the last step, free rotations and rounding need a closer look."""
+SAME = 1e-6
+"""Largest difference of positions, m, and relative one of tensions, of the same equilibrium."""
 PARTS_OF_POSE = inner_axes(Pose)
 """Arrays of a pose, and their axes beyond the batch."""
 ARRAYS = ("residual", "rounding", "tension", "pivot", "soft", "form", "bend", "twist")
@@ -185,10 +193,13 @@ def solve(scene: Scene, numbering: Layout | None = None, start: Pose | None = No
             pose = _broadcast_pose(nominal.pose, scene.batch)
             begin = Pose(*(getattr(pose, name)[suspect] for name in PARTS_OF_POSE))
         better = _continue(some, numbering, begin, steps)
+        settled = _is_stable(some, numbering, better)
+        if scene.drawn is None:  # of imperfect builds the branch bends: shorter steps may leave it
+            settled |= taut[suspect] & _agree(better, found.select(suspect))
         reached = suspect.copy()
         reached[suspect] = better.converged
         found = _replace(found, reached, better.select(better.converged))
-        suspect[suspect] = ~(better.converged & _is_stable(some, numbering, better))
+        suspect[suspect] = ~(better.converged & settled)
     return found
 
 
@@ -203,11 +214,22 @@ def _replace(
     found: Equilibrium, where: Bool[np.ndarray, "*batch"], new: Equilibrium
 ) -> Equilibrium:
     """Replace the results of a batch `where` there are new ones (given for these alone)."""
-    arrays, others = {}, new.arrays
+    arrays = {}
+    others = new.arrays
     for name, old in found.arrays.items():
         arrays[name] = np.array(np.broadcast_to(old, where.shape + others[name].shape[1:]))
         arrays[name][where] = others[name]
     return Equilibrium.of(arrays, max(found.iterations, new.iterations))
+
+
+def _agree(first: Equilibrium, second: Equilibrium) -> Bool[np.ndarray, " build"]:
+    """Whether equilibria of a batch that were found in two ways are the same.
+
+    A saddle is no stray result then. Rotations are not compared: neutral ones are undetermined.
+    """
+    moved = np.abs(first.pose.shift - second.pose.shift).max((-2, -1), initial=0.0)
+    changed = np.abs(first.tension / second.tension - 1).max(-1, initial=0.0)
+    return (moved < SAME) & (changed < SAME)
 
 
 def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.ndarray, "*batch"]:
@@ -215,7 +237,8 @@ def _is_stable(scene: Scene, numbering: Layout, found: Equilibrium) -> Bool[np.n
     result = np.asarray(found.pivot > CLEAR)
     unclear = ~result
     if unclear.any():
-        some, pose = select_scenes(scene, unclear), found.select(unclear).pose
+        some = select_scenes(scene, unclear)
+        pose = found.select(unclear).pose
         result[unclear] = _has_no_soft_direction(some, numbering, pose)
     return result
 
@@ -241,9 +264,11 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
         )
         for n in range(1, steps):
             if scene.drawn is None:  # reduce the forces that hold it in the nominal pose
-                now, target = scene, nominal_gradient * (1 - n / steps)
+                now = scene
+                target = nominal_gradient * (1 - n / steps)
             else:  # increase the imperfections
-                now, target = scale_imperfections(scene, n / steps), 0.0
+                now = scale_imperfections(scene, n / steps)
+                target = 0.0
             pose = _newton(now, numbering, pose, target, CORRECTIONS).pose
         return _newton(scene, numbering, pose, 0.0, ITERATIONS)
 
@@ -258,15 +283,20 @@ def _newton(
     accept_nominal: bool = False,
 ) -> Equilibrium:
     """Newton's method in chunks of builds, see `newton.search`."""
-    count, size, wires = math.prod(scene.batch), numbering.size, len(scene.wires.label)
+    count = math.prod(scene.batch)
+    size = numbering.size
+    wires = len(scene.wires.label)
     # builds last, as summed
-    soft, form = np.empty((size, size, count)), np.empty((size, wires, count))
-    parts, steps = [], 0
+    soft = np.empty((size, size, count))
+    form = np.empty((size, wires, count))
+    parts = []
+    steps = 0
     for rows in chunks(count, size):
         found = search(scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal)
-        now, steps = found.now, max(steps, int(found.steps.max(initial=0)))
+        now = found.now
+        steps = max(steps, int(found.steps.max(initial=0)))
         derivatives(now, stretching=False).symmetric(soft[..., rows])
-        form[..., rows] = string.elongations(now)
+        form[..., rows] = taut_string.elongations(now)
         own = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
         if scene.flex is not None and now.flex is not None:
             own |= {name: getattr(now.flex, name) for name in ("bend", "twist")}

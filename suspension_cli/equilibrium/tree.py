@@ -22,7 +22,8 @@ LEAST_ARM = 1e-4
 def parents(scene: Scene) -> Index:
     """Body (n + 1,) from which each body hangs, always of lower number; 0 is the support."""
     result = np.zeros(len(scene.bodies.name) + 1, dtype=np.intp)
-    springs, wires = scene.springs, scene.wires
+    springs = scene.springs
+    wires = scene.wires
     # a stage's own springs stand before links between any two bodies
     for part in (*scene.added.values(), springs):
         result[part.lower[::-1]] = part.upper[::-1]
@@ -46,7 +47,9 @@ def spinning_bodies(scene: Scene) -> list[int]:
     """
     if scene.flex is not None or not (scene.field is None or scene.field.is_uniform):
         return []
-    wires, parent, result = scene.wires, parents(scene), set[int]()
+    wires = scene.wires
+    parent = parents(scene)
+    result = set[int]()
     for body in range(1, len(parent)):
         own = np.flatnonzero(wires.lower == body)
         points = (wires.upper_point[..., own, :], wires.lower_point[..., own, :])
@@ -79,12 +82,15 @@ def residual_scale(arrays: SceneArrays) -> Float[np.ndarray, "moving build"]:
     For forces the weight that the body (on a blade: the body below) carries, N; for torques that
     times the lever arm of the body, N m.
     """
-    load, arm = _carried_weights(arrays), _lever_arms(arrays)
-    numbering, wires = arrays.numbering, arrays.wires
+    load = _carried_weights(arrays)
+    arm = _lever_arms(arrays)
+    numbering = arrays.numbering
+    wires = arrays.wires
     result = np.empty((numbering.size + 1, arrays.count))
     result[:] = load[0]
     bodies = result[: 6 * len(load)].reshape(len(load), 6, -1)
-    bodies[:, :3], bodies[:, 3:] = load[:, None], (load * arm)[:, None]
+    bodies[:, :3] = load[:, None]
+    bodies[:, 3:] = (load * arm)[:, None]
     for wire in np.flatnonzero(wires.blade >= 0):
         result[numbering.blade[wires.blade[wire]]] = load[wires.lower[wire]]
     return result[6:-1]

@@ -88,7 +88,8 @@ class Columns:
         """
         import numpy as np
 
-        values, name = np.asarray(self.read(position)), format_value(self.names[position])
+        values = np.asarray(self.read(position))
+        name = format_value(self.names[position])
         if np.iscomplexobj(values):
             problem = f"the {self.noun} holds complex numbers"
             raise InputError.of(what, problem, "name it as value", name)
@@ -143,7 +144,8 @@ def split_unit(title: str, units: Mapping[str, float], per: str = "") -> tuple[s
     """
     bracketed = re.match(r"([^(\[]*)[(\[]([^)\]]*)", title.strip())
     if bracketed is not None:
-        name, unit = bracketed[1].rstrip("_" + string.whitespace), bracketed[2].strip()
+        name = bracketed[1].rstrip("_" + string.whitespace)
+        unit = bracketed[2].strip()
         if unit not in units:
             problem = f"has the column {format_value(title)}, whose unit is not known"
             raise InputError.of("", problem, f"give it in {', '.join(units)}{per}")

@@ -14,9 +14,6 @@ texts alone are attributes. A record in a field is a group, whose dimensions may
 record around it; a tuple of records is a group of columns if these hold numbers and texts alone,
 and numbered groups if they hold arrays.
 
-A list of records of one class is stored as one: fields marked `EACH` have the values of all records
-along the dimension `OUTPUT`, the second one of arrays; others are the same in all.
-
 Braces in a unit name a field with units: ``in_unit("{unit}/Hz^0.5")``. Units are such that pint
 reads them; of texts they are `TEXT`, of numbers with units of their own `SI`.
 """
@@ -35,18 +32,16 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 NOT_STORED: Metadata = {"stored": False}
 """Of a field that no file holds; it has a default."""
+ADDED: Metadata = {"added": True}
+"""Of a field that files of earlier versions lack; it has a default."""
 INLINE: Metadata = {"inline": True}
 """Of a record, or tuple of records, whose fields are stored beside it instead of in a group."""
 ATTRIBUTE: Metadata = {"attribute": True}
 """Of texts in a tuple that are no dimension."""
 AXES: Metadata = {"axes": True}
 """Of a tuple of records with name, values and unit: scales of the dimensions ``*axes``."""
-EACH: Metadata = {"each": True}
-"""Of a field that differs between the records of a list."""
 FINE = "fine_frequency"
 """Dimension of curves that only pictures need: more frequencies, which resolve resonances."""
-OUTPUT = "output"
-"""Dimension of a list of records."""
 TEXT = "name"
 """Unit of texts."""
 SI = "SI"
@@ -70,13 +65,11 @@ def scale_of(dim: str) -> Metadata:
     return in_unit("", dim, dim)
 
 
-def derived(
-    unit: str = "", along: str = "", name: str = "", *, each: bool = False
-) -> Callable[[Function], Function]:
+def derived(unit: str = "", along: str = "", name: str = "") -> Callable[[Function], Function]:
     """Mark the function of a property that is stored though it follows from the fields."""
 
     def mark(function: Function) -> Function:
-        vars(function)["declared"] = in_unit(unit, along, name) | {"each": each}
+        vars(function)["declared"] = in_unit(unit, along, name)
         return function
 
     return mark
@@ -108,7 +101,7 @@ _ARRAYS = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
-    """What one field or property declares; `each`: it differs between the records of a list."""
+    """What one field or property declares."""
 
     name: str
     key: str
@@ -117,7 +110,6 @@ class Item:
     unit: str
     optional: bool
     derived: bool
-    each: bool
     metadata: Mapping[str, Any]
 
     @property
@@ -155,7 +147,7 @@ def items(kind: Any) -> tuple[Item, ...]:
     """List what a class declares: its fields, then its derived properties."""
     found = []
     for one in dataclasses.fields(kind):
-        owner = next(base for base in kind.__mro__ if one.name in vars(base)["__annotations__"])
+        owner = next(b for b in kind.__mro__ if one.name in vars(b).get("__annotations__", ()))
         if one.metadata.get("stored", True):
             found.append(_item(one.name, str(one.type), owner.__module__, one.metadata, False))
     for name in dict.fromkeys(name for base in kind.__mro__[::-1] for name in vars(base)):
@@ -174,13 +166,10 @@ def _item(
     dims = metadata.get("dims") or getattr(kind, "dims", ())
     if not dims and kind == tuple[str, ...] and "attribute" not in metadata:
         dims = (name,)
-    each = bool(metadata.get("each"))
-    if each:
-        dims = (*dims[:1], OUTPUT, *dims[1:])
-        kind = kind if isinstance(kind, Array) else tuple[kind, ...]
-    key, unit = metadata.get("key") or name, metadata.get("unit", "")
+    key = metadata.get("key") or name
+    unit = metadata.get("unit", "")
     optional = annotation.endswith(" | None")
-    return Item(name, key, kind, dims, unit, optional, derived, each, metadata)
+    return Item(name, key, kind, dims, unit, optional, derived, metadata)
 
 
 def common_unit(units: Iterable[Any], name: str) -> str:

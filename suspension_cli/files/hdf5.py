@@ -12,7 +12,7 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,7 +40,7 @@ class Provenance:
     """Origin of a result: the whole design as TOML with overrides, the command line, the model.
 
     `reason` says why this model, and what it neglects; `error` is its estimated relative error, NaN
-    where none was estimated.
+    where none was estimated. `warnings` are those of the run.
     """
 
     design: str
@@ -48,6 +48,7 @@ class Provenance:
     fidelity: str
     reason: str
     error: float = math.nan
+    warnings: tuple[str, ...] = ()
 
 
 def write(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> None:
@@ -77,6 +78,13 @@ def write_root_attributes(file: h5py.File, origin: Provenance) -> None:
         fidelity_reason=origin.reason,
         estimated_error=origin.error,
     )
+    write_warnings(file, origin.warnings)
+
+
+def write_warnings(file: h5py.File, lines: Sequence[str]) -> None:
+    """Write what was warned of, each line once, as a root attribute; none without any."""
+    if lines:
+        file.attrs["warnings"] = [*dict.fromkeys(lines)]
 
 
 def add_scale(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:

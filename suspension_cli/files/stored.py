@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,7 +14,6 @@ import numpy as np
 
 from suspension_cli.files.declared import (
     KINDS,
-    OUTPUT,
     TEXT,
     Array,
     Item,
@@ -28,17 +28,9 @@ Record = TypeVar("Record")
 
 
 def write(group: h5py.Group, record: Any) -> None:
-    """Write all that a record declares, or a list of records of one class."""
-    records = record if isinstance(record, list) else [record]
-    given = {}
-    for item in items(type(records[0])):
-        values = [getattr(one, item.name) for one in records]
-        if item.each and values[0] is not None:
-            stack = isinstance(item.type, Array)
-            given[item.name] = np.stack(values, axis=1) if stack else tuple(values)
-        else:
-            given[item.name] = values[0]
-    write_fields(group, type(records[0]), given)
+    """Write all that a record declares."""
+    kind = type(record)
+    write_fields(group, kind, {item.name: getattr(record, item.name) for item in items(kind)})
 
 
 def write_fields(group: h5py.Group, kind: type, given: Mapping[str, Any]) -> None:
@@ -120,28 +112,16 @@ class _Writer:
             inside._add(column, item.dims or (item.key,), np.array(values, dtype=column.type))
 
 
-def read(group: Stored, kind: type[Record]) -> Record:
+def read(group: Stored, kind: type[Any], **given: Any) -> Any:
     """Read a record from a group.
 
-    Raises `KeyError` if something is missing, `ValueError` if a shape or type is not that which the
-    class declares, or a scale is not finite.
+    Fields that the group does not have are taken from those `given` by name, if they are not stored
+    or were added (`declared.ADDED`). Raises `KeyError` if something is missing, `ValueError` if a
+    shape or type is not that which the class declares, or a scale is not finite.
     """
-    return kind(**_Reader(group, {}).fields(kind))
-
-
-def read_list(group: Stored, kind: type[Record]) -> list[Record]:
-    """Read a list of records from a group; raises as `read` does."""
-    fields, found = _Reader(group, {}).fields(kind), []
-    for n in range(len(fields[OUTPUT])):
-        given = dict(fields)
-        for item in items(kind):
-            value = fields.get(item.name)
-            if item.each and isinstance(value, np.ndarray):
-                given[item.name] = value[:, n]
-            elif item.each and not item.derived:
-                given[item.name] = value[n] if value and n < len(value) else None
-        found.append(kind(**given))
-    return found
+    found = _Reader(group, {}).fields(kind)
+    lacking = (one.name for one in dataclasses.fields(kind) if one.name not in found)
+    return kind(**found, **{name: given[name] for name in lacking if name in given})
 
 
 @dataclass
@@ -161,6 +141,8 @@ class _Reader:
             if item.derived:
                 if item.form == "array" and stored:
                     self._checked(item, item.dims)
+            elif not stored and item.metadata.get("added"):
+                continue
             elif stored or not item.optional:
                 found[item.name] = getattr(self, f"_read_{item.form}")(item)
             else:
@@ -218,7 +200,8 @@ class _Reader:
         return tuple(found)
 
     def _read_attribute(self, item: Item) -> Any:
-        path, kinds = self._path(item.key), get_args(item.type)
+        path = self._path(item.key)
+        kinds = get_args(item.type)
         value = self._get(self.group.attrs, item.key)
         if not kinds:
             return _plain(path, item.type, value)
@@ -238,7 +221,8 @@ class _Reader:
         )
 
     def _read_columns(self, item: Item) -> Any:
-        inside, dims = self._inside(item), item.dims or (item.key,)
+        inside = self._inside(item)
+        dims = item.dims or (item.key,)
         fields = [column for column in items(item.leaf) if not column.derived]
         columns = [inside._checked(column, dims).tolist() for column in fields]
         names = [column.name for column in fields]
@@ -287,7 +271,8 @@ class Variable(NamedTuple):
 
 def variables(group: Stored) -> dict[str, Variable]:
     """List the datasets of a group by path, such as ``largest/size``."""
-    start, found = len(str(group.name)) + 1, {}
+    start = len(str(group.name)) + 1
+    found = {}
 
     def add(path: str, data: Stored) -> None:
         if isinstance(data, h5py.Group):

@@ -22,7 +22,9 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
-TOML, TEXT, DATA = 4_000_000, 64_000_000, 256_000_000
+TOML = 4_000_000
+TEXT = 64_000_000
+DATA = 256_000_000
 """Largest design or table that it names, table of measured numbers, other file of data; bytes."""
 
 

@@ -182,7 +182,9 @@ def _stage(body: Body, before: Body | None, tables: Tables, notes: list[str]) ->
 
 
 def _wire_set(body: Body, on_keystone: bool, tables: Tables) -> Iterator[str]:
-    wire, shape, count = body.wires[0], dict(body.set_keys or {}), len(body.wires)
+    wire = body.wires[0]
+    shape = dict(body.set_keys or {})
+    count = len(body.wires)
     if on_keystone:
         shape.pop("d_upper", None)
     keys = {"count": count, "l": body.length} | shape | _elastic(wire, tables)
@@ -264,7 +266,9 @@ def _filter(body: Body, wire: Wire) -> Iterator[str]:
 def _legs(body: Body, notes: list[str]) -> Iterator[str]:
     assert body.legs is not None
     _, _, places, stiffness, q, name, length, decibel, negative, load, counts = body.legs[:11]
-    name, lateral, yaw = plain(name), sum(stiffness[:3]), stiffness[3]
+    name = plain(name)
+    lateral = sum(stiffness[:3])
+    yaw = stiffness[3]
     if lateral <= 0 or length <= 0:
         problem = f"has no stiffness or length ({name})"
         raise InputError.of("save$IP", problem, "correct it in SUMCON")
@@ -273,7 +277,8 @@ def _legs(body: Body, notes: list[str]) -> Iterator[str]:
     keys: dict[str, Any] = {"points": tops}
     if "ring" in ring:
         keys = {"count": 3, "radius": ring["ring"], "phase": ring.get("phase", 0.0)}
-    coupling, mass = 10 ** (decibel / 20) * load / 3 if counts else 0.0, _hanging(body)
+    coupling = 10 ** (decibel / 20) * load / 3 if counts else 0.0
+    mass = _hanging(body)
     ballast: dict[str, Any] = {}
     if coupling and negative:  # -m (b/L) (1 + b/L) couples foot and top, m (b/L)^2 is at the top
         ballast["counterweight"] = {"mass": coupling / 0.75, "below": length / 2}
@@ -318,11 +323,14 @@ def _joined(
     if first.ground and second.ground:
         notes.append(f"{kind} {name} is left out: it joins two grounds")
         return None
-    point, other = (ends[0] + ends[1]) / 2, second.name
+    point = (ends[0] + ends[1]) / 2
+    other = second.name
     if first.ground or second.ground:
-        ground, body, point = (first, second, ends[1]) if first.ground else (second, first, ends[0])
-        is_first = ground is next(one for one in bodies if one.ground)
-        first, other = body, "support" if is_first else "ground"
+        ground = first if first.ground else second
+        point = ends[1] if first.ground else ends[0]
+        first = second if first.ground else first
+        is_support = ground is next(one for one in bodies if one.ground)
+        other = "support" if is_support else "ground"
     if (apart := math.dist(*ends)) > 1e-3:
         notes.append(f"{kind} {name} acts at one point; its two in SUMCON are {apart:.3g} m apart")
     return {"name": name, "between": [first.name, other], "at": point - first.place}
@@ -333,7 +341,8 @@ def _six(matrix: np.ndarray) -> np.ndarray:
 
 
 def _damper(row: list[Any], bodies: list[Body], notes: list[str]) -> list[str]:
-    name, damping = word(row[0], "damper"), turned_matrix(row[5])
+    name = word(row[0], "damper")
+    damping = turned_matrix(row[5])
     if not damping.any():
         notes.append(f"damper {name} is left out: all its numbers are 0")
         return []
@@ -349,33 +358,44 @@ def _link(
     notes: list[str],
 ) -> list[str]:
     *_, span, _, q, matrix, names, name = row[:10]
-    name, matrix, loss = word(name, "link"), np.array(matrix), 1 / q if q > 1 else 0.0
+    name = word(name, "link")
+    matrix = np.array(matrix)
+    loss = 1 / q if q > 1 else 0.0
     if not any(map(any, names)) and not matrix.any():
         notes.append(f"heat link {name} is left out: it has no stiffness")
         return []
     keys = _joined("heat link", name, row[:4], bodies, notes)
     if keys is None:
         return []
-    along = math.atan(-span[2] / span[0]) if span[0] else math.copysign(math.pi / 2, -span[2])
-    if any(map(any, names)):
-        file_of, constant = np.diag(np.array(names, object)), matrix.diagonal() * (1 + 1j * loss)
-        own = [columns(a) if a else b for a, b in zip(file_of, constant, strict=True)]
-        if any(names[a][b] for a in range(6) for b in range(6) if a != b):
-            notes.append(f"heat link {name}: tables beside the diagonal are left out")
-        if abs(math.sin(2 * along)) > 1e-9 and names[0][0] != names[2][2]:
-            notes.append(f"heat link {name}: x and y are not coupled by its direction")
-        if any(np.ndim(one) and one[2].min() < 0 for one in own):
-            notes.append(f"heat link {name}: negative imaginary parts of its tables are 0 here")
-        text = _table_file(own, math.sin(along) ** 2)
-        file = next((one for one, known in files.items() if known == text), f"{name}.csv")
-        files[file] = text
-        return table("[link]", keys) + table("link.table", {"file": file})
-    turn, c, s = np.eye(6), math.cos(along), math.sin(along)
-    turn[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    angle = math.atan(-span[2] / span[0]) if span[0] else math.copysign(math.pi / 2, -span[2])
+    if not any(map(any, names)):
+        keys["stiffness"] = _six(turned_matrix(_along(matrix, angle)))
+        keys |= {"loss_angle": loss} if loss else {}
+        return table("[link]", keys)
+    file_of = np.diag(np.array(names, object))
+    constant = matrix.diagonal() * (1 + 1j * loss)
+    own = [columns(a) if a else b for a, b in zip(file_of, constant, strict=True)]
+    if any(names[a][b] for a in range(6) for b in range(6) if a != b):
+        notes.append(f"heat link {name}: tables beside the diagonal are left out")
+    if abs(math.sin(2 * angle)) > 1e-9 and names[0][0] != names[2][2]:
+        notes.append(f"heat link {name}: x and y are not coupled by its direction")
+    if any(np.ndim(one) and one[2].min() < 0 for one in own):
+        notes.append(f"heat link {name}: negative imaginary parts of its tables are 0 here")
+    text = _table_file(own, math.sin(angle) ** 2)
+    # links of equal stiffness share a file
+    file = next((one for one, known in files.items() if known == text), f"{name}.csv")
+    files[file] = text
+    return table("[link]", keys) + table("link.table", {"file": file})
+
+
+def _along(matrix: np.ndarray, angle: float) -> np.ndarray:
+    """Turn the stiffness of a link into its direction, in SUMCON's axes; rounding errors are 0."""
+    turn = np.eye(6)
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
+    turn[:3, :3] = [[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]]
     whole = turn @ matrix @ turn.T
-    whole = np.where(abs(whole) < 1e-12 * abs(whole).max(), 0.0, (whole + whole.T) / 2)
-    keys |= {"stiffness": _six(turned_matrix(whole))} | ({"loss_angle": loss} if loss else {})
-    return table("[link]", keys)
+    return np.where(abs(whole) < 1e-12 * abs(whole).max(), 0.0, (whole + whole.T) / 2)
 
 
 def _table_file(own: list[Any], turned_part: float) -> str:
@@ -391,8 +411,11 @@ def _table_file(own: list[Any], turned_part: float) -> str:
             at = [np.interp(np.log(frequency), np.log(one[0]), part) for part in one[1:]]
             one = at[0] + 1j * np.maximum(at[1], 0.0)
         parts.append(one + np.zeros(len(frequency), complex))
-    x, z = parts[0], parts[2]
-    parts[0], parts[2] = x + (z - x) * turned_part, z + (x - z) * turned_part
+    # mix the stiffnesses along and across the link
+    x = parts[0]
+    z = parts[2]
+    parts[0] = x + (z - x) * turned_part
+    parts[2] = z + (x - z) * turned_part
     axes = [parts[n] for n in (2, 0, 1, 5, 3, 4)]
     rows = np.column_stack([frequency, *(part for one in axes for part in (one.real, one.imag))])
     head = "# frequency in Hz; real and imaginary part of x, y, z, roll, pitch, yaw"

@@ -57,9 +57,11 @@ def read_list(text: str, name: str) -> list[Value] | None:
         decoder = json.JSONDecoder(parse_float=number, parse_int=number)
         result, at = decoder.raw_decode(written)
     except json.JSONDecodeError as error:
-        result, at = None, error.pos
+        result = None
+        at = error.pos
     except RecursionError:
-        result, at = None, 0
+        result = None
+        at = 0
     if isinstance(result, list) and written.count(",") < MOST_MEMBERS:
         return result
     rest = written[at:].translate({ord("["): "{", ord("]"): "}"}).strip()
@@ -108,7 +110,9 @@ def _shown(value: Value) -> str:
 
 Tables = dict[str, list[list[Any]]]
 """Rows of the tables of a save, by name; numbers of other rows count from 0."""
-POINT, SIX, LAST = [float] * 3, [float] * 6, [bool, float, bool]
+POINT = [float] * 3
+SIX = [float] * 6
+LAST = [bool, float, bool]
 FORMS: dict[str, Form] = {
     "bdn": [bool, str],  # whether it is ground, name
     "mass": [float, [POINT] * 3],
@@ -280,7 +284,8 @@ def read_bodies(tables: Tables, bending_points: bool, notes: list[str]) -> list[
     springs = {row[0]: row for row in tables["vspr"]}
     for n, row in enumerate(tables["wire"]):
         upper, top, lower, bottom, *numbers, first, second, name, k, torsion = row[:15]
-        hinges, spring = (turned(first), turned(second)), springs.get(n)
+        hinges = (turned(first), turned(second))
+        spring = springs.get(n)
         own: Any = (*numbers, hinges, plain(name), k, torsion, spring)
         wire = Wire(upper, turned(top), lower, turned(bottom), *own)
         if wire.tension <= 0 or wire.natural <= 0 or wire.k <= 0:
@@ -313,13 +318,15 @@ def order(bodies: list[Body]) -> list[Body]:
 
 def _hang(body: Body, bodies: list[Body], tables: Tables, notes: list[str]) -> None:
     """Find what a body stands on, or hangs from by most of its tension."""
-    wires, body.wires = body.wires, []
+    wires = body.wires
+    body.wires = []
     legs = [row for row in tables["IP"] if row[1] == body.number]
     tension = {wire.upper: 0.0 for wire in wires}
     for wire in wires:
         tension[wire.upper] += wire.tension
     if legs and not body.ground:
-        body.legs, body.above = legs[0], bodies[legs[0][0]]
+        body.legs = legs[0]
+        body.above = bodies[legs[0][0]]
         notes += [f"inverted pendulum {plain(row[5])} is left out" for row in legs[1:]]
     elif wires and not body.ground:
         body.above = bodies[max(tension, key=lambda n: tension[n])]
@@ -332,7 +339,8 @@ def _hang(body: Body, bodies: list[Body], tables: Tables, notes: list[str]) -> N
 
 
 def _set_places(bodies: list[Body], tables: Tables, bending_points: bool, notes: list[str]) -> None:
-    grounds, hanging = [body for body in bodies if body.ground], order(bodies)
+    grounds = [body for body in bodies if body.ground]
+    hanging = order(bodies)
     if len(tables["initpos"]) >= len(bodies):
         for body in grounds[1:]:
             at, start = (tables["initpos"][one.number] for one in (body, grounds[0]))
@@ -371,7 +379,8 @@ def _at_hinges(wire: Wire, modulus: float, share: float, longest: float) -> Wire
     ]
     if 2 * max(bends) <= longest * wire.natural or 2 * bends[0] >= wire.natural:
         return wire
-    top, bottom = wire.top + bends[0] * wire.hinges[0], wire.bottom + bends[0] * wire.hinges[1]
+    top = wire.top + bends[0] * wire.hinges[0]
+    bottom = wire.bottom + bends[0] * wire.hinges[1]
     natural = wire.natural - 2 * bends[0]
     return replace(wire, top=top, bottom=bottom, natural=natural, bend=bends[0])
 
@@ -387,7 +396,8 @@ def _set_length(body: Body, start: np.ndarray) -> None:
         body.set_keys = None
     first = body.wires[0]
     across = math.dist(tops[0][:2], first.bottom[:2]) if body.set_keys is not None else 0.0
-    body.length, upright = first.natural, 1.0
+    body.length = first.natural
+    upright = 1.0
     for _ in range(100):  # the stretch changes the angle, each time by less
         upright = math.sqrt(max(1 - (across / body.length) ** 2, 1e-6))
         body.length = first.natural + body.share / (upright * first.k)
@@ -405,8 +415,10 @@ def symmetric(tops: Sequence[np.ndarray], bottoms: Sequence[np.ndarray]) -> dict
     """
     given = np.array([[*top, *bottom] for top, bottom in zip(tops, bottoms, strict=True)])
     x, y, top, u, v, bottom = map(float, max(given, key=lambda ends: tuple(ends[:2] > -1e-9)))
-    count, across = len(given), {"t1": y, "t2": v}
-    radius, turn = math.hypot(x, y), min(np.arctan2(given[:, 1], given[:, 0]) % math.tau)
+    count = len(given)
+    across = {"t1": y, "t2": v}
+    radius = math.hypot(x, y)
+    turn = min(np.arctan2(given[:, 1], given[:, 0]) % math.tau)
     if abs(math.remainder(turn, TWELFTH)) < 1e-9:
         turn = round(turn / TWELFTH) * TWELFTH
     ring = _pair("ring", radius, (u * x + v * y) / max(radius, 1e-9))

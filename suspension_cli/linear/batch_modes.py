@@ -16,12 +16,17 @@ so with M = L L^T the eigenvalues of L^T (K + s M)^-1 L are 1 / (omega^2 + s), t
 softest modes. Wires a million times stiffer than the tension makes them across cost these nothing.
 The stationary value of the energies in each shape (Rayleigh quotient; Parlett, The Symmetric
 Eigenvalue Problem, chapter 1) then gives omega^2 of soft and stiff modes to rounding.
+
+Systems of a batch are solved plainly where that is as good: with coordinates without mass
+condensed, omega^2 are the eigenvalues of L^-1 K L^-T. Their errors are rounding errors of the
+largest one (Parlett, chapter 4), so all modes are exact to `PLAIN` where the smallest is large
+enough; other systems are solved as above.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,6 +44,8 @@ SHIFT = 0.7
 """(rad/s)^2: s, that of slow pendulums, so that rigid modes are no exception."""
 STILL = 1e-12
 """(rad/s)^2, a period of two months, below which a mode is rigid."""
+PLAIN = 1e-10
+"""Largest relative error of omega^2 from rounding, estimated, of plainly solved systems."""
 CHUNK = 128
 """Systems that are solved at once, so that their matrices stay in the cache."""
 ALIKE = 1e-12
@@ -81,11 +88,6 @@ def solve(model: LinearSystem, blocks: tuple[Index, ...] | None = None) -> Spect
         return _solve_blocks(model, known)
     (count,) = model.batch
     size = model.size
-    nonzero = np.broadcast_to((model.mass != 0) | (model.stiffness != 0), (count, size, size))
-    packed = np.packbits(nonzero, axis=-1).reshape(count, -1)
-    groups: dict[bytes, list[int]] = {}  # systems of one pattern have the same blocks
-    for n, row in enumerate(packed):
-        groups.setdefault(row.tobytes(), []).append(n)
     modes = int((~model.massless[6:]).sum())
     result = Spectrum(
         np.empty((count, modes)),
@@ -93,17 +95,39 @@ def solve(model: LinearSystem, blocks: tuple[Index, ...] | None = None) -> Spect
         np.zeros((count, modes, size)),
         np.zeros((count, modes), dtype=np.intp),
     )
-    for same in groups.values():
-        blocks = tuple(6 + group for group in connected_groups(nonzero[same[0], 6:, 6:]))
+    for own_blocks, same in _alike(model):
         for start in range(0, len(same), CHUNK):
-            members = np.array(same[start : start + CHUNK])
-            found = _solve_blocks(_select(model, members), blocks)
+            members = same[start : start + CHUNK]
+            first = int(members[0])
+            last = int(members[-1]) + 1
+            # without copies, if they follow each other
+            where = slice(first, last) if last - first == len(members) else members
+            found = _solve_blocks(_select(model, where), own_blocks)
             for name, values in vars(found).items():
-                getattr(result, name)[members] = values
+                getattr(result, name)[where] = values
     return result
 
 
-def _select(model: LinearSystem, members: Index) -> LinearSystem:
+def _alike(model: LinearSystem) -> list[tuple[tuple[Index, ...], Int[np.ndarray, " build"]]]:
+    """Group systems of a batch by the pattern of their matrices, which have the same blocks."""
+    (count,) = model.batch
+    if not count:
+        return []
+    nonzero = np.broadcast_to(model.mass != 0, (count, model.size, model.size))
+    nonzero = np.asarray(nonzero | (model.stiffness != 0))
+    groups: list[Index] = [np.arange(count)]
+    if (nonzero != nonzero[0]).any():
+        packed = np.packbits(nonzero, axis=-1).reshape(count, -1)
+        _, number = np.unique(packed, axis=0, return_inverse=True)
+        groups = [np.flatnonzero(number.ravel() == n) for n in range(number.max() + 1)]
+    found = []
+    for same in groups:
+        connected = connected_groups(nonzero[same[0], 6:, 6:])
+        found.append((tuple(6 + group for group in connected), same))
+    return found
+
+
+def _select(model: LinearSystem, members: Index | slice) -> LinearSystem:
     """Undamped systems of some builds."""
     undamped = np.zeros((model.size, model.size))
     mass = np.broadcast_to(model.mass, (*model.batch, *undamped.shape))
@@ -111,25 +135,99 @@ def _select(model: LinearSystem, members: Index) -> LinearSystem:
 
 
 def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
-    found: list[list[Any]] = [[], [], [], []]
+    parts: list[tuple[np.ndarray, ...]] = []
     for number, block in enumerate(blocks):
         heavy = block[~model.massless[block]]
-        if len(heavy):
-            squared, *vectors = solve_block(model, block)
-            shape, motion = np.zeros((2, *squared.shape, model.size))
-            shape[..., heavy], motion[..., block] = (np.swapaxes(v, -1, -2) for v in vectors)
-            own = squared, shape @ model.basis.T, motion, np.full(squared.shape, number)
-            for part, values in zip(found, own, strict=True):
-                part.append(values)
-    squared, number = (np.concatenate(found[n], axis=-1) for n in (0, 3))
-    shape, motion = (np.concatenate(found[n], axis=-2) for n in (1, 2))
+        if not len(heavy):
+            continue
+        squared, vectors, own = _solve_together(model, block)
+        shape = np.zeros((*squared.shape, model.size))
+        motion = np.zeros((*squared.shape, model.size))
+        shape[..., heavy] = np.swapaxes(vectors, -1, -2)
+        motion[..., block] = np.swapaxes(own, -1, -2)
+        parts.append((squared, shape @ model.basis.T, motion, np.full(squared.shape, number)))
+    if len(parts) == 1:
+        [(squared, shape, motion, number)] = parts
+    else:
+        squared = np.concatenate([part[0] for part in parts], axis=-1)
+        shape = np.concatenate([part[1] for part in parts], axis=-2)
+        motion = np.concatenate([part[2] for part in parts], axis=-2)
+        number = np.concatenate([part[3] for part in parts], axis=-1)
+    if len(parts) > 1 or (np.diff(squared) <= ALIKE * np.abs(squared[..., 1:])).any():
+        order = _order(squared, shape)
+        squared = np.take_along_axis(squared, order, -1)
+        number = np.take_along_axis(number, order, -1)
+        shape = np.take_along_axis(shape, order[..., None], -2)
+        motion = np.take_along_axis(motion, order[..., None], -2)
+    return Spectrum(squared, shape[..., 6:], motion, number)
+
+
+def _order(
+    squared: Float[np.ndarray, "*build mode"], shape: Float[np.ndarray, "*build mode coordinate"]
+) -> Int[np.ndarray, "*build mode"]:
+    """Ascending order of modes; of equal ones that of the coordinates that move most."""
     size = np.abs(shape)
     lead = (size >= size.max(-1, keepdims=True) - DEGENERATE).argmax(-1)
     order = np.argsort(lead, axis=-1, kind="stable")
-    order = np.take_along_axis(order, ascending(np.take_along_axis(squared, order, -1)), -1)
-    shape, motion = (np.take_along_axis(each, order[..., None], -2) for each in (shape, motion))
-    squared, number = (np.take_along_axis(each, order, -1) for each in (squared, number))
-    return Spectrum(squared, shape[..., 6:], motion, number)
+    return np.take_along_axis(order, ascending(np.take_along_axis(squared, order, -1)), -1)
+
+
+Block = tuple[
+    "Float[np.ndarray, '*build mode']",
+    "Float[np.ndarray, '*build heavy mode']",
+    "Float[np.ndarray, '*build own mode']",
+]
+"""omega^2 of a block, its vectors L^T x and shapes x."""
+
+
+def _solve_together(model: LinearSystem, block: Index) -> Block:
+    """Solve one block of a system, or of a batch: plainly where that is as good."""
+    if not model.batch:
+        return solve_block(model, block)
+    found, good = solve_plainly(model, block)
+    if not good.all():
+        others = np.flatnonzero(~good)
+        for whole, part in zip(found, solve_block(model.select(others), block), strict=True):
+            whole[others] = part
+    return found
+
+
+def solve_plainly(model: LinearSystem, block: Index) -> tuple[Block, Bool[np.ndarray, " build"]]:
+    """Solve one block of a batch by the eigenvalues of L^-1 K L^-T.
+
+    Also returns which results are good: exact to `PLAIN`, of modes that are apart.
+    """
+    light = model.massless[block]
+    heavy = block[~light]
+    stiffness = model.stiffness[..., block[:, None], block]
+    mass = np.broadcast_to(
+        model.mass[..., heavy[:, None], heavy], (len(stiffness), len(heavy), len(heavy))
+    )
+    known = np.isfinite(stiffness).all((-2, -1)) & np.isfinite(mass).all((-2, -1))
+    finite = np.asarray(known)
+    if not finite.all():
+        stiffness[~finite] = np.eye(len(block))
+        mass = np.where(finite[:, None, None], mass, np.eye(len(heavy)))
+    whole = stiffness[..., ~light, :][..., ~light]
+    condensed = whole
+    follow = np.zeros((len(stiffness), 0, len(heavy)))
+    if light.any():
+        coupling = stiffness[..., light, :][..., ~light]
+        follow = -solve_each(stiffness[..., light, :][..., light], coupling)
+        condensed = whole + np.swapaxes(coupling, -1, -2) @ follow
+    root = np.linalg.cholesky(mass)
+    inverse = np.linalg.inv(root)
+    transposed = np.swapaxes(inverse, -1, -2)
+    matrix = inverse @ condensed @ transposed
+    squared, vectors = np.linalg.eigh((matrix + np.swapaxes(matrix, -1, -2)) / 2)
+    largest = ((inverse @ whole) * inverse).sum((-2, -1))  # trace: before tips were condensed
+    error = np.finfo(float).eps * largest
+    apart = np.diff(squared, axis=-1) > DEGENERATE * np.abs(squared[..., 1:])
+    good = finite & apart.all(-1) & (np.abs(squared).min(-1) * PLAIN > error)
+    shape = np.zeros((*squared.shape[:-1], len(block), squared.shape[-1]))
+    shape[..., ~light, :] = transposed @ vectors
+    shape[..., light, :] = follow @ shape[..., ~light, :]
+    return (squared, vectors, shape), good
 
 
 def solve_block(

@@ -168,6 +168,20 @@ class Modes:
             for (body, dof), order in zip(self.home, self.order, strict=True)
         ]
 
+    @property
+    def numbered_label(self) -> list[str]:
+        """Distinct names: labels, numbered by frequency where several modes have the same."""
+        plain = self.label
+        return [
+            label if plain.count(label) == 1 else f"{label}#{plain[: n + 1].count(label)}"
+            for n, label in enumerate(plain)
+        ]
+
+    def with_label(self, text: str) -> list[int]:
+        """Numbers of the modes, from 0, with a label; one with a numbered label."""
+        names = zip(self.label, self.numbered_label, strict=True)
+        return [n for n, (label, numbered) in enumerate(names) if text in (label, numbered)]
+
     @cached_property
     def top_mass(self) -> Int[np.ndarray, " mode"]:
         """Number of the top mass of the chain in which each mode has most kinetic energy."""

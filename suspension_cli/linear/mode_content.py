@@ -100,6 +100,29 @@ def find(fractions: Float[np.ndarray, "*build mode place"], motion: Motion) -> C
     return Content(mode, other, *(_at(own, number) for number in (mode, other)))
 
 
+def describe_shared(
+    name: str,
+    motion: Motion,
+    fractions: Float[np.ndarray, "mode place"],
+    frequency: Float[np.ndarray, " mode"],
+) -> str:
+    """Say which two modes of a design share the motion that a name means; "" if none do.
+
+    `frequency` are those of the modes, Hz.
+    """
+    found = find(fractions, motion)
+    if not found.shared:
+        return ""
+    first = frequency[int(found.mode)]
+    second = frequency[int(found.other)]
+    own = 100 * found.fraction
+    other = 100 * found.other_fraction
+    return (
+        f"two modes share {name}: {first:.5g} and {second:.5g} Hz, with {own:.0f} and"
+        f" {other:.0f} % of their kinetic energy in it"
+    )
+
+
 def weights(
     fractions: Float[np.ndarray, "*build mode place"], motion: Motion, *, smooth: bool
 ) -> Float[np.ndarray, "*build mode"]:
@@ -117,11 +140,21 @@ def weights(
         ratio = np.nan_to_num(own / _at(own, mode)[..., None])
     if motion.number:
         ratio = np.where(leading(fractions) == motion.place, 0.0, ratio)
-    weight = (ratio >= SHARED) * 1.0
-    if smooth:
-        part = np.clip((ratio - APART) / (SHARED - APART), 0.0, 1.0)
-        weight = part**2 * (3 - 2 * part)
+    weight = share_weight(ratio, smooth=smooth)
     return np.where(np.arange(own.shape[-1]) == mode[..., None], 1.0, weight)
+
+
+def share_weight(
+    ratio: Float[np.ndarray, "*build"], *, smooth: bool
+) -> Float[np.ndarray, "*build"]:
+    """Weight of a fraction of energy by its ratio to a larger one: 1 from `SHARED` on.
+
+    If `smooth`, it falls gradually to 0 at `APART`; else it is 0 below `SHARED`.
+    """
+    if not smooth:
+        return (ratio >= SHARED) * 1.0
+    part = np.clip((ratio - APART) / (SHARED - APART), 0.0, 1.0)
+    return part**2 * (3 - 2 * part)
 
 
 def largest(

@@ -64,6 +64,23 @@ def pair_by_shape(
     return choice, overlap[np.arange(len(choice)), choice]
 
 
+def pair_batch(
+    nominal: Float[np.ndarray, "mode coordinate"],
+    shapes: Float[np.ndarray, "build mode coordinate"],
+) -> Int[np.ndarray, "build mode"]:
+    """Find the mode of every build that each mode of a nominal design has become, by overlap.
+
+    -1 for builds without modes, whose shapes are NaN.
+    """
+    overlap = (nominal @ np.swapaxes(shapes, -1, -2)) ** 2
+    known = np.asarray(np.isfinite(overlap).all((-2, -1)))
+    choice = np.where(known[:, None], overlap.argmax(-1), -1)
+    several = known & (np.sort(choice, axis=-1) != np.arange(choice.shape[-1])).any(-1)
+    for n in np.flatnonzero(several).tolist():
+        choice[n] = pair_by_overlap(overlap[n])
+    return choice
+
+
 def pair_bodies(rows: Modes, columns: Modes, model: LinearSystem) -> Int[np.ndarray, " mode"]:
     """Pair the modes of two models of one design, of which `model` is one, by bodies' motion."""
     bodies = slice(6, 6 + 6 * len(model.body))

@@ -64,8 +64,7 @@ class Response:
     largest
         Peaks within the band, also between the frequencies; None if not searched.
     fine_frequency, fine
-        The curve of pictures: values at more frequencies, which resolve resonances; None until the
-        response is drawn or saved.
+        Values at more frequencies, which resolve resonances, for pictures; None without these.
     """
 
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))

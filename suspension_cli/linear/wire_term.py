@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.materials import Bulk
-from suspension_cli.elements.beam import ELEMENT_PLACES
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire, WireAtFrequencies
+from suspension_cli.elements.tensioned_beam import ELEMENT_PLACES
 from suspension_cli.elimination import ROUNDING, multiply_real, sizes
 from suspension_cli.linear.terms import EvaluatedTerm, Term
 

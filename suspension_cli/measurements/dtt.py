@@ -36,8 +36,10 @@ from suspension_cli.files.columns import Columns
 
 AGAIN = "save the measurement in diaggui again"
 """Remedy for a damaged file."""
-MAX_ELEMENTS, MAX_DEPTH = 1_000_000, 50
-"""Of an XML file; that of a large measurement has thousands, six deep."""
+MAX_ELEMENTS = 1_000_000
+"""Most elements of an XML file; that of a large measurement has thousands."""
+MAX_DEPTH = 50
+"""Deepest nesting of its elements; that of a measurement is six."""
 Pair = tuple[str, str]
 """Channels (input, output)."""
 CONTENTS = {
@@ -157,7 +159,8 @@ def _traces(
     node: ElementTree.Element, parameters: dict[str, str], kind: str, place: str
 ) -> Iterator[tuple[Pair, Trace]]:
     """Read the traces of one result."""
-    count, traces = int(parameters["N"]), int(parameters.get("M", "1"))
+    count = int(parameters["N"])
+    traces = int(parameters.get("M", "1"))
     frequency, values = _numbers(node, count, traces, kind in ("transfer", "cross"), place)
     if frequency is None:
         frequency = float(parameters["f0"]) + np.arange(count) * float(parameters["df"])
@@ -185,7 +188,8 @@ def _numbers(
     if "base64" not in encoding:
         raise ValueError(f"encoding {format_value(encoding)} is not base64")
     data = base64.b64decode("".join((stream.text or "").split()), validate=True)
-    order, frequency = ">" if "big" in encoding else "<", None
+    order = ">" if "big" in encoding else "<"
+    frequency = None
     if place == "double":
         frequency = np.frombuffer(data[: 8 * count], f"{order}f8").astype(float)
         data = data[8 * count :]
@@ -197,7 +201,8 @@ def _numbers(
         raise ValueError(f"the stream has {len(data)} bytes, {needed} are needed")
     values = np.frombuffer(data, sizes[len(data)]).reshape(rows, count)
     if place == "first":
-        frequency, values = values[0].real.astype(float), values[1:]
+        frequency = values[0].real.astype(float)
+        values = values[1:]
     return frequency, values.astype(complex if is_complex else float)
 
 
@@ -221,12 +226,14 @@ def _root(path: Path) -> ElementTree.Element:
 
 def _parse(data: bytes) -> ElementTree.Element:
     """Parse XML without entities, of bounded depth and number of elements."""
-    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    builder = ElementTree.TreeBuilder()
+    parser = expat.ParserCreate()
     started = depth = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal started, depth
-        started, depth = started + 1, depth + 1
+        started += 1
+        depth += 1
         if started > MAX_ELEMENTS or depth > MAX_DEPTH:
             raise ValueError("too many elements")
         builder.start(tag, attributes)
@@ -239,8 +246,10 @@ def _parse(data: bytes) -> ElementTree.Element:
     def refuse(*_declared: object) -> None:
         raise InputError.of("", "defines XML entities", AGAIN)
 
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, refuse
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = builder.data
+    parser.EntityDeclHandler = refuse
     parser.buffer_text = True
     try:
         parser.Parse(data, True)

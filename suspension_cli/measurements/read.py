@@ -48,7 +48,8 @@ def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
     names = [one.name or Path(one.file).stem for one in measured.transfer_function]
 
     def read(table: TransferFunction) -> MeasuredResponse:
-        path, name = Path(file).parent / table.file, table.name or Path(table.file).stem
+        path = Path(file).parent / table.file
+        name = table.name or Path(table.file).stem
         with attribute_faults_to(str(path)):
             source = opened[path] = opened.get(path) or _open(path)
             values = _values(_columns(source, table), table)
@@ -80,7 +81,8 @@ def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[Me
         for into, out in pairs or [("", "")]:
             part = source if isinstance(source, Columns) else source.columns(into, out)
             name = f"{path.stem}: {out} / {into}" if len(pairs) > 1 else path.stem
-            ends, values = (input or into, output or out), _values(part, table)
+            ends = (input or into, output or out)
+            values = _values(part, table)
             unit = _unit_of_value(table, Measured())
             found.append(MeasuredResponse(name, *ends, *values, unit, str(path)))
         return found
@@ -180,7 +182,8 @@ def _choose(source: Columns, table: TransferFunction) -> tuple[dict[str, int], t
     known = {role: n for role, n in known.items() if n not in chosen.values()} | chosen
 
     def rank(form: tuple[str, ...]) -> tuple[bool, ...]:
-        named, complete = any(role in chosen for role in form), all(role in known for role in form)
+        named = any(role in chosen for role in form)
+        complete = all(role in known for role in form)
         return named, complete, any(role in known for role in form)
 
     form = max(FORMS, key=rank)
@@ -259,12 +262,14 @@ def _complex_value(
     if "real" in form:
         return read("real") + 1j * read("imaginary"), 1.0
     headings = [columns.words(source.names[chosen[role]]) * source.headed for role in form]
-    is_db, in_rad = "db" in headings[0], not {"rad", "radians"}.isdisjoint(headings[1])
+    is_db = "db" in headings[0]
+    in_rad = not {"rad", "radians"}.isdisjoint(headings[1])
     phase = read("phase", -LARGEST_PHASE, LARGEST_PHASE, "name the column of the phase")
-    phase = (
-        phase if (table.phase_unit or ("rad" if in_rad else "deg")) == "rad" else np.deg2rad(phase)
-    )
-    if (table.magnitude_unit or ("dB" if is_db else "1")) == "dB":
+    phase_unit = table.phase_unit or ("rad" if in_rad else "deg")
+    if phase_unit == "deg":
+        phase = np.deg2rad(phase)
+    magnitude_unit = table.magnitude_unit or ("dB" if is_db else "1")
+    if magnitude_unit == "dB":
         size = 10.0 ** (read("magnitude") / 20)
         return size * np.exp(1j * phase), size * np.log(10) / 20
     remedy = 'write magnitude_unit = "dB" if it is in decibels'
@@ -292,4 +297,6 @@ def _unit_of_value(table: TransferFunction, measured: Measured) -> str:
         si = UNITS[bool(kind)][dof in DOFS[3:]] if dof in DOFS else ""
         units.append(si if found.unit is None else found.unit)
     out, into = units
-    return f"{out}/({into})" if " " in into else f"{out}/{into}" if into and out else ""
+    if " " in into:
+        return f"{out}/({into})"
+    return f"{out}/{into}" if into and out else ""

@@ -52,7 +52,9 @@ def find_peaks(item: MeasuredResponse) -> list[Peak]:
     from scipy import signal
 
     known = ~np.isinf(item.uncertainty)
-    frequency, value, sigma = item.frequency[known], item.value[known], item.uncertainty[known]
+    frequency = item.frequency[known]
+    value = item.value[known]
+    sigma = item.uncertainty[known]
     sigma = np.where(sigma > 0, sigma, ASSUMED * np.abs(value))
     size = np.maximum(np.abs(value), sigma)
     if not (size > 0).all():
@@ -76,14 +78,20 @@ def _fit_peak(
     frequency: np.ndarray, value: np.ndarray, sigma: np.ndarray, at: float
 ) -> Peak | None:
     """Fit one resonance to values around a peak; None if there is none."""
-    w, scale = frequency / at, np.abs(value).max()  # in units of the frequency of the peak
+    w = frequency / at  # in units of the frequency of the peak
+    scale = np.abs(value).max()
     if len(w) < POINTS or scale == 0:
         return None
-    h, sigma, w2, s = value / scale, np.maximum(sigma / scale, EXACT), w**2, w**2 - 1
+    h = value / scale
+    sigma = np.maximum(sigma / scale, EXACT)
+    w2 = w**2
+    s = w2 - 1
     numerator = np.stack([np.ones_like(s), s, s**2], 1).astype(complex)
     columns = np.hstack([h[:, None], (1j * w * h)[:, None], -numerator, -1j * numerator])
     denominator = np.ones(len(w))
-    solution, covariance, misfit = np.zeros(8), np.zeros((8, 8)), 1.0
+    solution = np.zeros(8)
+    covariance = np.zeros((8, 8))
+    misfit = 1.0
     for _ in range(6):
         weight = (1 / (sigma * denominator))[:, None]
         left, right = (
@@ -94,7 +102,8 @@ def _fit_peak(
         covariance = np.linalg.pinv(left.T @ left, rcond=1e-14)
         misfit = max(1.0, float(np.sum((left @ solution - right) ** 2)) / max(len(left) - 8, 1))
         denominator = np.maximum(np.abs(solution[0] - w2 + 1j * w * solution[1]), 1e-9)
-    squared, width = float(solution[0]), float(solution[1])
+    squared = float(solution[0])
+    width = float(solution[1])
     if not (w2[0] < squared < w2[-1]) or width > 0.5:
         return None
     found = np.sqrt(squared)

@@ -26,7 +26,9 @@ Side = dict[str, Transducer]
 """Sensors, or actuators, by name."""
 TABLES = ("sensor", "actuator")
 """Their tables in files of measurements."""
-GAIN, DELAY, MIX = "gain", "delay", "mix"
+GAIN = "gain"
+DELAY = "delay"
+MIX = "mix"
 STEP = 1e-3
 """Step of derivatives by a property of a channel, standard deviations of its prior."""
 
@@ -136,7 +138,8 @@ class Channels:
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Numbers of the sensor and the actuator of each function."""
-        sensors, actuators = self.names(0), self.names(1)
+        sensors = self.names(0)
+        actuators = self.names(1)
         return tuple((sensors.index(f.output), actuators.index(f.input)) for f in self.function)
 
     def by_function(self, grids: list[np.ndarray]) -> list[np.ndarray]:
@@ -154,7 +157,8 @@ class Channels:
 
     def with_exchange(self, side: int, first: str, second: str) -> Channels:
         """Exchange signal and mix of two sensors or two actuators."""
-        a, b = self.transducer[side][first], self.transducer[side][second]
+        a = self.transducer[side][first]
+        b = self.transducer[side][second]
         one = self.with_transducer(side, first, signal=b.signal, mix=b.mix)
         return one.with_transducer(side, second, signal=a.signal, mix=a.mix)
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import loss, string
+from suspension_cli.elements import loss, taut_string
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
@@ -140,7 +140,7 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
     if not wires.label:
         return []
     place, forms = wire_forms(scene, numbering, balanced.pose)
-    length = string.state(scene, balanced.pose).length
+    length = taut_string.state(scene, balanced.pose).length
     geometry = np.stack(
         np.broadcast_arrays(length, wires.stiffness, balanced.tension, wires.torsion)
     )
@@ -194,7 +194,7 @@ def wire_forms(
     end to the slope (t x e) . n and twists it by t . e.
     """
     wires = scene.wires
-    now = string.state(scene, pose)
+    now = taut_string.state(scene, pose)
     flex = scene.flex
     assert flex is not None
     e = now.direction

@@ -22,7 +22,6 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
-from suspension_cli.linear.named_results import Mode, Ratio, Scalar
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable
 from suspension_cli.linear.system import LinearSystem
@@ -236,32 +235,6 @@ class Transfer:
         return found.value, f"{self.outputs[o].text}/{self.inputs[i].text}"
 
 
-@dataclass(frozen=True)
-class Several:
-    """Several scalar results (`linear.named_results`); the one that changes most decides.
-
-    Mode numbers refer to `modes`.
-    """
-
-    scalars: tuple[Scalar, ...]
-    modes: Modes
-
-    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
-        """Compute the change of the scalar that changes most."""
-        return max(self.changes(simple, refined))
-
-    def changes(self, simple: LinearSystem, refined: LinearSystem) -> list[tuple[float, str]]:
-        """Compute the change of each scalar; modes are paired by their shapes."""
-        modes, changes = shifts(simple, refined)
-        here = pair_bodies(self.modes, modes, refined)
-        return [
-            _described(float(changes[here[item.number]]), item.text)
-            if isinstance(item, Mode)
-            else (_resized(item, simple, refined), item.text)
-            for item in self.scalars
-        ]
-
-
 def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np.ndarray, " mode"]]:
     """Compute the relative changes of the bodies' modes, and the modes of the refined model.
 
@@ -322,17 +295,6 @@ def _beside_pole(
     further = np.abs(pole) + np.sqrt(pole**2 + 4 * strength)
     nearest = np.sign(quotient) * 2 * strength / np.where(further > 0, further, 1.0)
     return np.where(falls, nearest, quotient)
-
-
-def _resized(item: Ratio, simple: LinearSystem, refined: LinearSystem) -> float:
-    """Relative change of the magnitude of a response, or of the ratio of two."""
-    outputs = [item.over] if item.under is None else [item.over, item.under]
-    at = np.array([item.frequency])
-    wanted = Transfer([item.input], outputs, at)
-    old, new = (np.abs(wanted.values(model, at)[0, :, 0]) for model in (simple, refined))
-    if item.under is not None:
-        old, new = (size[:1] / size[1] if size[1] else 0 * size[:1] for size in (old, new))
-    return relative_change(old, new)
 
 
 def _described(change: float, label: str) -> tuple[float, str]:

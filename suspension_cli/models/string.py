@@ -16,7 +16,7 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss, spring
 from suspension_cli.elements.configuration import builds_last
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium.clamps import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.nominal import expand

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +18,8 @@ from suspension_cli.studies import builds
 from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.run import Columns
 
-if TYPE_CHECKING:
-    pass
+ROUNDING = 1e-17
+"""Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import eigenmodes
-from suspension_cli.linear import named_results as named
 from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
-from suspension_cli.models.choice import TOLERANCE, Frequencies, Several, Systems
+from suspension_cli.models.choice import TOLERANCE, Frequencies, Systems
 from suspension_cli.models.choice import choose as choose_model
 from suspension_cli.physics import growth, near_limits
 
@@ -96,16 +95,6 @@ def for_builds(
     """
     demand_one_of(wanted, models, "cannot compute these results of imperfect builds")
     return choose_model(source.design, wanted, models, change, tolerance)
-
-
-def named_results(texts: Sequence[str]) -> Callable[[LinearSystem], Several]:
-    """The results of these names as quantity of interest; all modes if there are none."""
-
-    def request(system: LinearSystem) -> Several:
-        found = eigenmodes.solve(system.constant)
-        return Several(named.of_system(texts, system), found)
-
-    return request
 
 
 def describe_equilibrium(source: Source, choice: Choice, system: LinearSystem, log: Log) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from suspension_cli.conventions import GROUND, SUPPORT
 from suspension_cli.design.control import Osem
-from suspension_cli.files.declared import EACH, along, derived, in_unit
+from suspension_cli.files.declared import derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
@@ -216,53 +216,48 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Budget:
+class MotionBudget:
     """One motion by cause.
 
     Attributes
     ----------
+    frequency
+        Hz.
     cause
         ``ground.x``, ``sensor.LOOP``, ``actuator.LOOP``, ``thermal``.
     source
         Name of the model or file of each cause; "" for those in the design.
     contribution
-        One-sided amplitude spectral density by cause.
+        One-sided amplitude spectral density by cause, unit/sqrt(Hz).
     mean_square, mean_square_velocity
-        Mean squares from each frequency up by cause; infinite where a resonance without loss is
-        driven.
+        Mean squares from each frequency up by cause, unit^2 and unit^2/s^2; infinite where a
+        resonance without loss is driven.
     drive
         RMS of the drive of each coil, the same for all outputs; None without OSEMs.
     """
 
-    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
-    output: str = field(metadata=EACH)
-    unit: str = field(metadata=EACH)
+    frequency: Float[np.ndarray, " frequency"]
+    output: str
+    unit: str
     cause: tuple[str, ...]
-    source: tuple[str, ...] = field(metadata=along("cause"))
-    contribution: Float[np.ndarray, "frequency cause"] = field(
-        metadata=in_unit("{unit}/Hz^0.5") | EACH
-    )
-    mean_square: Float[np.ndarray, "frequency cause"] = field(metadata=in_unit("{unit}^2") | EACH)
-    mean_square_velocity: Float[np.ndarray, "frequency cause"] = field(
-        metadata=in_unit("{unit}^2/s^2") | EACH
-    )
-    requirement: Requirement | None = field(default=None, metadata=EACH)
-    drive: tuple[Drive, ...] | None = field(default=None, metadata=along("coil"))
+    source: tuple[str, ...]
+    contribution: Float[np.ndarray, "frequency cause"]
+    mean_square: Float[np.ndarray, "frequency cause"]
+    mean_square_velocity: Float[np.ndarray, "frequency cause"]
+    requirement: Requirement | None = None
+    drive: tuple[Drive, ...] | None = None
 
     @property
-    @derived("{unit}/Hz^0.5", each=True)
     def amplitude(self) -> Float[np.ndarray, " frequency"]:
         """Amplitude spectral density of the sum."""
         return np.sqrt((self.contribution**2).sum(-1))
 
     @property
-    @derived("{unit}", each=True)
     def rms(self) -> Float[np.ndarray, " frequency"]:
         """RMS of the motion from each frequency up."""
         return np.sqrt(self.mean_square.sum(-1))
 
     @property
-    @derived("{unit}/s", each=True)
     def rms_velocity(self) -> Float[np.ndarray, " frequency"]:
         """RMS of the velocity from each frequency up."""
         return np.sqrt(self.mean_square_velocity.sum(-1))
@@ -280,7 +275,7 @@ def solve(
     requirements: dict[int, Spectrum],
     *,
     added: bool,
-) -> list[Budget]:
+) -> list[MotionBudget]:
     """Compute the budget of every output, on an ascending grid in Hz.
 
     Points are added around resonances (poles, rad/s); the spectra include them if `added`.
@@ -304,7 +299,7 @@ def solve(
         for n, required in requirements.items()
     }
     return [
-        Budget(
+        MotionBudget(
             frequency[shown],
             signal.text,
             signal.unit,

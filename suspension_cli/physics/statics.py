@@ -23,7 +23,7 @@ from suspension_cli.design.wires import (
     given_sections,
     thinnest,
 )
-from suspension_cli.elements import string
+from suspension_cli.elements import taut_string
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.equilibrium.solve import solve as balance
@@ -46,8 +46,8 @@ from suspension_cli.physics.loads import (
     WireWeights,
 )
 from suspension_cli.rotations import rotation_vector
-from suspension_cli.scene import links
-from suspension_cli.scene.links import Places
+from suspension_cli.scene import curved_wires, spring_rows
+from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import Scene
 
 __all__ = ["Statics", "Stress", "blade_loads", "list_wire_tables", "solve", "wire_loads"]
@@ -229,19 +229,19 @@ def _links(design: Design) -> Iterator[LinkLoad]:
         found = LinkLoad(
             link.name,
             tuple(link.between),
-            _vector(np.diag(links.link_stiffness(design, link, first, second))),
-            _vector(np.diag(links.matrix(link.damping))),
+            _vector(np.diag(spring_rows.link_stiffness(design, link, first, second))),
+            _vector(np.diag(spring_rows.matrix(link.damping))),
             table=link.table and (link.table.frequency[0], link.table.frequency[-1]),
         )
         if link.strands is not None:
-            curve = links.link_curve(link, first, second)
-            wire = links.wire_of(design, link.strands)
+            curve = spring_rows.link_curve(link, first, second)
+            wire = spring_rows.wire_of(design, link.strands)
             weight = link.strands.count * curve.length * wire.weight
-            sag = links.sag(curve, wire)
+            sag = curved_wires.sag(curve, wire)
             found = replace(found, length=curve.length, weight=weight, sag=sag[0])
         yield found
     for damper in design.damper:
-        damping = _vector(np.diag(links.damper_matrix(damper)))
+        damping = _vector(np.diag(spring_rows.damper_matrix(damper)))
         yield LinkLoad(damper.name, tuple(damper.between), (0.0, 0.0, 0.0), damping)
 
 
@@ -249,7 +249,7 @@ def _legs(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[LegLo
     """Compute the loads of inverted pendulums."""
     if not scene.struts.label:
         return
-    thrust = -string.state(scene, balanced.pose, struts=True).tension
+    thrust = -taut_string.state(scene, balanced.pose, struts=True).tension
     nominal = scene.drawn or scene
     gravity = float(scene.gravity)
     as_designed = carried_weights(nominal)

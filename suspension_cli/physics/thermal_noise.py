@@ -14,14 +14,13 @@ Z^-1 r, in contrast, loses the digits of a high Q.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.files.declared import EACH, derived, in_unit
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
@@ -48,7 +47,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Thermal:
+class MotionNoise:
     """Thermal noise of one motion.
 
     Attributes
@@ -60,28 +59,16 @@ class Thermal:
         frequencies) first; of several motions, those of the first one come first.
     contribution
         One-sided amplitude spectral density by source, 0 where a source does not contribute.
-    fine_frequency, fine
-        The curves of pictures: contributions at more frequencies, which resolve resonances; None
-        until the noise is drawn or saved.
     """
 
-    frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
-    output: str = field(metadata=EACH)
-    unit: str = field(metadata=EACH)
-    tilt: float = field(metadata=in_unit("rad") | EACH)
+    frequency: Float[np.ndarray, " frequency"]
+    output: str
+    unit: str
+    tilt: float
     source: tuple[str, ...]
-    contribution: Float[np.ndarray, "frequency source"] = field(
-        metadata=in_unit("{unit}/Hz^0.5") | EACH
-    )
-    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
-        default=None, metadata=in_unit("Hz")
-    )
-    fine: Float[np.ndarray, "fine_frequency source"] | None = field(
-        default=None, metadata=in_unit("{unit}/Hz^0.5") | EACH
-    )
+    contribution: Float[np.ndarray, "frequency source"]
 
     @property
-    @derived("{unit}/Hz^0.5", each=True)
     def amplitude(self) -> Float[np.ndarray, " frequency"]:
         """Amplitude spectral density of the sum, unit/sqrt(Hz)."""
         return np.sqrt((self.contribution**2).sum(-1))
@@ -102,7 +89,7 @@ def solve(
     frequency: Float[np.ndarray, " frequency"],
     outputs: Sequence[Signal],
     temperature: float,
-) -> list[Thermal]:
+) -> list[MotionNoise]:
     """Compute the thermal noise of motions at frequencies in Hz, above 0.
 
     Only sources that contribute to one of them are listed; without loss there are none. The support
@@ -133,7 +120,7 @@ def solve(
         for name, power in powers.items():
             own[:, names.index(name)] = np.sqrt(power.clip(0))
     return [
-        Thermal(frequency, signal.text, signal.unit, signal.tilt, tuple(names), own)
+        MotionNoise(frequency, signal.text, signal.unit, signal.tilt, tuple(names), own)
         for signal, own in zip(outputs, parts, strict=True)
     ]
 

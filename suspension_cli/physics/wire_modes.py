@@ -28,12 +28,14 @@ from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, damped, eigenmodes, quality, roots
 from suspension_cli.linear.coordinates import AddedCoordinates, momentum_units
 from suspension_cli.linear.eigenmodes import Modes
+from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.wire_term import WireTerm, is_massive
+from suspension_cli.models.spectrum_error import has_wire_mass
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Fibre
 
@@ -47,6 +49,9 @@ PER_WIRE = sum(COORDINATES[part] // 2 for part in PARTS)
 """Coordinates of a cut."""
 CUT_UNITS = ("m", "rad", "m", "rad", "m", "rad")
 """Their units: deflection and slope in both planes, stretching, twist."""
+HIGHEST = 1.05
+"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
+wire mass lowers frequencies, except next to a violin mode."""
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
 CLOSE = 1e-6
@@ -65,8 +70,21 @@ PRECISE = 1e-11
 """Relative error of a violin mode that is found by counting."""
 DIVIDED = 15
 """Frequencies at which modes are counted at once."""
+HIGHEST = 1.05
+"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
+wire mass lowers frequencies, except next to a violin mode."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
+
+
+def solve_undamped_bodies(model: LinearSystem) -> Modes:
+    """Solve for the undamped modes of bodies; with wire mass, those most like the modes without."""
+    static = eigenmodes.solve(model.constant)
+    if not has_wire_mass(model):
+        return static
+    found = solve(model, HIGHEST * float(np.nanmax(static.frequency)))
+    pairs = pair_bodies(static, found, model)
+    return found.select(np.sort(pairs[pairs >= 0]))
 
 
 def solve(

@@ -8,8 +8,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from suspension_cli.design.schema import Design
-from suspension_cli.equilibrium.nominal import expand
+from suspension_cli.equilibrium.nominal import expand, expand_nominal
 from suspension_cli.linear import signals
+from suspension_cli.linear.mode_families import Families
+from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.physics import statics
@@ -59,6 +61,11 @@ class Names:
         from suspension_cli.linear import eigenmodes
 
         return eigenmodes.solve(self.system.constant)
+
+    @cached_property
+    def families(self) -> Families:
+        """Families of modes that do not couple in the design without its imperfections."""
+        return Families.of(is_mirror_symmetric(expand_nominal(self.design)), self.modes.energy)
 
     @cached_property
     def signals(self) -> tuple[str, ...]:

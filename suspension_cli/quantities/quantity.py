@@ -7,6 +7,7 @@ once: each says what it `needs`, and the needs of all quantities of a run are me
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +15,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from suspension_cli.models import registry
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.solved import Solved
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
+
+    from suspension_cli.design.schema import Design
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,15 @@ class Quantity(ABC):
         Whether it needs wires that bend, as losses act there.
     wire_mass
         Whether wires must have mass.
+    largest
+        Value that stands for an infinite one in a search for a design.
+    vanishes
+        Whether it is 0 in some designs and positive on both sides of them, like the distance of
+        modes that cross.
+    undamped
+        Whether it is of undamped modes, which are those of wires without mass.
+    slow
+        Whether it is computed design by design, which takes some 0.05 to 0.5 s each.
     """
 
     text: str
@@ -51,6 +64,10 @@ class Quantity(ABC):
     steady: ClassVar[bool] = True
     bends: ClassVar[bool] = False
     wire_mass: ClassVar[bool] = False
+    largest: ClassVar[float] = math.inf
+    vanishes: ClassVar[bool] = False
+    undamped: ClassVar[bool] = False
+    slow: ClassVar[bool] = False
 
     @property
     def needs(self) -> Needs:
@@ -63,6 +80,49 @@ class Quantity(ABC):
 
         Complex values count by their magnitude.
         """
+
+    def change(self, old: Solved, new: Solved) -> Float[np.ndarray, " design"]:
+        """Change of the values of a batch from one model to a more complete one.
+
+        Relative to the `scale`; NaN where a design has none in either model, infinite where it has
+        one in only one of them, or a finite one.
+        """
+        before = self.values(old)
+        after = self.values(new)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            relative = np.abs(after - before) / self.scale(new)
+        relative = np.where(after == before, 0.0, relative)
+        return np.where(np.isnan(before) != np.isnan(after), np.inf, relative)
+
+    def scale(self, solved: Solved) -> float:
+        """Size to which changes of a batch are relative: that of its largest finite value."""
+        values = self.values(solved)
+        return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+
+    def ends(
+        self, solved: Solved, *, smooth: bool
+    ) -> tuple[Float[np.ndarray, " design"], Float[np.ndarray, " design"]]:
+        """Smallest and largest value of a batch that the name may mean, for limits on either side.
+
+        Both are the value, except where two modes share the motion that names one. If `smooth`, as
+        a search needs it, the other mode gains influence gradually. A search may cross designs
+        without a steady state: their values are formal ones, and a mode that grows has minus its
+        growth rate over 2 pi for a frequency. NaN where a design has no equilibrium.
+        """
+        del smooth
+        found = self.read(solved)
+        size = np.abs(found) if np.iscomplexobj(found) else found
+        value = np.where(solved.hangs, np.minimum(size, self.largest), np.nan)
+        return value, value
+
+    def level(self, wanted: str, design: Design) -> str:
+        """Name of the model in which it is computed of a design if a model is wanted."""
+        if self.wire_mass:
+            return registry.VIOLIN.name
+        may_bend = self.bends and not registry.BEAM.unsuitable(design)
+        if may_bend and not registry.by_name(wanted).bends_wires:
+            return registry.BEAM.name
+        return wanted
 
     def values(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Values of a batch, SI; NaN where a design has none, or no equilibrium."""

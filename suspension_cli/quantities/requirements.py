@@ -61,6 +61,33 @@ class Limits:
 
 
 @dataclass(frozen=True)
+class Band:
+    """Values, SI, that meet a requirement.
+
+    Attributes
+    ----------
+    low, high
+        Least and largest one; infinite where there is no limit.
+    of_magnitude
+        Whether they limit the magnitude.
+    open
+        Whether the limits themselves do not meet it.
+    """
+
+    low: float
+    high: float
+    of_magnitude: bool
+    open: bool
+
+    def contains(self, values: Float[np.ndarray, "*design"]) -> Bool[np.ndarray, "*design"]:
+        """Whether values meet it; NaN do not."""
+        size = np.abs(values) if self.of_magnitude else np.asarray(values)
+        if self.open:
+            return (size > self.low) & (size < self.high)
+        return (size >= self.low) & (size <= self.high)
+
+
+@dataclass(frozen=True)
 class Requirement:
     """A quantity of a design and the limits on it."""
 
@@ -74,9 +101,15 @@ class Requirement:
 
     @property
     def limits_magnitude(self) -> bool:
-        """Whether the sign does not matter: one limit, of a quantity with a sign."""
-        one_sided = math.isinf(self.limits.low) or math.isinf(self.limits.high)
-        return self.limits.magnitude or (self.quantity.signed and one_sided)
+        """Whether the sign does not matter: of a quantity with a sign, largest values alone."""
+        alone = math.isinf(self.limits.low) and self.limits.high > 0
+        return self.limits.magnitude or (self.quantity.signed and alone)
+
+    @property
+    def band(self) -> Band:
+        """Values that meet it."""
+        limits = self.limits
+        return Band(limits.low, limits.high, self.limits_magnitude, limits.magnitude)
 
     @property
     def description(self) -> str:
@@ -98,10 +131,7 @@ class Requirement:
 
     def is_met(self, values: Float[np.ndarray, "*design"]) -> Bool[np.ndarray, "*design"]:
         """Whether designs with these values, SI, meet it; those without a value (NaN) do not."""
-        size = np.abs(values) if self.limits_magnitude else np.asarray(values)
-        if self.limits.magnitude:
-            return (size > self.limits.low) & (size < self.limits.high)
-        return (size >= self.limits.low) & (size <= self.limits.high)
+        return self.band.contains(values)
 
     def margin(self, values: Float[np.ndarray, "*design"]) -> Float[np.ndarray, "*design"]:
         """Distance from the nearer limit, relative to it: 0.01 means 1 %, negative if exceeded.
@@ -175,8 +205,9 @@ def parse(text: str) -> Limits:
     def refused(problem: str, remedy: str = SYNTAX) -> InputError:
         return InputError.of("--require", problem, remedy, format_value(text))
 
-    found = re.fullmatch(r"\s*(.+?)\s+(in)\s+([^:\s]+)\s*:\s*([^:\s]+)\s*", text)
-    found = found or re.fullmatch(r"\s*([^<>]+?)\s*([<>])\s*([^\s<>]+)\s*", text)
+    words = " ".join(text.split())  # single blanks: patterns of runs of them take long
+    found = re.fullmatch(r"(.+?) (in) ([^: ]+) ?: ?([^: ]+)", words)
+    found = found or re.fullmatch(r"([^<>]+?) ?([<>]) ?([^ <>]+)", words)
     if found is None:
         raise refused("is no requirement")
     name, sign, *words = found.groups()

@@ -17,19 +17,23 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes, mode_content
+from suspension_cli.linear import batch_modes, eigenmodes, mode_content, mode_pairing
 from suspension_cli.linear.batch_modes import Spectrum
+from suspension_cli.linear.eigenmodes import find_top_masses
+from suspension_cli.linear.mode_families import Families
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
+from suspension_cli.models.choice import shifts
 from suspension_cli.models.surroundings import nominal_positions, surrounded
-from suspension_cli.physics import closed_loop
+from suspension_cli.physics import closed_loop, wire_modes
 from suspension_cli.physics.thermal_noise import compute_densities
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Scene, select_scenes
 from suspension_cli.studies import builds, variants
 from suspension_cli.studies.builds import Builds
+from suspension_cli.studies.job import nominal_system
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
@@ -53,6 +57,9 @@ class Solved:
         Name of the model.
     needs
         What the quantities of the run need.
+    exact_modes
+        Whether frequencies of modes include what the mass of wires changes, by a search in each
+        design; else they are those of wires without mass.
     """
 
     def __init__(
@@ -62,19 +69,30 @@ class Solved:
         level: str,
         needs: Needs,
         balance_again: Callable[[str], Iterator[Part]],
+        *,
+        exact_modes: bool = False,
     ) -> None:
         self.designs = designs
         self.found = found
         self.level = level
         self.needs = needs
+        self.exact_modes = exact_modes
         self._balance_again = balance_again
         self._in_other_models: dict[str, list[Part]] = {}
         self._solvers: dict[int, Solver] = {}
+        self._shifts: dict[tuple[str, int], Array] = {}
+        self._ranked: dict[Families, list[Array]] = {}
+        self._followed: dict[str, Array] = {}
 
     @property
     def count(self) -> int:
         """Number of designs."""
         return len(self.designs)
+
+    @property
+    def has_wire_mass(self) -> bool:
+        """Whether wires have mass in this model."""
+        return registry.by_name(self.level).has_wire_mass
 
     @property
     def is_steady(self) -> Bool[np.ndarray, " design"]:
@@ -89,20 +107,95 @@ class Solved:
     @cached_property
     def spectrum(self) -> Spectrum:
         """Undamped modes, ascending, of wires without mass; NaN where a design does not hang."""
+        hung = np.flatnonzero(self.hangs)
         with np.errstate(all="ignore"):
-            return batch_modes.solve(self.found.model.constant)
+            if len(hung) == self.count:
+                return batch_modes.solve(self.found.model.constant)
+            found = batch_modes.solve(self.found.model.constant.select(hung))
+        return Spectrum(*(_put(own, hung, self.count) for own in vars(found).values()))
 
     @cached_property
+    def _modes(
+        self,
+    ) -> tuple[Float[np.ndarray, "design mode"], Float[np.ndarray, "design mode place"]]:
+        """omega^2, (rad/s)^2, ascending, and fractions of the kinetic energy in each motion."""
+        squared = self.spectrum.omega_squared
+        with np.errstate(all="ignore"):
+            fractions = mode_content.of_spectrum(self.found.model, self.spectrum)
+        if not (self.exact_modes and self.has_wire_mass):
+            return squared, fractions
+        squared = np.full_like(squared, np.nan)
+        fractions = np.full_like(fractions, np.nan)
+        for n in np.flatnonzero(self.hangs).tolist():
+            with contextlib.suppress(InputError):
+                modes = wire_modes.solve_undamped_bodies(self.solver(n).system)
+                if len(modes.omega_squared) == squared.shape[1]:
+                    squared[n] = modes.omega_squared
+                    fractions[n] = modes.fractions[:, : fractions.shape[-1]]
+        return squared, fractions
+
+    @property
+    def omega_squared(self) -> Float[np.ndarray, "design mode"]:
+        """omega^2 of the undamped modes, (rad/s)^2, ascending; negative for those that grow."""
+        return self._modes[0]
+
+    @property
     def fractions(self) -> Float[np.ndarray, "design mode place"]:
         """Fractions of the kinetic energy of each mode in each motion."""
-        with np.errstate(all="ignore"):
-            return mode_content.of_spectrum(self.found.model, self.spectrum)
+        return self._modes[1]
+
+    @cached_property
+    def energy(self) -> Float[np.ndarray, "design mode body 6"]:
+        """Fractions of the kinetic energy of each mode in each degree of freedom of each body."""
+        bodies = len(self.found.model.body)
+        own = self.fractions[..., : 6 * bodies]
+        return own.reshape(*own.shape[:-1], bodies, 6)
+
+    @cached_property
+    def top_fraction(self) -> Float[np.ndarray, "design mode"]:
+        """Fraction of the kinetic energy of each mode in the top mass of its chain."""
+        energy = self.energy
+        if not (self.exact_modes and self.has_wire_mass):
+            # small fractions have smaller rounding errors from the shapes of unit length
+            shape = self.spectrum.shape[..., : 6 * energy.shape[2]]
+            energy = (shape**2).reshape(energy.shape)
+        flat = energy.reshape(-1, *energy.shape[2:])
+        top = find_top_masses(np.nan_to_num(flat), self.found.model.top)
+        return flat[np.arange(len(flat)), top].sum(-1).reshape(energy.shape[:2])
 
     @cached_property
     def frequency(self) -> Float[np.ndarray, "design mode"]:
         """Frequencies of the undamped modes, Hz; NaN of those that grow."""
-        squared = self.spectrum.omega_squared
+        squared = self.omega_squared
         return np.sqrt(np.where(squared >= 0, squared, np.nan)) / (2 * np.pi)
+
+    @cached_property
+    def frequency_or_growth(self) -> Float[np.ndarray, "design mode"]:
+        """Frequencies of the undamped modes, Hz; minus the growth rate over 2 pi of others."""
+        squared = self.omega_squared
+        return np.sign(squared) * np.sqrt(np.abs(squared)) / (2 * np.pi)
+
+    def ranked(self, families: Families) -> list[Int[np.ndarray, "design rank"]]:
+        """Numbers of the modes of each family by rank; -1 where a design has no such modes."""
+        if families not in self._ranked:
+            numbers = [np.full((self.count, size), -1) for size in families.size]
+            if self.omega_squared.shape[1] == sum(families.size):
+                for n in np.flatnonzero(np.isfinite(self.omega_squared).all(1)).tolist():
+                    for number, own in zip(numbers, families.numbers(self.energy[n]), strict=True):
+                        number[n] = own
+            self._ranked[families] = numbers
+        return self._ranked[families]
+
+    def followed(self, nominal: str) -> Int[np.ndarray, "design mode"]:
+        """Numbers of the modes that those of a nominal design (TOML) have become, by their shapes.
+
+        In the order of that design's modes in the same model.
+        """
+        if nominal not in self._followed:
+            before = eigenmodes.spectrum(nominal_system(nominal, self.level)).shape
+            with np.errstate(all="ignore"):
+                self._followed[nominal] = mode_pairing.pair_batch(before, self.spectrum.shape)
+        return self._followed[nominal]
 
     def response(
         self, into: Signal, out: Signal, frequency: float
@@ -145,10 +238,20 @@ class Solved:
             self._solvers[number] = Solver(made)
         return self._solvers[number]
 
+    def shifts_from(self, old: Solved, number: int) -> Float[np.ndarray, " mode"]:
+        """Relative changes of the modes of one design from another model to this one.
+
+        In the order of its modes here; see `models.choice.shifts`.
+        """
+        key = old.level, number
+        if key not in self._shifts:
+            self._shifts[key] = shifts(old.solver(number).system, self.solver(number).system)[1]
+        return self._shifts[key]
+
     def each(
         self, compute: Callable[[Solver, Design], object], *shape: int
     ) -> Float[np.ndarray, "design ..."]:
-        """Compute something of each design with a steady state; NaN of others, and of failures."""
+        """Compute something of each design that hangs; NaN of others, and of failures."""
         result = np.full((self.count, *shape), np.nan)
         for n in np.flatnonzero(self.hangs).tolist():
             try:
@@ -237,21 +340,36 @@ class Solved:
         return self.in_model(self.level if known else registry.STRING.name, read)
 
 
+def _put(values: Array, places: Int[np.ndarray, " place"], count: int) -> Array:
+    """Put values of some designs at their places among all; NaN, or of integers 0, elsewhere."""
+    empty = np.nan if values.dtype.kind == "f" else 0
+    result = np.full((count, *values.shape[1:]), empty, values.dtype)
+    result[places] = values
+    return result
+
+
 def of_designs(
-    designs: Iterable[Design | None], level: str, needs: Needs, *, allow_unstable: bool = False
+    designs: Iterable[Design | None],
+    level: str,
+    needs: Needs,
+    *,
+    allow_unstable: bool = False,
+    exact_modes: bool = False,
 ) -> Iterator[Part]:
     """Balance designs in a model, in batches of one topology, with their places.
 
-    Designs that are None, or that the model cannot describe, are in no batch.
+    Designs that are None, or that the model cannot describe, are in no batch. `exact_modes` is as
+    in `Solved`.
     """
+    how = {"allow_unstable": allow_unstable, "exact_modes": exact_modes}
     known = list(designs)
     for found, places in variants.balanced(known, level, allow_unstable=allow_unstable):
         own = [design for n in places.tolist() if (design := known[n]) is not None]
 
         def again(other: str, own: list[Design] = own) -> Iterator[Part]:
-            return of_designs(own, other, needs, allow_unstable=allow_unstable)
+            return of_designs(own, other, needs, **how)
 
-        yield places, Solved(own, found, level, needs, again)
+        yield places, Solved(own, found, level, needs, again, exact_modes=exact_modes)
 
 
 def of_builds(

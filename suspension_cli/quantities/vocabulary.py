@@ -33,8 +33,8 @@ def parse(text: str, names: Names, option: str = "--result") -> tuple[Quantity, 
         found = kind.parse(plain, names, option)
         if found:
             return tuple(found)
-    examples = [kind.example for kind in every_kind()]
-    remedy = suggest(plain, [*names.labels, *examples])
+    examples = [kind.example for kind in every_kind() if kind.example != plain]
+    remedy = suggest(plain, list(dict.fromkeys([*names.labels, *examples])))
     raise InputError.of(option, "is no quantity of this design", remedy, format_value(text))
 
 

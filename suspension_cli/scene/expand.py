@@ -10,7 +10,7 @@ import math
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,9 @@ from suspension_cli.design.schema import Body, Design, Stage, body_inertia, body
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.rotations import cross
-from suspension_cli.scene import links
+from suspension_cli.scene import legs, spring_rows
 from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
-from suspension_cli.scene.links import Places
+from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import (
     Bars,
     Blades,
@@ -66,7 +66,10 @@ class Members:
     @staticmethod
     def of(design: Design, other: Members | None = None) -> Members:
         """List the members of a design; those of stages that equal an `other` one's are its own."""
-        places, wires, blades, first = Places.of(design), [], [], 0
+        places = Places.of(design)
+        wires = []
+        blades = []
+        first = 0
         for n in range(1, len(design.stage) + 1):
             if other is not None and other._has(n, design, places, first):
                 own = other.wires[n - 1], other.blades[n - 1]
@@ -75,9 +78,9 @@ class Members:
             wires.append(own[0])
             blades.append(own[1])
             first += len(own[1])
-        struts, bars = links.legs(design, places)
-        springs = links.of_stages(design, places) + links.of_links(design, places)
-        springs = links.between(springs, places)
+        struts, bars = legs.struts_and_bars(design, places)
+        springs = spring_rows.of_stages(design, places) + spring_rows.of_links(design, places)
+        springs = spring_rows.with_upper_points(springs, places)
         return Members(design, places, wires, blades, struts, bars, springs)
 
     def _has(self, n: int, design: Design, places: Places, first: int) -> bool:
@@ -92,6 +95,11 @@ class Members:
             and sum(map(len, self.blades[: n - 1])) == first
         )
 
+    def wire_facts(self, name: str) -> Bool[np.ndarray, " wire"]:
+        """Whether each wire is ``fixed``, or ``natural``."""
+        rows = chain.from_iterable(self.wires)
+        return np.array([row[name] for row in rows], dtype=bool)
+
     @property
     def bodies(self) -> list[Body]:
         """Tables of the bodies of all stages."""
@@ -100,7 +108,8 @@ class Members:
     @property
     def topology(self) -> Hashable:
         """What designs have in common whose scenes can be one batch."""
-        wires, blades = chain.from_iterable(self.wires), [*chain.from_iterable(self.blades)]
+        wires = chain.from_iterable(self.wires)
+        blades = [*chain.from_iterable(self.blades)]
         lines = [*wires, *self.struts]
         signs = [(row["natural"], row["fixed"]) for row in lines if "fixed" in row]
         signs += [(bool(row.get("torsion")), any(row.get("mass", ()))) for row in lines]
@@ -143,11 +152,11 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     legs and filters, are those of one design each (`Members.topology` does not know them).
     """
     one = each[0]
-    design, parent = one.design, one.places.parent
-    gravity, field, count = derive.gravity_strength(design), derive.gravity_field(design), len(each)
-    wire_rows = [[*chain.from_iterable(own.wires)] for own in each]
-    blade_rows = [[*chain.from_iterable(own.blades)] for own in each]
-    wires, blades = gather(Wires, wire_rows), gather(Blades, blade_rows)
+    design = one.design
+    gravity = derive.gravity_strength(design)
+    field = derive.gravity_field(design)
+    wires = gather(Wires, [[*chain.from_iterable(own.wires)] for own in each])
+    blades = gather(Blades, [[*chain.from_iterable(own.blades)] for own in each])
     struts = gather(Wires, [members.struts for members in each])
     bars = gather(Bars, [members.bars for members in each])
     springs = gather(Springs, [members.springs for members in each])
@@ -158,60 +167,109 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         position=np.array([own.places.position for own in each]),
     )
     loads = _weights(gravity, bodies, wires, blades, bars)
-    for n, (upper, lower) in enumerate(zip(springs.upper, springs.lower, strict=True)):
-        preload = springs.preload[:, n]
-        loads[:, lower, 0] += move_wrench(preload, springs.lower_point[:, n])
-        loads[:, upper, 0] -= move_wrench(preload, springs.upper_point[:, n])
-    offset = np.array([own.places.offset for own in each])
-    for n in range(len(design.stage), 0, -1):
-        loads[:, parent[n]] += move_wrench(loads[:, n], offset[:, n, None])
-    carries = np.array([row.get("carries", False) for row in one.springs], dtype=bool)
-    for n in np.unique(springs.lower[carries]).tolist():
-        own = np.flatnonzero(carries & (springs.lower == n))
-        # what a spring carries acts on the body above all the same: loads of that one are complete
-        springs.preload[:, own], loads[:, n, 0] = rest_on(springs, own, loads[:, n, 0])
+    _add_preloads(loads, springs)
+    _add_loads_from_below(loads, each)
+    _rest_on_springs(loads, one, springs)
+    # legs and filters
     loaded = [_loaded_springs(own, loads[n], gravity) for n, own in enumerate(each)]
-    every, inertias, faulty = zip(*loaded, strict=True)
-    faults = {n: wrong for n, wrong in enumerate(faulty) if wrong}
-    natural = np.array([row["natural"] for row in wire_rows[0]], dtype=bool)
-    fixed = np.array([row["fixed"] for row in wire_rows[0]], dtype=bool)
-    tension, thrust = wires.tension.copy(), -struts.tension
-    for n, stage in enumerate(design.stage, 1):
-        load = loads[:, n, 0]
-        lines, force = (wires, tension) if stage.inverted_pendulum is None else (struts, thrust)
-        own = np.flatnonzero(lines.lower == n)
-        if lines is struts:
-            pull, left_over = carry(struts, own, blades, load)
-            thrust[:, own] = -pull
-        elif len(own):
-            tension[:, own], left_over = carry(wires, own, blades, load, fixed[own])
-        else:
-            left_over = load
-        if not (isinstance(stage, derive.Keystone) or (lines is wires and natural[own].any())):
-            wrong = _find_unbalanced(stage, loads[:, n], left_over, lines, own, force[:, own])
-            faults |= {k: faults.get(k, []) + one for k, one in wrong.items()}
-    given = np.array([[row["given"] for row in rows] for rows in blade_rows]).reshape(count, -1)
-    every_spring = gather(Springs, every)
-    flexures = len(every_spring.label) - len(springs.label)
-    every_spring.preload[:, flexures:] = springs.preload
+    all_springs, all_bars, wrong = zip(*loaded, strict=True)
+    faults = {n: own for n, own in enumerate(wrong) if own}
+    tension, thrust, unbalanced = _tensions(one, loads, wires, struts, blades)
+    for n, more in unbalanced.items():
+        faults[n] = faults.get(n, []) + more
+    every_spring = gather(Springs, all_springs)
+    computed = len(every_spring.label) - len(springs.label)
+    every_spring.preload[:, computed:] = springs.preload
+    given = [[row["given"] for row in chain.from_iterable(own.blades)] for own in each]
+    given_loads = np.array(given).reshape(len(each), -1)
     scene = Scene(
         name=design.design.name,
         gravity=gravity,
         bodies=bodies,
-        wires=replace(wires, tension=np.where(natural, wires.tension, tension)),
-        blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given)),
+        # wires of natural lengths have the tension of their elongation: the pose is solved for
+        wires=replace(wires, tension=np.where(one.wire_facts("natural"), wires.tension, tension)),
+        blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given_loads)),
         springs=every_spring,
         struts=replace(struts, tension=-thrust),
-        bars=gather(Bars, inertias),
+        bars=gather(Bars, all_bars),
         field=field and Field(*map(np.array, field)),
         solves_pose=derive.gives_natural_lengths(design),
     )
     return scene, faults
 
 
+def _add_preloads(loads: Float[np.ndarray, "design 1+body 2 6"], springs: Springs) -> None:
+    """Add what the given preloads of springs exert on both bodies, to all but the weights."""
+    for n, (upper, lower) in enumerate(zip(springs.upper, springs.lower, strict=True)):
+        preload = springs.preload[:, n]
+        loads[:, lower, 0] += move_wrench(preload, springs.lower_point[:, n])
+        loads[:, upper, 0] -= move_wrench(preload, springs.upper_point[:, n])
+
+
+def _add_loads_from_below(
+    loads: Float[np.ndarray, "design 1+body 2 6"], each: Sequence[Members]
+) -> None:
+    """Add to the load of each body those of the bodies that hang from it."""
+    offset = np.array([own.places.offset for own in each])
+    parent = each[0].places.parent
+    for n in range(len(parent) - 1, 0, -1):
+        loads[:, parent[n]] += move_wrench(loads[:, n], offset[:, n, None])
+
+
+def _rest_on_springs(
+    loads: Float[np.ndarray, "design 1+body 2 6"], one: Members, springs: Springs
+) -> None:
+    """Give springs that carry the load of their body their preloads; what is left, to its wires.
+
+    What a spring carries acts on the body above all the same: loads of that one are complete.
+    """
+    carries = np.array([row.get("carries", False) for row in one.springs], dtype=bool)
+    for n in np.unique(springs.lower[carries]).tolist():
+        own = np.flatnonzero(carries & (springs.lower == n))
+        preload, left_over = rest_on(springs, own, loads[:, n, 0])
+        springs.preload[:, own] = preload
+        loads[:, n, 0] = left_over
+
+
+def _tensions(
+    one: Members,
+    loads: Float[np.ndarray, "design 1+body 2 6"],
+    wires: Wires,
+    struts: Wires,
+    blades: Blades,
+) -> tuple[Array, Array, dict[int, list[Fault]]]:
+    """Tensions of wires and thrusts of struts that carry the loads, N; faults where none do.
+
+    `one` is any of the designs.
+    """
+    natural = one.wire_facts("natural")
+    fixed = one.wire_facts("fixed")
+    tension = wires.tension.copy()
+    thrust = -struts.tension
+    faults: dict[int, list[Fault]] = {}
+    for n, stage in enumerate(one.design.stage, 1):
+        load = loads[:, n, 0]
+        on_legs = stage.inverted_pendulum is not None
+        lines, force = (struts, thrust) if on_legs else (wires, tension)
+        own = np.flatnonzero(lines.lower == n)
+        left_over = load
+        if on_legs:
+            pull, left_over = carry(struts, own, blades, load)
+            thrust[:, own] = -pull
+        elif len(own):
+            tension[:, own], left_over = carry(wires, own, blades, load, fixed[own])
+        is_solved_for = not on_legs and natural[own].any()
+        if not (is_solved_for or isinstance(stage, derive.Keystone)):
+            found = _find_unbalanced(stage, loads[:, n], left_over, lines, own, force[:, own])
+            for k, wrong in found.items():
+                faults[k] = faults.get(k, []) + wrong
+    return tension, thrust, faults
+
+
 def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[list[Row], list[Row]]:
     """List the wires and the blades, numbered from `first`, of the n-th stage."""
-    stage, above = design.stage[n - 1], places.parent[n]
+    stage = design.stage[n - 1]
+    above = places.parent[n]
     wires = [
         {"label": f"{stage.name}.{number}", "upper": above, "lower": n} | row
         for number, row in enumerate(_wires_of(design, stage, places.offset[n]), 1)
@@ -249,7 +307,8 @@ def _wires_of(design: Design, stage: Stage, offset: Array) -> Iterator[Row]:
     for wire, upper, lower, blade in _ends_of(stage):
         span = offset + lower - upper
         length = float(np.sqrt(span @ span))
-        natural, tension = getattr(wire, "natural_length", None), getattr(wire, "tension", None)
+        natural = getattr(wire, "natural_length", None)
+        tension = getattr(wire, "tension", None)
         row = equal or _elastic(design, wire, natural or length)
         stretched = 0.0 if natural is None else row["stiffness"] * (length - natural)
         yield row | {
@@ -271,7 +330,8 @@ def _ends_of(stage: Stage) -> Iterator[tuple[WireSet | Wire, Array, Array, int]]
         blade = -1 if wire.blade is None else names.index(wire.blade)
         yield wire, np.array(wire.upper), np.array(wire.lower), blade
     if stage.wires is not None:
-        shape, count = derive.set_geometry(stage.wires), stage.blades.count if stage.blades else 0
+        shape = derive.set_geometry(stage.wires)
+        count = stage.blades.count if stage.blades else 0
         for number, (upper, lower) in enumerate(shape.ends):
             # one blade for all, two for the sides of y, or one for each
             blade = number if count == shape.count else int(count == 2 and upper[1] < 0)
@@ -317,12 +377,15 @@ def _loaded_springs(
     springs: list[Row] = []
     bars = [*own.bars]
     faults: list[Fault] = []
-    design, places = own.design, own.places
+    design = own.design
+    places = own.places
     for n, stage in enumerate(design.stage, 1):
-        load, hung, above = loads[n, 0], -loads[n, 1, 2], places.parent[n]
-        rows = links.flexures(stage, load, hung, gravity)
+        load = loads[n, 0]
+        hung = -loads[n, 1, 2]
+        above = places.parent[n]
+        rows = legs.flexures(stage, load, hung, gravity)
         if isinstance(stage, derive.Keystone):
-            row, coupling, wrong = links.filter_blades(design, stage, load, hung, gravity)
+            row, coupling, wrong = spring_rows.filter_blades(design, stage, load, hung, gravity)
             rows.append(row)
             faults += wrong
             ends = {"body": (above, n), "point": (places.offset[n], np.zeros(3))}
@@ -330,7 +393,7 @@ def _loaded_springs(
                 inertia = (-coupling, coupling, -coupling)
                 bars.append({"label": row["label"], "inertia": inertia} | ends)
         springs += [{"upper": above, "lower": n} | row for row in rows]
-    return links.between(springs, places) + own.springs, bars, faults
+    return spring_rows.with_upper_points(springs, places) + own.springs, bars, faults
 
 
 def _blade_loads(
@@ -349,48 +412,70 @@ def _blade_loads(
     return np.where(blades.axes, -total, 0.0)
 
 
+class _Advice(NamedTuple):
+    """What to say of a stage that cannot balance, and of its wires or legs without load."""
+
+    key: str  # of what does not balance, below the stage
+    remedy: str
+    line_key: str
+    line_problem: str
+    line_force: str
+    line_remedy: str
+
+
+def _advice_for(stage: Stage) -> _Advice:
+    if stage.inverted_pendulum is not None:
+        key = ".inverted_pendulum"
+        remedy = "hang the load at the height of the legs' circle, or below its centre"
+        better = "place the load between the legs"
+        return _Advice(key, remedy, key, "leg {} would be pulled", "thrust", better)
+    key = ".spring"
+    remedy = "leave out preload, so that the springs carry the load"
+    if stage.wire_tables:
+        key = ""
+        remedy = "move the attachments or the COM, or give wires a natural_length"
+        remedy += " to have the pose solved for"
+    elif any(spring.preload is None for spring in stage.spring):
+        remedy = "the springs have no stiffness there: give some, or a preload that carries it"
+    line_key = ".wire" if stage.wire else ".wires"
+    better = "move its ends, or remove the wire"
+    return _Advice(key, remedy, line_key, "wire {} would be slack", "tension", better)
+
+
 def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
-    key, remedy = ".spring", "leave out preload, so that the springs carry the load"
-    if any(spring.preload is None for spring in stage.spring):
-        remedy = "the springs have no stiffness there: give some, or a preload that carries it"
-    loose, what = (".wire" if stage.wire else ".wires"), "wire {} would be slack"
-    name, better = "tension", "move its ends, or remove the wire"
-    if stage.inverted_pendulum is not None:
-        key = loose = ".inverted_pendulum"
-        remedy = "hang the load at the height of the legs' circle, or below its centre"
-        what, name, better = "leg {} would be pulled", "thrust", "place the load between the legs"
-    elif stage.wire_tables:
-        key, remedy = "", "move the attachments or the COM, or give wires a natural_length"
-        remedy += " to have the pose solved for"
-    sizes, least = np.abs(left_over), BALANCE * np.abs(loads[:, 1]).max(-1)
+    advice = _advice_for(stage)
+    path = f"stage.{stage.name}"
+    sizes = np.abs(left_over)
+    least = BALANCE * np.abs(loads[:, 1]).max(-1)
     wrong = (sizes.max(-1) > least) | ~(force > 0).all(-1)
     found: dict[int, list[Fault]] = {}
     for k in np.flatnonzero(wrong).tolist():
-        size = sizes[k]
-        rest = [
-            f"{left_over[k, axis]:.3g} "
-            + (f"N of force along {DOFS[axis]}" if axis < 3 else f"N m of {DOFS[axis]} torque")
-            for axis in np.argsort(-size)
-            if size[axis] > max(least[k], 1e-3 * size.max())
-        ]
-        problem = f"cannot balance in the nominal pose: {', '.join(rest[:3])} left over"
-        found[k] = (
-            [Fault(f"stage.{stage.name}{key}", problem, remedy)]
-            if rest
-            else [
-                Fault(
-                    f"stage.{stage.name}{loose}",
-                    f"{what.format(lines.label[n])} in the nominal pose ({name} {value:.3g} N)",
-                    better,
-                )
-                for n, value in zip(own, force[k], strict=True)
-                if not value > 0
-            ]
-        )
+        rest = _describe_wrench(left_over[k], least[k])
+        if rest:
+            problem = f"cannot balance in the nominal pose: {', '.join(rest[:3])} left over"
+            found[k] = [Fault(f"{path}{advice.key}", problem, advice.remedy)]
+            continue
+        found[k] = []
+        for n, value in zip(own, force[k], strict=True):
+            if not value > 0:
+                what = advice.line_problem.format(lines.label[n])
+                problem = f"{what} in the nominal pose ({advice.line_force} {value:.3g} N)"
+                found[k].append(Fault(f"{path}{advice.line_key}", problem, advice.line_remedy))
     return found
+
+
+def _describe_wrench(wrench: Array, least: float) -> list[str]:
+    """Describe the components of a wrench (6,) above a limit and not beside larger ones."""
+    size = np.abs(wrench)
+    described = []
+    for axis in np.argsort(-size).tolist():
+        if size[axis] > max(least, 1e-3 * size.max()):
+            what = f"N of force along {DOFS[axis]}" if axis < 3 else f"N m of {DOFS[axis]} torque"
+            described.append(f"{wrench[axis]:.3g} {what}")
+    return described
 
 
 # Tensions.

@@ -65,7 +65,8 @@ def compose(design: Design) -> Fibres:
 
     Without imperfections. `explain_unsuitable` must return "" for the design.
     """
-    ambient, members = design.constants.temperature, Members.of(design)
+    ambient = design.constants.temperature
+    members = Members.of(design)
     wires: list[Fibre] = []
     blades: list[BladeLoss] = []
     springs: list[BladeLoss] = []
@@ -93,7 +94,8 @@ def _fibres(design: Design, table: WireSet | Wire, lines: Sequence[Row]) -> Iter
     """Compose the wires of one table."""
     at = table.temperature or design.constants.temperature
     length = table.l if isinstance(table, WireSet) else table.natural_length or lines[0]["length"]
-    sections, moments = _sections(design, table, length), lines[0]["mass"]
+    sections = _sections(design, table, length)
+    moments = lines[0]["mass"]
     for number, line in enumerate(lines):
         direction = line["span"] / line["length"]
         if number == 0 and any(moments):
@@ -111,7 +113,8 @@ def _fibres(design: Design, table: WireSet | Wire, lines: Sequence[Row]) -> Iter
 def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Section, ...]:
     """Sections of a wire of a length (m); a given k scales their stretching stiffness."""
     made: dict[str, tuple[MaterialAtTemperature, tuple[Mechanism, ...]]] = {}
-    sections, temperature = [], mean_temperature(design, table)
+    sections = []
+    temperature = mean_temperature(design, table)
     for piece in stretches(table, length):
         name = piece.material or ""
         if name not in made:
@@ -147,7 +150,8 @@ def _section(
     piece: Stretch, material: MaterialAtTemperature, losses: tuple[Mechanism, ...]
 ) -> Section:
     """Compute the stiffnesses of one stretch of wire."""
-    poisson, modulus = material.poisson_ratio, material.youngs_modulus
+    poisson = material.poisson_ratio
+    modulus = material.youngs_modulus
     density = material.density or 0.0
     assert modulus is not None  # known for all wires (`explain_unsuitable`)
     shear = modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
@@ -199,7 +203,8 @@ def _clamp(number: int, table: WireSet | Wire, along: Array) -> tuple[Array, Arr
 
 def _part_loss(design: Design, label: str, part: AnyBlade | Spring | Link) -> BladeLoss:
     """Look up the loss of a part; its own loss angle replaces the bulk's."""
-    ambient, losses = design.constants.temperature, None
+    ambient = design.constants.temperature
+    losses = None
     if part.made_of is not None:
         losses = mechanisms_of(materials.look_up(design, part.made_of), None)
         if part.loss_angle is not None:

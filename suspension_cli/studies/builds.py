@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from suspension_cli.design.schema import Design
 from suspension_cli.elimination import solve_each
 from suspension_cli.equilibrium.solve import CLEAR, Equilibrium
 from suspension_cli.linear import batch_modes
-from suspension_cli.linear.named_results import Ratio
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.statespace import ROUNDING, with_states
@@ -33,7 +33,11 @@ from suspension_cli.scene.scene import Scene
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
-GOOD, SLACK, UNBALANCED, UNSTABLE, IMPOSSIBLE = 0, 1, 2, 3, 4
+GOOD = 0
+SLACK = 1
+UNBALANCED = 2
+UNSTABLE = 3
+IMPOSSIBLE = 4
 STATUS = (
     "good",
     "a wire is slack",
@@ -86,7 +90,7 @@ class Builds:
         """Columns that tell whether builds hang."""
         return {"residual": self.residual, "status": self.status, "slack_wire": self.wire}
 
-    @property
+    @cached_property
     def static(self) -> Float[np.ndarray, "build body 6"]:
         """Static displacements (x, y, z, m) and rotation vectors (rad) of bodies as drawn.
 
@@ -94,11 +98,13 @@ class Builds:
         imperfection moves the COM by c in a body that turns by R, that is u - (R - 1) c, with u the
         displacement of the COM.
         """
-        scene, pose = self.scene, self.pose
+        scene = self.scene
+        pose = self.pose
         assert scene is not None and pose is not None
         drawn = scene.drawn or scene
         offset = (scene.bodies.position - drawn.bodies.position)[..., 1:, :]
-        shift, turn = pose.shift[..., 1:, :], pose.turn[..., 1:, :, :]
+        shift = pose.shift[..., 1:, :]
+        turn = pose.turn[..., 1:, :, :]
         moved = shift - (turn @ offset[..., None])[..., 0]
         rotation = rotation_vector(turn)
         shape = np.broadcast_shapes(moved.shape, rotation.shape, (*scene.batch, 1, 3))
@@ -179,17 +185,20 @@ def mark_driven(status: Int[np.ndarray, " build"], model: LinearSystem) -> None:
         to_all = np.eye(len(inert))[:, ~inert]
         to_all[inert] = -solve_each(own[2][np.ix_(inert, inert)], own[2][np.ix_(inert, ~inert)])
         mass, damping, stiffness = (to_all.T @ matrix @ to_all for matrix in own)
-        zero, one = np.zeros_like(mass), np.eye(len(mass))
+        zero = np.zeros_like(mass)
+        one = np.eye(len(mass))
         found: Any = eig(
             np.block([[zero, one], [-stiffness, -damping]]),
             np.block([[one, zero], [zero, mass]]),
         )
         finite = np.isfinite(found[0])
-        s, x = found[0][finite], found[1][: len(mass), finite]
+        s = found[0][finite]
+        x = found[1][: len(mass), finite]
         creeps = (np.real(s)[np.imag(s) == 0] > DRIVEN * np.abs(s).max()).any()
         # of light, which decays fast, the bodies have too little for their motion to tell
         some = (np.imag(s) > 0) & (np.real(s) > -FAST * np.abs(s))
-        x, omega = x[:, some], np.imag(s)[some]
+        x = x[:, some]
+        omega = np.imag(s)[some]
         lost = omega * np.einsum("ip,ij,jp->p", x.conj(), damping, x).real
         lost += _loss_of(model, n, omega, (to_all @ x)[: model.size - 6])
         energy = np.einsum("ip,ij,jp->p", x.conj(), mass, x).real
@@ -220,7 +229,8 @@ def transfer(
     outputs: list[Signal],
 ) -> Complex[np.ndarray, "build frequency output input"]:
     """Responses of all builds at frequencies in Hz; NaN where one failed, 0 by symmetry."""
-    good, omega = np.flatnonzero(builds.status == GOOD), 2 * np.pi * np.asarray(frequency)
+    good = np.flatnonzero(builds.status == GOOD)
+    omega = 2 * np.pi * np.asarray(frequency)
     result = np.full((*builds.status.shape, len(omega), len(outputs), len(inputs)), NOTHING)
     for of_ground in (False, True):
         some = [n for n, signal in enumerate(inputs) if signal.is_ground == of_ground]
@@ -233,7 +243,8 @@ def transfer(
             rows[..., :6] = 0.0  # the support is at rest
             model = model.driven_by_ground
         acts = np.array([inputs[n].acts for n in some])
-        moves, forces = np.where(acts, 0.0, drives[..., :6, :]), np.where(acts, drives, 0.0)
+        moves = np.where(acts, 0.0, drives[..., :6, :])
+        forces = np.where(acts, drives, 0.0)
         found = transfer_builds(model, good, omega, moves, forces, rows)
         places = good.tolist(), range(len(omega)), range(len(outputs)), some
         result[np.ix_(*map(list, places))] = found
@@ -242,6 +253,30 @@ def transfer(
             none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
             result[none, :, o, i] = 0.0
     return result
+
+
+class Ratio(Protocol):
+    """A response at a frequency, Hz, or the ratio of two."""
+
+    @property
+    def over(self) -> Signal:
+        """The motion."""
+        ...
+
+    @property
+    def under(self) -> Signal | None:
+        """The motion that divides it; None for a response."""
+        ...
+
+    @property
+    def input(self) -> Signal:
+        """The input."""
+        ...
+
+    @property
+    def frequency(self) -> float:
+        """Frequency, Hz."""
+        ...
 
 
 def responses(builds: Builds, ratios: Sequence[Ratio]) -> Complex[np.ndarray, "build response"]:

@@ -74,7 +74,8 @@ def read(path: Path, key: str, count: int) -> Columns | None:
 
 def decode(content: bytes, key: str, start: int, count: int) -> Columns | None:
     """Take the arrays from the bytes of a chunk; None if these are not as they were written."""
-    digest, rest = content[:DIGEST], content[DIGEST:]
+    digest = content[:DIGEST]
+    rest = content[DIGEST:]
     if digest != _digest(key, start, rest):
         return None
     head, _, numbers = rest.partition(b"\n")

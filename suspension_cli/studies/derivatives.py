@@ -96,7 +96,9 @@ def _bend(sides: Inexact[np.ndarray, "side ..."]) -> Float[np.ndarray, ...]:
 
 def flat_matrices(found: Builds) -> Float[np.ndarray, "build element"]:
     """All elements of mass, stiffness, damping, loss and rotations of bodies, one after another."""
-    model, count, size = found.model, len(found.status), found.model.size
+    model = found.model
+    count = len(found.status)
+    size = model.size
     parts = [
         np.broadcast_to(part, (count, size, size)).reshape(count, -1)
         for part in (model.mass, model.stiffness, model.damping, model.loss)
@@ -118,7 +120,7 @@ def differentiate(
     `nominal` are the results of the design itself, if known. Raises `InputError` if the design has
     no equilibrium, or a wire is slack in it.
     """
-    step = np.array([_step(design, item) for item in numbers])
+    step = STEP * np.array([size_of_changes(design, item) for item in numbers])
     designs = [
         shifted(design, item.name, sign * h)
         for item, h in zip(numbers, step, strict=True)
@@ -146,7 +148,9 @@ def mode_matrix(
     found: Builds, modes: Modes, *, massive: bool
 ) -> Float[np.ndarray, "build mode mode"]:
     """Compute R of builds with the modes of a design; `massive` if its wires have mass."""
-    model, shape, count = found.model, modes.shape, len(found.status)
+    model = found.model
+    shape = modes.shape
+    count = len(found.status)
     squared = np.maximum(modes.omega_squared, 0.0)
     soft = np.real(model.soft)[..., 6:, 6:] @ shape.T
     form = model.elongation[..., 6:] + np.zeros((count, 1, 1))
@@ -217,14 +221,14 @@ def frequency_rates(
         return np.where(squared > 0, rates / (8 * np.pi**2 * modes.frequency), np.nan)
 
 
-def _step(design: Design, item: Parameter) -> float:
-    """Choose the step of a number, SI."""
+def size_of_changes(design: Design, item: Parameter) -> float:
+    """Choose the size of changes of a number that matter, SI; steps are small against it."""
     natural, unit = natural_step(item.name, item.value)
     if item.name.endswith("natural_length"):  # its difference from the loaded length matters
-        return STEP * natural
+        return natural
     if unit != "%":  # lengths and angles
-        return STEP * max(abs(item.value), natural)
-    return STEP * (abs(item.value) or _typical_size(design, item.name))
+        return max(abs(item.value), natural)
+    return abs(item.value) or _typical_size(design, item.name)
 
 
 def _typical_size(design: Design, name: str) -> float:

@@ -23,23 +23,27 @@ FAILED = 2
 """Pairs of neighbours of which one failed."""
 
 
-def find_extremes(value: Inexact[np.ndarray, "*grid result"]) -> Int[np.ndarray, " point"]:
+def find_extremes(
+    value: Inexact[np.ndarray, "*grid result"], most: int = MOST
+) -> Int[np.ndarray, " point"]:
     """Find points, by their numbers in the grid, with extreme and fast changing results.
 
-    NaN are failed points. Those of results that vary most over the grid are first.
+    At most `most`, not counting those beside failed points, which are NaN. Those of results that
+    vary most over the grid are first.
 
     >>> resonance = 1 / np.abs(np.linspace(0.9, 1.2, 31) - 1.003)
     >>> find_extremes(resonance[:, None]).tolist()[:5]
     [8, 9, 10, 11, 12]
     """
-    shape, count = value.shape[:-1], value.shape[-1]
+    shape = value.shape[:-1]
+    count = value.shape[-1]
     flat = value.reshape(-1, count)
     low, high = _neighbours(shape)
     ranked = _in_turn([_ranked(flat[:, n], low, high) for n in _by_range(np.abs(flat))])
     known = np.asarray(np.isfinite(flat).any(1))
     beside = np.flatnonzero(known[low] != known[high])
     some = beside[np.linspace(0, len(beside) - 1, min(FAILED, len(beside))).astype(int)]
-    return np.unique(np.array([*ranked[:MOST], *low[some], *high[some]], dtype=int))
+    return np.unique(np.array([*ranked[:most], *low[some], *high[some]], dtype=int))
 
 
 def find_largest(value: Inexact[np.ndarray, "point result"]) -> Int[np.ndarray, " point"]:
@@ -72,7 +76,8 @@ def _neighbours(
 
 def _by_range(size: Float[np.ndarray, "point result"]) -> list[int]:
     """Numbers of the results, that with the largest ratio of its extremes first."""
-    low, high = np.fmin.reduce(size, axis=0), np.fmax.reduce(size, axis=0)
+    low = np.fmin.reduce(size, axis=0)
+    high = np.fmax.reduce(size, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.nan_to_num(high / low, nan=-1.0)
     return np.argsort(-spread, kind="stable").tolist()
@@ -92,9 +97,11 @@ def _ranked(
         change = np.abs(value[high] - value[low])
         relative = np.abs(np.log(size[high] / size[low]))
     steep, steep_log = (_largest_pairs(one, low, high) for one in (change, relative))
-    largest, smallest = known[np.argmax(size[known])], known[np.argmin(size[known])]
+    largest = known[np.argmax(size[known])]
+    smallest = known[np.argmin(size[known])]
     pairs = [pair for both in zip_longest(steep, steep_log, fillvalue=()) for pair in both]
-    first, others = chain.from_iterable(pairs[:2]), chain.from_iterable(pairs[2:])
+    first = chain.from_iterable(pairs[:2])
+    others = chain.from_iterable(pairs[2:])
     return [int(largest), *first, int(smallest), *others]
 
 

@@ -35,6 +35,11 @@ class Job:
         return repr([getattr(self, field.name) for field in fields(self) if field.name != "text"])
 
     @property
+    def is_analytic(self) -> bool:
+        """Whether it is `interpolated.Analytic`, so that a map of it may be interpolated."""
+        return False
+
+    @property
     def design(self) -> Design:
         """Parsed design."""
         return parse(self.text)
@@ -148,7 +153,8 @@ class Grid(Job):
         `check` raises it for invalid designs.
         """
         for axis in axes:
-            tried, errors = ends_and_middle(axis), list[InputError]()
+            tried = ends_and_middle(axis)
+            errors = list[InputError]()
             for value in tried.values:
                 try:
                     check(reader.parse_with_overrides(self.text, settings({axis.name: value})))
@@ -184,7 +190,8 @@ def _ends_and_middle(number: int, length: int) -> list[int]:
 
 def _of_option(error: InputError, option: str, axis: Axis, value: float) -> InputError:
     """Attribute faults of a design at a value of an axis to the option that gave it."""
-    found, last = [], axis.name.rpartition(".")[2]
+    found = []
+    last = axis.name.rpartition(".")[2]
     for fault in error.faults:
         if fault.key.startswith("--") and fault.key != "--set":
             found.append(fault)

@@ -53,7 +53,8 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
     `text` is the design as TOML. In a model (`level`) where wires bend, the materials of all wires
     matter, including Poisson's ratio.
     """
-    design, raw = reader.parse(text), tomllib.loads(text)
+    design = reader.parse(text)
+    raw = tomllib.loads(text)
     bends = registry.by_name(level).bends_wires
     found = [
         Parameter(name, number)
@@ -95,7 +96,8 @@ def value_of(design: Design, name: str) -> Any:
     """Get a number of a design, or a list of them, by dotted path."""
     keys = name.split(".")
     if keys[0] == "materials":
-        node, keys = materials.resolve(design, keys[1]), keys[2:]
+        node = materials.resolve(design, keys[1])
+        keys = keys[2:]
     else:
         node = drop_keystones(design)
     seen: list[Any] = []

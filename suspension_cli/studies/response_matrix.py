@@ -103,7 +103,8 @@ class Plant:
         if not names:
             return []
         numbers = [Parameter(name, value_of(self.design, name)) for name in names]
-        size, bodies = self.system.size, len(self.system.body) + 1
+        size = self.system.size
+        bodies = len(self.system.body) + 1
         shape = np.zeros(4 * size**2 + 9 * bodies)
         around = derivatives.differentiate(self.design, numbers, self.level, nominal=shape)
         found: list[Matrices | None] = []
@@ -124,8 +125,10 @@ class Plant:
 
         `damping` is an added 1/Q of each mode.
         """
-        omega, basis = 2 * np.pi * np.asarray(frequency, dtype=float), self.system.basis
-        size, count = self.system.size, len(inputs)
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        basis = self.system.basis
+        size = self.system.size
+        count = len(inputs)
         drives = np.array([self.row(signal) for signal in inputs]).reshape(-1, size)
         rows = np.array([self.row(signal) for signal in outputs]).reshape(-1, size)
         acts = [*(signal.acts for signal in inputs), *([True] * len(rows))]
@@ -182,7 +185,8 @@ class Responses:
             (change.mass, -(w**2)),
         )
         for matrix, factor in parts:
-            touched, moving = np.flatnonzero(matrix[6:].any(1)), np.flatnonzero(matrix[6:].any(0))
+            touched = np.flatnonzero(matrix[6:].any(1))
+            moving = np.flatnonzero(matrix[6:].any(0))
             if len(touched):
                 moved = matrix[np.ix_(touched + 6, moving)] @ self.state[:, moving]
                 result -= factor * (self.adjoint[:, touched].transpose(0, 2, 1) @ moved)

@@ -124,7 +124,8 @@ def run(
             job = verdict.instead
             points = points.of_another(job)
             _compute_all(job, points, **how)
-        columns, write = points.columns, verdict.write
+        columns = points.columns
+        write = verdict.write
         hdf5.write(path, verdict.origin, lambda file: write(file.create_group(group), columns))
     shutil.rmtree(part_of(path))
 
@@ -142,7 +143,8 @@ def _compute_all(
     starts = range(0, job.count, chunk)
     ranges = [(start, min(start + chunk, job.count)) for start in starts]
     ranges = [(start, stop) for start, stop in ranges if not points.done[start:stop].all()]
-    done, began = int(points.done.sum()), time.monotonic()
+    done = int(points.done.sum())
+    began = time.monotonic()
     progress(done, job.count, 0.0)
     here = client is None
     results = _here(job, ranges, workers) if here else _on_cluster(job, ranges, client)
@@ -196,7 +198,8 @@ class _Points:
     def read(self) -> None:
         """Read the chunks in the folder; those that are not as written are computed again."""
         for file in self.folder.glob(f"*{chunks.ENDING}"):
-            start, found = chunks.start_of(file), chunks.read(file, self.key, len(self.done))
+            start = chunks.start_of(file)
+            found = chunks.read(file, self.key, len(self.done))
             if start is not None and found is not None:
                 self.add(start, found)
 
@@ -206,10 +209,12 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
     """Begin or resume the folder of a job, which no other run may write meanwhile."""
     folder = part_of(path)
     if not is_regular(path, follow=True):
-        problem, remedy = "is not a regular file", "delete it, or name another folder"
+        problem = "is not a regular file"
+        remedy = "delete it, or name another folder"
         raise InputError.of("--out", problem, remedy, str(path))
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-        problem, remedy = "is no folder of an unfinished run", "delete it, or name another folder"
+        problem = "is no folder of an unfinished run"
+        remedy = "delete it, or name another folder"
         raise InputError.of("--out", problem, remedy, str(folder))
     known = (__version__, job.count, origin.design, job.identity)
     key = hashlib.sha256(repr(known).encode()).hexdigest()
@@ -246,7 +251,8 @@ def _opened(path: Path, job: Job, origin: Provenance, resume: bool) -> Iterator[
 def _lock(stream: TextIO, path: Path) -> None:
     """Raise `InputError` if another run has the file; where locks are unknown it is not noticed."""
     if lock(stream.fileno()) is False:
-        problem, remedy = "another run is writing this file", "wait for it, or name another folder"
+        problem = "another run is writing this file"
+        remedy = "wait for it, or name another folder"
         raise InputError.of("--out", problem, remedy, str(path))
 
 
@@ -283,7 +289,8 @@ def _share(
     """
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    waiting, running = iter(ranges), set[Any]()
+    waiting = iter(ranges)
+    running = set[Any]()
     while True:
         with _uninterrupted():
             new = itertools.islice(waiting, most - len(running))

@@ -143,7 +143,8 @@ def _balanced_symmetric(
             key = model.batch_key(design)
             kinds.setdefault(n if key is None else key, []).append((n, design))
     for members in kinds.values():
-        alike, count = [design for _, design in members], len(members)
+        alike = [design for _, design in members]
+        count = len(members)
         position = np.array([nominal_positions(design) for design in alike])
         system = surrounded(model.batch(alike), alike[0], position)
         status = np.full(count, builds.GOOD, dtype=np.uint8)
@@ -151,7 +152,8 @@ def _balanced_symmetric(
             status[batch_modes.grows(system)] = builds.UNSTABLE
             builds.mark_driven(status, system)
         upright = np.broadcast_to(np.eye(3), (count, len(system.body) + 1, 3, 3))
-        wire, mirrors = np.full(count, -1, dtype=np.int16), np.ones((count, 2), dtype=bool)
+        wire = np.full(count, -1, dtype=np.int16)
+        mirrors = np.ones((count, 2), dtype=bool)
         system = replace(system, orientation=upright)
         found = Builds(system, status, wire, np.zeros(count), mirrors)
         yield found, np.array([n for n, _ in members])

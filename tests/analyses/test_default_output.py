@@ -74,7 +74,6 @@ def test_the_mirror_is_the_end_of_the_longest_chain_unless_the_file_says_it(rows
         ("thermal", ("--frequency", "1"), ["b.x"]),
         ("budget", ("--ground", "nhnm", "--frequency", "1:2:2"), ["b.x", "b.pitch", "b.yaw"]),
         ("damp", (), ["b.x"]),
-        ("info", ("--frequency", "1"), ["b.x"]),
         (
             "export",
             (),
@@ -87,7 +86,7 @@ def test_the_mirror_is_the_end_of_the_longest_chain_unless_the_file_says_it(rows
 def test_no_command_takes_the_recoil_mass_because_it_is_last(tmp_path, command, options, expected):
     file = tmp_path / "tree.toml"
     file.write_text(tree(*BESIDE, more=LOOP))
-    options = (*options, "--json") + (() if command == "info" else ("--out", tmp_path, "--no-plot"))
+    options = (*options, "--json", "--out", tmp_path, "--no-plot")
     result = run(command, *([file] * (1 + (command == "compare"))), *options)
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)

@@ -252,7 +252,6 @@ def test_density_from_inertia():
         ("response", "--frequency", "1,3", "--no-plot"),
         ("thermal", "--frequency", "1,3", "--no-plot"),
         ("export",),
-        ("info", "--frequency", "1,3"),
         ("sweep", "--vary", "stage.test.wires.d=0.001,0.002", "--result", "1", "--no-plot"),
         ("sensitivity", "--result", "1", "--no-plot"),
     ],
@@ -265,8 +264,7 @@ def test_analyses_repeat_what_is_serious(args, tmp_path):
         edited(raw("double"), {(*LAST, "wires", "radius"): 20e-6, (*LAST, "wires", "d"): 0.15}),
     )
     assert "far outside the body" in run("check", file).stderr
-    out = () if args[0] == "info" else ("--out", tmp_path)
-    result = run(args[0], file, *args[1:], *out)
+    result = run(args[0], file, *args[1:], "--out", tmp_path)
     assert result.exit_code == 0, result.stderr
     lines = [line for line in result.stderr.splitlines() if "times the strength" in line]
     assert len(lines) == 1 and lines[0].startswith(

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.analyses.xcouple import test_xcouple
-from tests.elements import test_beam, test_joined_sections
+from tests.elements import test_joined_sections, test_tensioned_beam
 from tests.support import beam_mp, references
 
-USERS = (test_beam, test_joined_sections, test_xcouple)
+USERS = (test_tensioned_beam, test_joined_sections, test_xcouple)
 """Imported, they say which functions there are."""
 SKIPPED = "test_joined_sections.held_resonances"
 """Half a minute; that they are where the determinant changes its sign is looked at instead."""

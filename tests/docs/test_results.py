@@ -69,6 +69,6 @@ def test_figure_5_falls_as_described():
 
 
 def test_thermal_noise_is_as_described():
-    (noise,) = thermal.solved().data
+    (noise,) = thermal.solved().motions
     for value in np.interp((10, 100), thermal.FREQUENCY, noise.amplitude):
         assert f"{value:.2e}" in SECTIONS["Thermal noise"]

@@ -5,7 +5,6 @@ import os
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 from matplotlib.text import Text
 from PIL import Image
 
@@ -50,18 +49,6 @@ def test_the_largest_fraction_comes_first_under_a_mode():
     said = texts(page.figure)
     first = said[said.index(modes.format_heading(found, n)) + 2]
     assert first == f"{found.label[n]} {100 * found.fractions[n].max():.0f} %"
-
-
-def test_each_stage_has_its_colour_in_every_mode():
-    design, scene, found = solved(TRIPLE)
-    (page,) = modes.draw_pages(found, design, scene, "")
-    bars = {
-        to_hex(colour)
-        for collection in page.figure.axes[0].collections
-        if collection.get_zorder() == 2
-        for colour in collection.get_facecolor()
-    }
-    assert bars == set(style.stage_colours(scene.bodies.name).values())
 
 
 @pytest.mark.parametrize("name", DESIGNS)

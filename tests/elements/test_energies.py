@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from suspension_cli.design import reader
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.elements.resting import principal_planes
 from suspension_cli.equilibrium.energy import gradient_and_stiffness, sum_forms
 from suspension_cli.equilibrium.nominal import expand

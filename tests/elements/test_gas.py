@@ -235,8 +235,8 @@ def test_bodies_without_a_surface_are_named():
         none = sus.thermal(sus.parse(text + gas), **way)
     cured = text.replace("0.02] }", "0.02], surface_area = 0.1 }", 1)
     given = sus.thermal(sus.parse(cured + gas), **way)
-    assert "upper.gas" not in none.data[0].source
-    assert "upper.gas" in given.data[0].source
+    assert "upper.gas" not in none.source
+    assert "upper.gas" in given.source
     boxed = text.replace("0.02] }", '0.02], shape = "box", size = [0.1, 0.1, 0.1] }', 1)
     given = sus.thermal(sus.parse(boxed + gas), **way)
-    assert "upper.gas" in given.data[0].source
+    assert "upper.gas" in given.source

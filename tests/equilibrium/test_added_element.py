@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from suspension_cli.elements import registry
+from suspension_cli.elements import known_elements
 from suspension_cli.elements.configuration import Attached, Ends
-from suspension_cli.elements.derivatives import Terms
 from suspension_cli.elements.element import Element
+from suspension_cli.elements.energy_derivatives import Terms
 from suspension_cli.elements.vectors import dot, outer, plus_unit, unit
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium import solve as equilibrium
@@ -19,7 +19,7 @@ from suspension_cli.linear.response import solve
 from suspension_cli.linear.signals import bodies_with_signals, parse
 from suspension_cli.linear.symmetry import is_mirror_symmetric
 from suspension_cli.models import registry as models
-from suspension_cli.scene import imperfections
+from suspension_cli.scene import applied_imperfections
 from suspension_cli.scene.arrays import inner
 from suspension_cli.scene.pose import layout
 from suspension_cli.scene.scene import stack_scenes
@@ -79,7 +79,7 @@ def add_loss(now, derivatives):
 @pytest.fixture
 def tethers(monkeypatch):
     element = Element(add_derivatives, add_loss=add_loss, make=make, name="tethers")
-    monkeypatch.setattr(registry, "ELEMENTS", (*registry.ELEMENTS, element))
+    monkeypatch.setattr(known_elements, "ELEMENTS", (*known_elements.ELEMENTS, element))
 
 
 def design_of(rng):
@@ -92,8 +92,8 @@ def members_of(design, model):
     scene = model.completed(scenes.expand(design), design)
     found = []
     for factor in (0.5, 1.0, -1.0):
-        one = imperfections.wire(scene, 0, length_change=1e-4 * factor)
-        one = imperfections.move_com(one, len(scene.bodies.name), [0.0, 1e-3 * factor, 0.0])
+        one = applied_imperfections.wire(scene, 0, length_change=1e-4 * factor)
+        one = applied_imperfections.move_com(one, len(scene.bodies.name), [0.0, 1e-3 * factor, 0.0])
         own = one.added["tethers"]
         found.append(one.with_parts({"tethers": replace(own, k=own.k * (1 + factor / 9))}))
     return found

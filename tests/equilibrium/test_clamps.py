@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from suspension_cli.equilibrium import solve as equilibrium
+from suspension_cli.equilibrium.hanging import hang
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, response
 from suspension_cli.linear.signals import parse_input, parse_output
 from suspension_cli.models import registry
+from suspension_cli.scene.pose import layout
 from suspension_cli.scene.scene import stack_scenes
 from suspension_cli.studies import builds
 from tests.support.scenes import design_of, raw_of
@@ -175,3 +177,27 @@ def test_trimming_needs_a_pose():
     adrift = as_built(LOPSIDED, (0.0, 0.0, 5.0), [TRIMMED])
     with pytest.raises(InputError, match="no equilibrium found"):
         expand(adrift)
+
+
+def test_a_saddle_that_two_ways_lead_to_is_not_sought_a_third_time(monkeypatch):
+    """Two strings that end below the centre of mass do not hold its pitch."""
+    raw = tables_as_built(MIRRORED)
+    stage = raw["stage"][0]
+    stage["wire"] = stage["wire"][:2]
+    for wire, y in zip(stage["wire"], (-0.02, 0.02), strict=True):
+        wire["upper"] = [0.0, y, 0.0]
+        wire["lower"] = [0.0, y, -0.02]
+    stage["position"] = [0.0, 0.0, -0.28]
+    scene = expand(design_of(raw))
+    taken = []
+    whole = equilibrium._continue
+
+    def counted(*given):
+        taken.append(given[-1])
+        return whole(*given)
+
+    monkeypatch.setattr(equilibrium, "_continue", counted)
+    found = hang(scene).found
+    assert found.converged
+    assert not equilibrium._is_stable(scene, layout(scene), found)
+    assert taken == [equilibrium.STEPS[0]]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.linear import batch_modes, eigenmodes, mode_content, named_results
+from suspension_cli.linear import batch_modes, eigenmodes, mode_content
 from suspension_cli.linear.mode_content import Motion
 from suspension_cli.models import registry
 from suspension_cli.studies import builds, variants
@@ -80,7 +80,7 @@ def test_the_same_labels_as_the_table_of_modes(name):
         for n, place in enumerate(places):
             alone = eigenmodes.solve(registry.STRING.system(designs[place]).constant)
             np.testing.assert_allclose(found[n], alone.fractions, atol=1e-6)
-            names = named_results.labels(alone)
-            for scalar in named_results.parse(names, alone, ()):
-                assert scalar.motion is not None
-                assert mode_content.find(found[n], scalar.motion).mode == scalar.number
+            for number, place in enumerate(mode_content.leading(alone.fractions).tolist()):
+                _, _, rank = alone.numbered_label[number].partition("#")
+                motion = mode_content.Motion(place, int(rank or 0))
+                assert mode_content.find(found[n], motion).mode == number

@@ -8,16 +8,15 @@ import tomllib
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.tolerance.solve import RandomBuilds, follow_modes
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import batch_modes, eigenmodes, response, signals
+from suspension_cli.linear import eigenmodes, mode_pairing, response, signals
 from suspension_cli.models import registry
 from suspension_cli.physics import thermal_noise, wire_modes
+from suspension_cli.quantities import solved
+from suspension_cli.quantities.needs import Needs
 from suspension_cli.scene.scene import stack_scenes
-from suspension_cli.studies import builds
-from suspension_cli.studies import job as jobs
 from tests.support.golden import ROOT
 from tests.support.soft_blades_mp import column
 
@@ -109,14 +108,14 @@ def test_modes_of_rigid_wires_are_a_limit(level):
 
 @pytest.mark.parametrize("tip_mass", [0.0, 0.02])
 @pytest.mark.parametrize("ratio", RATIOS[1:])
-def test_modes_of_batches(ratio, tip_mass, monkeypatch):
+def test_modes_of_batches(ratio, tip_mass):
     """`tolerance` finds the modes of a design without imperfections, from one matrix in doubles."""
     design = geo(ratio, tip_mass=tip_mass)
-    monkeypatch.setattr(jobs, "parse", lambda _: design)
-    job = RandomBuilds(f"{ratio} {tip_mass}", 1, 0, None)
-    found = builds.balance(stack_scenes([expand(design)] * 2), design)
-    alone = eigenmodes.spectrum(jobs.nominal_system(job.text, job.level))
-    squared = follow_modes(batch_modes.solve(found.model), alone.shape)
+    scene = stack_scenes([expand(design)] * 2)
+    found = solved.of_builds(scene, design, registry.STRING.name, Needs())
+    alone = eigenmodes.spectrum(registry.STRING.system(design))
+    order = mode_pairing.pair_batch(alone.shape, found.spectrum.shape)
+    squared = np.take_along_axis(found.spectrum.omega_squared, order, axis=-1)
     # A heavy tip on a nearly rigid wire stays a coordinate, whose stiffness is the sum of both:
     # some roundings (2e-16) of it, 12e-16 of the ratio with the worst library.
     lost = 5e-15 * ratio if tip_mass else 0.0

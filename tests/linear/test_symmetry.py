@@ -10,7 +10,7 @@ import pytest
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.reader import read
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness, sum_forms
 from suspension_cli.equilibrium.nominal import expand

@@ -104,7 +104,7 @@ def test_thermal_noise_is_that_of_an_oscillator_with_diluted_loss():
     admittance = 1 / (k + 1j * 1e-3 * elastic - mass * w**2)
     expected = np.sqrt(4 * 1.380649e-23 * 290.0 / w * np.abs(admittance.imag))
     found = sus.thermal(design, outputs=["ip.x"], frequency=frequency, fidelity="beam")
-    np.testing.assert_allclose(np.sqrt(found.data[0].density.sum(0)), expected, rtol=1e-8)
+    np.testing.assert_allclose(np.sqrt(found.motions[0].density.sum(0)), expected, rtol=1e-8)
 
 
 def test_quality_factor_is_that_of_the_loaded_mode():
@@ -270,7 +270,7 @@ def test_springs_below_legs_have_the_losses_of_their_material():
 
     def noise(text):
         found = sus.thermal(sus.parse(text), outputs=["f.x"], frequency=[0.5], fidelity="beam")
-        return found.data[0].density.sum(0)[0]
+        return found.motions[0].density.sum(0)[0]
 
     given = own.replace('material = "lossy"', "loss_angle = 0.01")
     assert noise(own + lossy + table) == pytest.approx(noise(given), rel=1e-9)

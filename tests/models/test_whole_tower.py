@@ -14,7 +14,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
-from suspension_cli.elements.registry import elements_of
+from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.energy import gradient_and_stiffness, sum_forms
 from suspension_cli.equilibrium.nominal import expand
@@ -356,7 +356,7 @@ def test_links_of_wires_have_the_losses_of_their_material():
 
     def noise(changes):
         way = {"outputs": ["m.x"], "frequency": [1.0], "fidelity": "beam"}
-        found = sus.thermal(design.replace(changes), **way).data[0]
+        found = sus.thermal(design.replace(changes), **way).motions[0]
         return found.density.sum(0)[0]
 
     constant = noise({"link.heat.loss_angle": bulk})

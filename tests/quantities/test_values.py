@@ -12,9 +12,10 @@ from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.linear import response as responses
 from suspension_cli.linear import signals
 from suspension_cli.models import registry
-from suspension_cli.quantities import solved, vocabulary
+from suspension_cli.quantities import requirements, solved, vocabulary
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import evaluate as evaluate_all
+from tests.support.exchanging import SMALL, D
 
 RELATIVE = 1e-9
 LOSSLESS = 1e-6
@@ -111,14 +112,15 @@ def test_peak_is_that_of_a_dense_grid_around_the_resonance(lossy):
     dense = f + width * np.linspace(-3, 3, 20001)
     found = np.abs(responses.solve(model, dense, [into], [out]).value[:, 0, 0])
     assert peak == pytest.approx(found.max(), rel=1e-6)
-    end = np.abs(responses.solve(model, np.array([50.0]), [into], [out]).value[0, 0, 0])
-    assert least <= end
+    band = np.linspace(20.0, 50.0, 2001)
+    fall = np.abs(responses.solve(model, band, [into], [out]).value[:, 0, 0])
+    assert least == pytest.approx(fall.min(), rel=1e-6)
 
 
 def test_thermal_noise_is_that_of_thermal(lossy):
     [value] = evaluate(lossy, "thermal test.x:10")
     found = sus.thermal(lossy, outputs=["test.x"], frequency=[10.0], fidelity="beam")
-    assert value == pytest.approx(found.amplitude[0], rel=RELATIVE)
+    assert value == pytest.approx(found.amplitude[0, 0], rel=RELATIVE)
 
 
 def test_force_noise_of_a_damped_pendulum_is_nyquists():
@@ -136,8 +138,8 @@ def test_force_noise_of_a_damped_pendulum_is_nyquists():
 def test_noise_and_rms_are_those_of_budget(triple):
     found = sus.budget(triple, outputs=["test.x"], frequency="0.05:10:400", fidelity="beam")
     density, rms = evaluate(triple, "noise test.x:10", "rms test.x:0.05:10")
-    assert density == pytest.approx(found.amplitude[-1], rel=RELATIVE)
-    assert rms == pytest.approx(found.rms[0], rel=1e-3)  # integrals from different points
+    assert density == pytest.approx(found.amplitude[-1, 0], rel=RELATIVE)
+    assert rms == pytest.approx(found.rms[0, 0], rel=1e-3)  # integrals from different points
 
 
 def test_violin_modes_are_those_of_the_table(lossy):
@@ -196,6 +198,46 @@ def test_distance_and_top_fraction_follow_from_modes(lossy):
     assert top == pytest.approx(modes.top_fraction[pitch], rel=LOSSLESS)
 
 
+def test_families_have_each_mode_once(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    families = names_of(lossy).families
+    texts = [
+        f"{name} {rank + 1}"
+        for name, size in zip(families.names, families.size, strict=True)
+        for rank in range(size)
+    ]
+    assert families.names == ("longitudinal-pitch", "transverse-roll", "vertical", "yaw")
+    values = evaluate(lossy, *texts)
+    np.testing.assert_allclose(sorted(values), modes.frequency, rtol=LOSSLESS)
+    yaw = [f for f, label in zip(modes.frequency, modes.label, strict=True) if "yaw" in label]
+    np.testing.assert_allclose(values[-len(yaw) :], yaw, rtol=LOSSLESS)
+
+
+def test_difference_is_that_of_two_modes(lossy):
+    one, other, apart = evaluate(
+        lossy, "yaw 1", "lowest vertical", "difference yaw 1, lowest vertical"
+    )
+    assert apart == pytest.approx(abs(one - other), rel=RELATIVE)
+
+
+@pytest.mark.parametrize("name", ["test pitch", "lowest pitch"])
+def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
+    """Pitch is the upper mode of two for large d, and the lower one for small d."""
+    design = sus.parse(SMALL)
+    heights = np.linspace(2e-4, 2e-3, 1200)
+    designs = [design.replace({D: d}).design for d in heights.tolist()]
+    quantity = vocabulary.parse_one(name, names_of(design), "--result")
+    [(_, batch)] = solved.of_designs(designs, "string", Needs.of([quantity]))
+    low, high = quantity.ends(batch, smooth=True)
+    value = quantity.values(batch)
+    assert np.abs(np.diff(value)).max() > 0.07
+    assert np.abs(np.diff(low)).max() < 0.01
+    assert np.abs(np.diff(high)).max() < 0.01
+    assert (low <= value * (1 + 1e-12)).all()
+    assert (value <= high * (1 + 1e-12)).all()
+    np.testing.assert_allclose(low[[0, -1]], high[[0, -1]], rtol=1e-12)
+
+
 @pytest.mark.parametrize("kind", vocabulary.every_kind(), ids=lambda kind: kind.pattern)
 def test_each_kind_says_what_is_wrong(kind):
     """A name of a kind with another ending is refused in one line."""
@@ -203,3 +245,55 @@ def test_each_kind_says_what_is_wrong(kind):
     with pytest.raises(sus.InputError) as raised:
         vocabulary.parse(f"{kind.example} nonsense:", names)
     assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("test.x/support.x:0.40111234", "test.x/support.x:0.40111235"),
+        ("thermal test.x:1.00000001", "thermal test.x:1"),
+        ("peak of test.x/support.x:0.1:5", "peak of test.x/support.x:0.1:5.0000001"),
+    ],
+)
+def test_no_two_quantities_have_one_name(lossy, one, other):
+    names = names_of(lossy)
+    texts = [vocabulary.parse_one(text, names, "--result").text for text in (one, other)]
+    assert texts == [one, other]
+
+
+@pytest.mark.parametrize("written", ["test.x / support.x : 10.0", "test.x/support.x:10"])
+def test_blanks_and_digits_of_a_name_do_not_matter(lossy, written):
+    found = vocabulary.parse_one(written, names_of(lossy), "--result")
+    assert found.text == "test.x/support.x:10"
+    peak = vocabulary.parse_one("peak of test.x / support.x:0.10:5", names_of(lossy), "--result")
+    assert peak.text == "peak of test.x/support.x:0.1:5"
+
+
+def test_labels_that_modes_prints_are_quantities():
+    """How many modes have a label depends on the model."""
+    design = sus.example("cryogenic-payload")
+    modes = sus.modes(design, fidelity="beam")
+    twice = [name for name in modes.numbered_label if name.endswith("#2")]
+    assert twice
+    for name in twice:
+        [value] = evaluate(design, name)
+        number = modes.numbered_label.index(name)
+        assert value == pytest.approx(modes.frequency[number], rel=1e-4), name
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value", "met"),
+    [
+        (-math.inf, 2e-3, -1e-3, True),
+        (-math.inf, 2e-3, -3e-3, False),  # a positive largest value limits the magnitude
+        (-math.inf, -1e-3, -2e-3, True),
+        (1e-3, math.inf, -2e-3, False),
+        (-1e-3, math.inf, -2e-3, False),
+        (-3e-3, 1e-3, -2e-3, True),
+    ],
+)
+def test_limits_of_a_quantity_with_a_sign(low, high, value, met):
+    names = names_of(sus.template("triple"))
+    found = requirements.find_one(requirements.Limits("test static pitch", low, high), names)
+    assert bool(found.is_met(np.array(value))) is met
+    assert (float(found.margin(np.array(value))) >= 0) is met

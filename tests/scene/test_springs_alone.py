@@ -17,7 +17,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.structure import Structure
 from suspension_cli.models import registry
-from suspension_cli.scene import imperfections
+from suspension_cli.scene import applied_imperfections
 from suspension_cli.studies import variants
 from tests.support import scenes
 
@@ -184,7 +184,7 @@ def test_imperfect_builds_sink_and_tilt():
     """Springs keep their preloads: a body heavier by 1 % sinks by m g / 100 k; one whose COM is
     moved by e tilts by m g e / (kappa + m g h), to first order."""
     design, weight = reader.parse(ISOLATOR), 14.2 * GRAVITY
-    heavier = imperfections.impose(expand(design), "body", 1, {"mass_factor": 1.01})
+    heavier = applied_imperfections.impose(expand(design), "body", 1, {"mass_factor": 1.01})
     found = equilibrium.solve(heavier)
     assert found.converged
     assert found.pose.shift[1, 2] == pytest.approx(-0.01 * weight / 5000.0, rel=1e-9)

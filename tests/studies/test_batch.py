@@ -10,7 +10,6 @@ import pickle
 import shutil
 import tempfile
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +17,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import suspension_cli as sus
+from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.swept_results import find_results
 from suspension_cli.analyses.tolerance import solve as random_builds
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError, PendsusError
-from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.models import registry
 from suspension_cli.studies import chunks
 from suspension_cli.studies import run as batch
 from suspension_cli.studies.job import Axis
@@ -64,8 +64,8 @@ def whole(tmp_path_factory):
         "xcouple": ("xcouple", FILE, *GRID),
         "tolerance": (
             *("tolerance", RANDOM, "--fidelity", "string", "--builds", "150"),
-            *("--frequency", "10,50", "--sampling"),
-            *("sobol", "--require", "test.x/support.x:10 < 1", "--require", "coupling < 1e-3"),
+            *("--frequency", "10,50", "--result", "Q of test pitch"),
+            *("--require", "test.x/support.x:10 < 1", "--require", "coupling < 1e-3"),
         ),
     }
     return {
@@ -86,13 +86,6 @@ def test_chunks_change_results_by_rounding_alone(name, whole, tmp_path):
         size = np.abs(np.nan_to_num(values)).max(initial=0.0)
         if "residual" not in key:
             np.testing.assert_allclose(found[key], values, rtol=1e-8, atol=1e-10 * size)
-
-
-def modes_of(text):
-    """Modes of a design, and the bodies that have signals."""
-    model = registry.BEAM.system(reader.parse(text))
-    found = eigenmodes.solve(replace(model, terms=()))
-    return found, signals.bodies_with_signals(model)
 
 
 AXES = (
@@ -119,8 +112,9 @@ def lossy_at_high_frequencies():
 
 def over_designs():
     axis = Axis("stage.test.wires.d", tuple(np.linspace(1e-3, 2e-3, 81)))
-    results = named_results.parse(["test yaw"], *modes_of(TEXT))
-    return ParameterSweep(TEXT, (axis,), "beam", tuple(results))
+    design = sus.parse(TEXT)
+    results = find_results(["test yaw", "2"], names_of(design), TEXT, "beam")
+    return ParameterSweep(TEXT, (axis,), "beam", results)
 
 
 def builds_at_random(count, **how):
@@ -138,8 +132,6 @@ JOBS = {
     "violin": lossy_at_high_frequencies,
     "designs": over_designs,
     "random": lambda: builds_at_random(81),
-    # N = 16, so that these ranges are in several of the 19 matrices
-    "indices": lambda: builds_at_random(19 * 16, method="sobol", with_indices=True),
 }
 """Sweeps of every kind of matrix."""
 

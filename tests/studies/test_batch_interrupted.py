@@ -27,7 +27,10 @@ from tests.support.couplings import FILE
 from tests.support.files import numbers_of
 
 NAME = "husman2000-figure6-xcouple.h5"
-SMALL = ("--sweep", "k=0.6:1.4:40,offset=-2e-3:2e-3:60", "--no-plot", "-q", "--chunk", "64")
+SMALL = (
+    *("--sweep", "k=0.6:1.4:40,offset=-2e-3:2e-3:60"),
+    *("--every-point", "--no-plot", "-q", "--chunk", "64"),
+)
 CHUNKS = -(-40 * 60 // 64)
 TINY = ("--sweep", "k=0.6:1.4:15,offset=-2e-3:2e-3:15", "--no-plot", "-q", "--chunk", "64")
 """Four chunks."""

@@ -9,14 +9,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.optimise.evaluate import solve_modes
+import suspension_cli as sus
+from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sensitivity import solve as sensitivity
 from suspension_cli.design import paths, reader
-from suspension_cli.linear import eigenmodes, named_results, response, signals
+from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
+from suspension_cli.physics.wire_modes import solve_undamped_bodies
+from suspension_cli.quantities.kinds.responses import Ratio
 from tests.equilibrium.test_clamps import tables_as_built
 from tests.support.golden import CONFIGS
 from tests.support.scenes import plain
+
+pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
 
 DOUBLE = CONFIGS / "double.toml"
 
@@ -29,11 +34,10 @@ def beam(text, *overrides):
 
 @cache
 def solved(text, *results, level="beam"):
-    model = registry.by_name(level).system(reader.parse(text))
-    requested = named_results.parse(
-        list(results) or ["modes"], solve_modes(model), signals.bodies_with_signals(model)
-    )
-    return sensitivity.solve(text, requested, level), requested
+    names = names_of(reader.Source(reader.parse(text), text, ""))
+    requested = sensitivity.parse(results, names, text, level)
+    found = sus.sensitivity(sus.parse(text), results=results, fidelity=level, allow_unstable=True)
+    return found, requested
 
 
 def whole_run(text, level, requested, numbers):
@@ -41,13 +45,13 @@ def whole_run(text, level, requested, numbers):
     overrides = paths.symmetric_settings(numbers)
     model = registry.by_name(level).system(reader.parse_with_overrides(text, overrides))
     known, sizes = signals.bodies_with_signals(model), []
-    for item in (item for item in requested if isinstance(item, named_results.Ratio)):
+    for item in (item for item in requested if isinstance(item, Ratio)):
         outputs = [
             signals.parse_output(s.text, known) for s in (item.over, item.under) if s is not None
         ]
         y = response.solve(model, np.array([item.frequency]), [item.input], outputs).value[0, :, 0]
         sizes.append(abs(y[0] if len(y) == 1 else y[0] / y[1]))
-    return np.array([*solve_modes(model).frequency, *sizes])
+    return np.array([*solve_undamped_bodies(model).frequency, *sizes])
 
 
 def sectioned():

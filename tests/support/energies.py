@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from suspension_cli.elements import bending, spring, string, weight
+from suspension_cli.elements import bending, spring, taut_string, weight
 from suspension_cli.scene.pose import nominal_pose
 
 
@@ -136,7 +136,7 @@ def blade_energy(scene, pose):
 
 ENERGIES = {
     weight.ELEMENT: weight_energy,
-    string.ELEMENT: string_energy,
+    taut_string.ELEMENT: string_energy,
     bending.ELEMENT: bending_energy,
     spring.ELEMENT: spring_energy,
     spring.BLADES: blade_energy,

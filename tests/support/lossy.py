@@ -94,7 +94,7 @@ def noise(
     *,
     tilt: float = 0.0,
     temperature: float = 290.0,
-) -> thermal_noise.Thermal:
+) -> thermal_noise.MotionNoise:
     motion = thermal_noise.parse_motion(model, text, tilt)
     return thermal_noise.solve(model, np.asarray(frequency), [motion], temperature)[0]
 

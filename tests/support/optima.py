@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import suspension_cli as sus
 from suspension_cli.analyses.optimise import solve as searching
-from suspension_cli.analyses.optimise.evaluate import Evaluator
-from suspension_cli.analyses.optimise.requirements import FreeDesign
+from suspension_cli.analyses.optimise.evaluator import Evaluator
+from suspension_cli.analyses.optimise.free_numbers import FreeDesign
 from suspension_cli.design.goals import Equal, Free, Goal, Goals
 from suspension_cli.design.schema import Perturbation
 from tests.support.golden import CONFIGS, ROOT
@@ -44,7 +45,7 @@ def solved(file, goal, free, equal=(), **how):
         margin=how.pop("margin", 1e-6),
     )
     return searching.solve(
-        file if isinstance(file, str) else file.read_text(),
+        sus.parse(file if isinstance(file, str) else file.read_text()),
         wanted,
         **{"level": "string", "starts": 1} | how,
     )
@@ -52,7 +53,7 @@ def solved(file, goal, free, equal=(), **how):
 
 def values_of(text, wanted):
     """Quantities of a freed design on the string model."""
-    return Evaluator.of(FreeDesign.of(text, wanted))
+    return Evaluator.of(FreeDesign.of(text, wanted), sus.parse(text))
 
 
 EVERY = Goals(

@@ -7,7 +7,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from suspension_cli.elements import beam, joined_sections
+from suspension_cli.elements import joined_sections, tensioned_beam
 from tools.stability import naive
 from tools.stability.row import SHIPPED, Row, sample
 
@@ -62,7 +62,7 @@ def _exact(rigidity: float, mass: float, total: float) -> Any:
 
 
 def shipped(rigidity: float) -> Any:
-    """Dynamic stiffness (4, 4) of the wire by `elements.beam`, between its two ends."""
+    """Dynamic stiffness (4, 4) of the wire by `elements.tensioned_beam`, between its two ends."""
     return _between_ends(rigidity, MASS, LENGTH)
 
 
@@ -73,9 +73,11 @@ def _between_ends(rigidity: float, mass: float, length: float) -> Any:
 def _by_sections(sections: list[tuple[float, float, float]]) -> Any:
     """Dynamic stiffness (4, 4) between the ends of sections (EI, mass, length) as shipped."""
     ei, mass, lengths = (np.array(column)[:, None] for column in zip(*sections, strict=True))
-    elements = beam.stiffness(ei, beam.waves(ei, TENSION, mass, lengths / 2, _OMEGA))
+    elements = tensioned_beam.stiffness(
+        ei, tensioned_beam.waves(ei, TENSION, mass, lengths / 2, _OMEGA)
+    )
     parts = np.zeros((4, 4, *elements[0].shape))
-    for (i, j), value in zip(beam.ELEMENT_PLACES, elements, strict=True):
+    for (i, j), value in zip(tensioned_beam.ELEMENT_PLACES, elements, strict=True):
         parts[i, j] = parts[j, i] = value
     tensions, length = np.full(lengths.shape, TENSION), lengths.sum()
     whole = joined_sections.join(parts, tensions, lengths).stiffness[..., 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from suspension_cli.drawing.style import (
     format_raised,
     single_line,
 )
-from suspension_cli.physics.noise_budget import Budget
+from suspension_cli.physics.noise_budget import MotionBudget
 
 FAINT = 1e-3
 """Fraction of the sum below which a cause is not drawn."""
@@ -26,7 +27,7 @@ MOST = 99.0
 """Part of the mean square, per cent, from which a cause makes "nearly all" of it."""
 
 
-def draw(budgets: list[Budget], title: str) -> Figure:
+def draw(budgets: Sequence[MotionBudget], title: str) -> Figure:
     """Draw a panel per output, below a sentence on it."""
     drawn = [*dict.fromkeys(name for one in budgets for name in _drawn(one))]
     colours = [PALETTE[n % len(PALETTE)] for n in range(len(drawn))]
@@ -39,8 +40,9 @@ def draw(budgets: list[Budget], title: str) -> Figure:
     return panels.draw(f"Noise budget of {outputs}", title, shown)
 
 
-def _panel(one: Budget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
-    at, drawn = one.frequency, _drawn(one)
+def _panel(one: MotionBudget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
+    at = one.frequency
+    drawn = _drawn(one)
     lines = [Line(at, one.amplitude, "all", INK, {"linewidth": 2.0})]
     lines += [Line(at, one.parts[name], name, *looks[name]) for name in drawn]
     known = [one.amplitude]
@@ -48,7 +50,8 @@ def _panel(one: Budget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
         lines.append(Line(at, one.rms, f"RMS above f ({one.unit})", NOTE, {"linewidth": 0.7}))
         known.append(one.rms[:1])
     if one.requirement is not None:
-        given, look = one.requirement, LineLook(linestyle="--", linewidth=1.1)
+        given = one.requirement
+        look = LineLook(linestyle="--", linewidth=1.1)
         lines.append(Line(given.frequency, given.density, Path(given.name).stem, RED, look))
         known.append(given.density)
     faint = ", ".join(name for name in one.cause if name not in drawn)
@@ -64,9 +67,10 @@ def _panel(one: Budget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
     )
 
 
-def write_message(one: Budget) -> str:
+def write_message(one: MotionBudget) -> str:
     """Describe a panel in one sentence: RMS, its main cause, requirement."""
-    square, rms = one.mean_square[0], one.rms[0]
+    square = one.mean_square[0]
+    rms = one.rms[0]
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()
@@ -80,6 +84,6 @@ def write_message(one: Budget) -> str:
     return f"{text}; the requirement is {one.requirement.outcome}" if one.requirement else text
 
 
-def _drawn(one: Budget) -> list[str]:
+def _drawn(one: MotionBudget) -> list[str]:
     total = one.amplitude
     return [name for name, part in one.parts.items() if (part > FAINT * total).any()]

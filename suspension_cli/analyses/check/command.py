@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
+from suspension_cli.analyses.analysis import Analysis, Document, Run
 from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.solve import Check
     from suspension_cli.physics.loads import LinkLoad
-    from suspension_cli.quantities.requirements import Verdict
 
 
 class CheckAnalysis(Analysis):
@@ -26,10 +25,8 @@ class CheckAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.check.solve.Check`: `stable`, `statics`, `verdicts`,
-        `warnings`, which
-        are Python warnings too.
+    Check
+        With `stable`, `statics`, `verdicts`, and `warnings`, which are Python warnings too.
 
     Raises
     ------
@@ -45,6 +42,7 @@ class CheckAnalysis(Analysis):
     """
 
     name = "check"
+    returns = "analyses.check.solve.Check"
     has_model = False
     has_file = False
     arguments = (options.DESIGNS,)
@@ -59,32 +57,28 @@ class CheckAnalysis(Analysis):
         options.AS_JSON_ONLY,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Check:
         """Check a design, and warn of what is implausible."""
         from suspension_cli.analyses.check.solve import check
 
-        found = check(run.source)
-        for item in found.warnings:
-            run.log.warn(f"{run.name}: {item.line('')}")
-        extra = {"strict": run.setting["strict"]}
-        return Result(self, run.source, found.choice, found, extra, command=run.command)
+        return check(self, run)
 
-    def exit_code(self, result: Result) -> int:
+    def exit_code(self, result: Check) -> int:
         """Return 1 with --strict if there are warnings, or requirements that are not met."""
-        found: Check = result.data
-        failed = [verdict for verdict in found.verdicts if not verdict.met]
-        return int(result.extra["strict"] and bool(found.warnings or failed))
+        failed = [verdict for verdict in result.verdicts if not verdict.met]
+        return int(result.run.options["strict"] and bool(result.warnings or failed))
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Check) -> Document:
         """Return loads, warnings and stability."""
+        from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import list_documents
 
-        found: Check = result.data
-        loads, own = found.statics, found.weights
+        loads = result.statics
+        own = result.weights
         document: Document = {
-            "file": result.given.file,
-            "stable": found.stable,
-            "stability_model": found.stability_model,
+            "file": result.run.design.file,
+            "stable": result.stable,
+            "stability_model": result.stability_model,
             "residual": loads.residual,
             "height_m": loads.height,
         }
@@ -96,28 +90,30 @@ class CheckAnalysis(Analysis):
                 document[key] = list_documents(parts)
         document["warnings"] = [
             {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
-            for item in found.warnings
+            for item in result.warnings
         ]
-        if found.verdicts:
-            document["requirements"] = [_describe(verdict) for verdict in found.verdicts]
+        if result.verdicts:
+            document["requirements"] = [verdicts.document(one) for one in result.verdicts]
         if own is not None and own.included:
             [document["wire_weight"]] = list_documents([own])
         return document
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Check) -> str:
         """Return tables of loads, the lowest points, the pose and the stability."""
+        from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import render
 
-        found: Check = result.data
-        loads, count = found.statics, len(found.warnings)
+        loads = result.statics
+        count = len(result.warnings)
         verdict = "good" if not count else f"{count} warning{'s' * (count > 1)}"
-        file, choice = escape_unprintable(result.given.file) or result.given.name, found.choice
+        choice = result.run.choice
+        file = escape_unprintable(result.run.design.file) or result.run.name
         lines = [f"{file}: {verdict}; simplest valid model: {choice.level} ({choice.reason})"]
         tabulated = (loads.wires, loads.blades, loads.legs, loads.filters, loads.cavities)
         lines += [render(parts) for parts in tabulated if parts]
         lines += _link_tables(loads.links)
-        if found.weights is not None and found.weights.line:
-            lines.append(f"  {found.weights.line}")
+        if result.weights is not None and result.weights.line:
+            lines.append(f"  {result.weights.line}")
         lines += [
             f"  profile of {one.wire}: {one.places} places in {one.sections} uniform sections"
             for one in loads.profiles
@@ -137,43 +133,13 @@ class CheckAnalysis(Analysis):
         lowest = sorted(loads.lowest, key=lambda low: low.z)[:3]
         points = ", ".join(f"{low.name} {low.z:.4g} m ({low.point})" for low in lowest)
         lines.append(f"  height {loads.height:.4g} m; lowest points: {points}")
-        if found.stable is not None:
-            word = "stable" if found.stable else "UNSTABLE"
-            lines.append(f"  {word} in the {found.stability_model} model")
+        if result.stable is not None:
+            word = "stable" if result.stable else "UNSTABLE"
+            lines.append(f"  {word} in the {result.stability_model} model")
         lines.append(f"  largest residual force: {loads.residual:.0e} of the weight")
-        if found.verdicts:
-            lines.append(_tabulate(found.verdicts))
+        if result.verdicts:
+            lines.append(verdicts.tabulate(result.verdicts))
         return "\n".join(lines)
-
-
-def _describe(verdict: Verdict) -> Document:
-    """Return a verdict as JSON."""
-    limits = verdict.requirement.limits
-    return {
-        "quantity": verdict.requirement.quantity.text,
-        "unit": verdict.requirement.quantity.unit,
-        "at_least": limits.low,
-        "at_most": limits.high,
-        "note": limits.note,
-        "value": verdict.value,
-        "margin": verdict.margin,
-        "met": verdict.met,
-    }
-
-
-def _tabulate(verdicts: Sequence[Verdict]) -> str:
-    """Return the table of requirements, with their values and margins."""
-    rows = []
-    for verdict in verdicts:
-        unit, factor = verdict.requirement.displayed
-        value = f"{verdict.value * factor:.5g} {unit}".rstrip()
-        if verdict.value != verdict.value:
-            value = f"none: {verdict.requirement.quantity.missing}"
-        outcome = "met" if verdict.met else "NOT met"
-        margin = 100 * verdict.margin
-        rows.append((outcome, value, margin, verdict.requirement.description))
-    columns = {"": "", "value": " ", "margin\n%": "+.3g", "requirement": ""}
-    return tables.render(columns, rows)
 
 
 def _link_tables(links: Sequence[LinkLoad]) -> list[str]:

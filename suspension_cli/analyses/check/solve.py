@@ -1,4 +1,10 @@
-"""Check of a design: whether it balances, its loads, and what is implausible in it."""
+"""Check of a design: whether it balances, its loads, and what is implausible in it.
+
+>>> import suspension_cli as sus
+>>> found = sus.check(sus.template("single"))
+>>> found.stable, len(found.warnings), round(found.statics.wires[0].tension, 2)
+(True, 0, 13.75)
+"""
 
 from __future__ import annotations
 
@@ -8,44 +14,51 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses import verdicts
 from suspension_cli.analyses.named_quantities import names_of
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import ANALYSES, FRAME, GROUND, SUPPORT
 from suspension_cli.design import checks
 from suspension_cli.design.checks import ImplausibleNumber
 from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value, suggest
-from suspension_cli.linear import named_results, signals
+from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import registry
-from suspension_cli.models.registry import Choice
 from suspension_cli.physics import statics
 from suspension_cli.physics.loads import Statics, WireWeights
 from suspension_cli.physics.near_limits import find_implausible_loads, find_slackest, find_stability
 from suspension_cli.physics.statics import list_wire_tables
 from suspension_cli.physics.temperatures import find_unknown_temperatures
-from suspension_cli.quantities import requirements
+from suspension_cli.quantities import requirements, vocabulary
+from suspension_cli.quantities.kinds.modes import ALL
+from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.requirements import Verdict
 
 if TYPE_CHECKING:
+    from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.design.reader import Source
 
 
-@dataclass(frozen=True)
-class Check:
+@dataclass(frozen=True, eq=False, repr=False)
+class Check(Record):
     """A valid design: loads of its wires and blades, and implausible numbers.
+
+    Its model is the simplest that is valid.
 
     Attributes
     ----------
-    choice : Choice
-        The simplest valid model.
+    statics : Statics
+        Loads of wires, blades, links and legs, and the pose.
     stable, stability_model : bool, str or None
         Whether it is stable, and in which model; None if not computed.
+    warnings : list of ImplausibleNumber
+        What is valid but implausible.
     verdicts : tuple of Verdict
         Values of what `[[requirement]]` limits, in the stability model.
     """
 
-    choice: Choice
     statics: Statics
     stable: bool | None
     stability_model: str | None
@@ -58,18 +71,20 @@ class Check:
         return self.statics.weights
 
 
-def check(source: Source) -> Check:
-    """Check a design.
+def check(analysis: Analysis, run: Run) -> Check:
+    """Check a design, and warn of what is implausible.
 
     Raises
     ------
     InputError
         If it does not balance, with the implausible numbers that may be the reason.
     """
+    source = run.source
     design = source.design
     found = checks.find_implausible(design)
     try:
-        choice, loads = registry.choose(design), statics.solve(design)
+        choice = registry.choose(design)
+        loads = statics.solve(design)
     except InputError as error:
         raise InputError([*error.faults, *found], source.file) from None
     found += find_implausible_loads(design, loads)
@@ -79,30 +94,21 @@ def check(source: Source) -> Check:
     found += [ImplausibleNumber.of(fault) for fault in unknown]
     found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
     found += [*unstable, *find_slackest(loads)]
-    found += find_unknown_names(design, modes, tomllib.loads(source.text))
-    verdicts = judge_requirements(source, model)
+    found += find_unknown_names(source, modes)
+    found_verdicts = verdicts.judge(source, model)
     stable = None if model is None else not unstable
-    return Check(choice, loads, stable, model, found, verdicts)
+    for item in found:
+        run.log.warn(f"{run.name}: {item.line('')}")
+    origin = run.origin(analysis, choice)
+    return Check(loads, stable, model, found, found_verdicts, run=origin)
 
 
-def judge_requirements(source: Source, level: str | None) -> tuple[Verdict, ...]:
-    """Evaluate what `[[requirement]]` of a design limits, in a model by its name.
-
-    Raises `InputError` if a requirement names no quantity of the design.
-    """
-    wanted = requirements.of_design(source.design)
-    if not wanted or level is None:
-        return ()
-    found = requirements.find(wanted, names_of(source))
-    return requirements.judge(found, source.design, level)
-
-
-def find_unknown_names(
-    design: Design, found: Modes | None, raw: dict[str, object]
-) -> list[ImplausibleNumber]:
-    """Find unknown names in a design, whose tables are `raw`; labels if modes are `found`."""
+def find_unknown_names(source: Source, found: Modes | None) -> list[ImplausibleNumber]:
+    """Find unknown names in a design; those of quantities if modes are `found`."""
     from suspension_cli.analyses import registry as analyses
 
+    design = source.design
+    raw = tomllib.loads(source.text)
     stages = tuple(stage.name for stage in design.stage)
     frame = (FRAME,) if design.support is not None else ()
     on_ground = any(GROUND in item.between for _, item in design.between_bodies)
@@ -127,17 +133,19 @@ def find_unknown_names(
 
     unknown: list[ImplausibleNumber] = []
     for analysis in map(analyses.get, ANALYSES):
-        parsers = [*analysis.parse_names(design, stages, known)]
-        if found is not None:
-            parsers += analysis.parse_results(design, found, stages, known)
+        parsers = analysis.parse_names(design, stages, known)
         unknown += [warning for parse in parsers for warning in _collect_faults(parse)]
+    if found is not None:
+        quantities = names_of(source)
+        for limits in requirements.of_tolerance(design):
+            unknown += _collect_faults(partial(requirements.find_one, limits, quantities))
     parse_text: dict[str, Callable[[str], object]] = {
         **dict.fromkeys(("input", "output", "over", "under", "impulse"), parse_signal),
         "observe": lambda text: parse_signal(f"{text.partition('@')[0]}.x"),
         "wire": partial(parse_among, wires, "wire"),
         "body": partial(parse_among, [*stages], "stage"),
         "vary": parse_path,
-        "result": lambda text: found and named_results.parse([text], found, known),
+        "result": partial(_parse_quantity, names_of(source) if found is not None else None),
     }
     for where, key, value in _analysis_keys(design):
         if "." in key:
@@ -147,6 +155,12 @@ def find_unknown_names(
             faults = _collect_faults(partial(parse_text[key], value))
             unknown += [replace(item, key=where, value=format_value(value)) for item in faults]
     return unknown
+
+
+def _parse_quantity(names: Names | None, text: str) -> None:
+    """Raise `InputError` if a design has no such quantity; nothing is known without modes."""
+    if names is not None and text != ALL:
+        vocabulary.parse(text, names, "")
 
 
 def _analysis_keys(design: Design) -> Iterator[tuple[str, str, object]]:

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import argument
 from suspension_cli.grids import end_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from suspension_cli.analyses.compare.compared_quantities import (
+        ComparedQuantities,
+        ItemVerdict,
+    )
     from suspension_cli.analyses.compare.solve import Comparison, Overlay, PairedModes
 
 MIXED = 0.9
@@ -28,23 +33,26 @@ beside it do not show it. JSON and files have all digits."""
 
 
 class CompareAnalysis(Analysis):
-    """Compare designs, results and measurements: modes, responses, noises.
+    """Compare designs, results and measurements: modes, quantities, responses, noises.
 
     Each ITEM is a design (.toml), a results file (.h5) of modes, response or thermal, or a
-    measurement (.toml with [[transfer_function]] or [[mode]], .csv, DTT .xml, HDF5). Prints the
-    numbers in which the designs differ, their modes paired by shape, and the ratios of responses
-    and noises to those of the first design or result. A --variant is the first design with some
-    values changed. Control loops of designs are open. Writes DIR/NAME-and-NAME-compare.h5 and .png.
+    measurement (.toml with [[transfer_function]], [[mode]] or [[quantity]], .csv, DTT .xml, HDF5).
+    Prints the numbers in which the designs differ, their modes paired by shape, the quantities of
+    --result and of the designs' requirements with verdicts, and the ratios of responses and noises
+    to those of the first design or result. A --variant is the first design with some values
+    changed. Control loops of designs are open in responses and noises. Writes
+    DIR/NAME-and-NAME-compare.h5 and .png.
 
     Example: pendsus compare my.toml new.toml --input support.x --output test.x
+
+    Example: pendsus compare my.toml new.toml --result "thermal test.x:10"
 
     Example: pendsus compare my.toml --variant "d = 3 mm: stage.test.wires.d=3e-3"
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.compare.solve.Comparison`: `name`, `change`, `modes`,
-        `overlay`.
+    Comparison
+        With `name`, `kind` and `models` of each item, `change`, `modes`, `quantities`, `overlay`.
 
     Raises
     ------
@@ -67,7 +75,7 @@ class CompareAnalysis(Analysis):
     inputs = (
         options.Input(
             "*items",
-            "Design | Result | PathLike",
+            "Design | Record | PathLike",
             "Two or more with the variants; files as of ``pendsus compare``. At least one has a"
             " design.",
         ),
@@ -79,6 +87,17 @@ class CompareAnalysis(Analysis):
             multiple=True,
             metavar="NAME: PATH=VALUE; ...",
             help="Add the first design with other values, under a name (repeatable).",
+        ),
+        options.option(
+            "--result",
+            "results",
+            multiple=True,
+            metavar="QUANTITY",
+            help=(
+                "Compare this quantity (docs/quantities.md): test pitch, Q of test pitch, stress"
+                " test wires, thermal test.x:10, ... (repeatable).  [default: those of the designs'"
+                " requirements]"
+            ),
         ),
         options.signals("input", "Compare responses to this input, e.g. support.x"),
         options.signals("output", "Compare responses of this output, e.g. test.x"),
@@ -94,78 +113,89 @@ class CompareAnalysis(Analysis):
 
         return items.read(ask, files["items"])
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Comparison:
         """Analyse the designs and compare all items."""
         from suspension_cli.analyses.compare import solve as compare
         from suspension_cli.files.hdf5 import reporting_damage
 
-        items, damage = run.inputs["items"], contextlib.nullcontext()
-        if stored := " or ".join(item.result.given.file for item in items if item.result):
+        items = run.inputs["items"]
+        damage = contextlib.nullcontext()
+        if stored := " or ".join(item.result.run.design.file for item in items if item.result):
             # whose numbers, unlike those of designs, nobody has checked
             damage = reporting_damage(stored, "run the analysis again")
         with damage:
-            found, choice = compare.solve(items, run)
+            found = compare.solve(self, items, run)
         opened = [i.name for i in items if i.run and i.source and i.source.design.control]
         if found.overlay and opened:
             run.log.say(
                 f"control loops of {', '.join(opened)} are open; for closed loops compare results"
                 " of pendsus response --closed-loop"
             )
-        return Result(self, run.source, choice, found, command=run.command)
+        return found
 
-    def document(self, result: Result) -> Document:
-        """Return changed numbers, paired modes, and curves with ratios."""
-        found: Comparison = result.data
+    def document(self, result: Comparison) -> Document:
+        """Return changed numbers, paired modes, quantities, and curves with ratios."""
         document: Document = {
-            "designs": list(found.name),
+            "designs": list(result.name),
             "items": [
                 row | {"fidelity": row["fidelity"] or None}
-                for row in table(found, "name kind fidelity=model")
+                for row in table(result, "name kind fidelity=models")
             ],
             "changes": {
                 name: table(changes, "path before after")
-                for name, changes in zip(found.name, found.change, strict=True)
+                for name, changes in zip(result.name, result.change, strict=True)
                 if changes
             },
         }
-        if found.modes is not None:
-            document["modes"] = table(found.modes, "label frequency_hz=frequency q overlap")
+        if result.modes is not None:
+            document["modes"] = table(result.modes, "label frequency_hz=frequency q overlap")
+        if result.quantities is not None:
+            document["quantities"] = _list_quantities(result, result.quantities)
         return document | {
-            "responses": [_overlay(found, one) for one in found.overlay if one.kind == "response"],
-            "noises": [_overlay(found, one) for one in found.overlay if one.kind == "noise"],
+            "responses": [
+                _overlay(result, one) for one in result.overlay if one.kind == "response"
+            ],
+            "noises": [_overlay(result, one) for one in result.overlay if one.kind == "noise"],
         }
 
-    def text(self, result: Result) -> str:
-        """Return models and what they neglect, changed numbers, paired modes and ratios."""
+    def text(self, result: Comparison) -> str:
+        """Return models and what they neglect, changed numbers, modes, quantities and ratios."""
         from suspension_cli.models.registry import NOTHING
 
-        found, choice = result.data, result.choice
-        kinds = zip(found.name, found.kind, found.model, strict=True)
+        choice = result.run.choice
+        kinds = zip(result.name, result.kind, result.models, strict=True)
         items = [f"{n}: {k}" + (f", {m} model" if m else "") for n, k, m in kinds]
         neglected = choice.neglected or NOTHING * (choice.error == 0)
-        lines = ["; ".join(filter(None, (*items, neglected))), *_changes(found)]
-        if found.modes is not None:
-            lines += _pairs(found, found.modes)
-        return "\n".join([*lines, *(row for one in found.overlay for row in _ratios(found, one))])
+        lines = ["; ".join(filter(None, (*items, neglected))), *_changes(result)]
+        if result.modes is not None:
+            lines += _pairs(result, result.modes)
+        if result.quantities is not None:
+            lines += _tabulate(result, result.quantities)
+        return "\n".join([*lines, *(row for one in result.overlay for row in _ratios(result, one))])
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw changes of modes, and responses and noises with their ratios."""
+    def figures(self, result: Comparison, setting: Settings) -> dict[str, Figure]:
+        """Draw changes of modes and of quantities, and responses and noises with their ratios."""
+        import numpy as np
+
         from suspension_cli.analyses.compare import picture
 
-        found: Comparison = result.data
         figures = {}
-        if found.modes is not None:
-            figures[""] = picture.draw_modes(found, found.modes)
-        for overlay in found.overlay:
+        if result.modes is not None:
+            figures[""] = picture.draw_modes(result, result.modes)
+        if result.quantities is not None and np.isfinite(result.quantities.change).any():
+            figures["-quantities" if figures else ""] = picture.draw_quantities(
+                result, result.quantities
+            )
+        for overlay in result.overlay:
             stem = "-" + re.sub(r"[^A-Za-z0-9.]+", "-", overlay.name).strip("-")
-            figures[stem if figures else ""] = picture.draw_overlay(found, overlay)
+            figures[stem if figures else ""] = picture.draw_overlay(result, overlay)
         return figures
 
-    def path(self, result: Result, folder: Path) -> Path:
+    def path(self, result: Comparison, folder: Path) -> Path:
         """Path of the results file, named after the first two items."""
-        names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.data.name]
+        names = [re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-") for name in result.name]
         more = f"-and-{len(names) - 2}-more" if len(names) > 2 else ""
-        stem = result.given.stem(f"{names[0]}-and-{names[1]}{more}")
+        stem = result.run.design.stem(f"{names[0]}-and-{names[1]}{more}")
         return folder / f"{stem}-{self.stem}.h5"
 
 
@@ -196,10 +226,94 @@ def _overlay(found: Comparison, overlay: Overlay) -> Document:
     return head | {"unit": overlay.unit, "reference": reference, "curves": curves}
 
 
+def _list_quantities(found: Comparison, quantities: ComparedQuantities) -> list[Document]:
+    """Return quantities with the values of all items, verdicts, and reasons of missing values."""
+    rows = []
+    for row, name in enumerate(quantities.name):
+        judged = [one for one in quantities.verdict if one.quantity == row]
+        missing = [one for one in quantities.missing if one.quantity == row]
+        document: Document = {
+            "name": name,
+            "unit": quantities.quantity_unit[row],
+            "value": quantities.value[row],
+            "change_percent": quantities.change[row],
+        }
+        if judged:
+            document["requirements"] = [
+                {
+                    "design": found.name[one.item],
+                    "requirement": one.description,
+                    "note": one.note,
+                    "met": one.met,
+                    "margin": one.margin,
+                }
+                for one in judged
+            ]
+        if missing:
+            document["missing"] = {found.name[one.item]: one.reason for one in missing}
+        rows.append(document)
+    return rows
+
+
+def _tabulate(found: Comparison, quantities: ComparedQuantities) -> list[str]:
+    """Return the table of quantities, a row each, and why some designs have none."""
+    from suspension_cli.quantities.requirements import displayed_unit
+
+    first, *others = _columns(quantities)
+    judged = {one.item for one in quantities.verdict}
+    columns: dict[str, str] = {"quantity": "", "unit": ""}
+    for n in (first, *others):
+        columns[f"{found.name[n]}\n"] = ".5g"
+        if n in others:
+            columns[f"{found.name[n]}\nchange %"] = "+.3g"
+        if n in judged:
+            columns[f"{found.name[n]}\nverdict"] = ""
+    if judged:
+        columns["requirement"] = ""
+    rows = []
+    for row, name in enumerate(quantities.name):
+        unit, factor = displayed_unit(quantities.quantity_unit[row])
+        cells: list[float | str | None] = [name, unit]
+        for n in (first, *others):
+            cells.append(factor * quantities.value[row, n])
+            if n in others:
+                change = quantities.change[row, n]
+                cells.append("0" if abs(change) < ROUNDED else change)
+            if n in judged:
+                cells.append(_verdict(quantities.verdicts_on(row, n)))
+        if judged:
+            texts = [one.description for one in quantities.verdict if one.quantity == row]
+            cells.append("; ".join(dict.fromkeys(texts)))
+        rows.append(cells)
+    lines = ["", "quantities", tables.render(columns, rows)]
+    for one in quantities.missing:
+        name = quantities.name[one.quantity]
+        lines.append(f"  {found.name[one.item]} has no value of {name}: {one.reason}")
+    return lines
+
+
+def _columns(quantities: ComparedQuantities) -> list[int]:
+    """Numbers of the items that have a value, or a reason why not."""
+    import numpy as np
+
+    known = set(np.flatnonzero(np.isfinite(quantities.value).any(0)).tolist())
+    return sorted(known | {one.item for one in quantities.missing})
+
+
+def _verdict(judged: Sequence[ItemVerdict]) -> str:
+    """Return ``met`` or ``NOT met``, with the smallest margin; "" without a requirement."""
+    if not judged:
+        return ""
+    outcome = "met" if all(one.met for one in judged) else "NOT met"
+    margin = min(one.margin for one in judged)
+    return outcome if math.isnan(margin) else f"{outcome} ({100 * margin:+.3g} %)"
+
+
 def _changes(found: Comparison) -> Iterator[str]:
     first, *others = (n for n, kind in enumerate(found.kind) if kind != "measurement")
     for n in others:
-        heads, changes = [found.name[first], found.name[n]], found.change[n]
+        heads = [found.name[first], found.name[n]]
+        changes = found.change[n]
         none = "" if changes else ": none"
         yield from ("", f"numbers that differ between {' and '.join(heads)}{none}")
         if changes:
@@ -241,7 +355,8 @@ def _ratios(found: Comparison, overlay: Overlay) -> Iterator[str]:
     for curve in overlay.curves[1:]:
         size = np.abs(curve.ratio)
         known = np.isfinite(size) & (size > 0)
-        f, size = curve.ratio_frequency[known], size[known]
+        f = curve.ratio_frequency[known]
+        size = size[known]
         text = "no frequency in common"
         if len(f):
             worst = int(np.argmax(np.abs(np.log(size))))

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,20 +18,25 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
-    from suspension_cli.analyses.analysis import Result, Run
+    from suspension_cli.analyses.analysis import Run
+    from suspension_cli.analyses.record import Presented
     from suspension_cli.design.measured import Measured, Mode
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
 
-    Given = str | Path | Result | Source
+    Given = str | Path | Presented | Source
 
 COMPARED = ("modes", "response", "thermal")
 """Results that can be compared."""
-RESULT, MEASUREMENT = (".h5", ".hdf5"), (".csv", ".txt", ".dat", ".xml", ".h5", ".hdf5")
-"""Endings of results files, and of files of measured data."""
+RESULT = (".h5", ".hdf5")
+"""Endings of results files."""
+MEASUREMENT = (".csv", ".txt", ".dat", ".xml", ".h5", ".hdf5")
+"""Endings of files of measured data."""
+MEASURED_TABLES = ("mode", "quantity", "transfer_function")
+"""Tables by which a file of measurements is known."""
 
 
-class Quantity(NamedTuple):
+class CurveName(NamedTuple):
     """What a curve shows: its kind ("response" or "noise"), output, and input ("" of a noise)."""
 
     kind: str
@@ -71,21 +76,25 @@ class Item:
     """A design to be analysed (`run`), a result or a measurement.
 
     `name` heads its column; a result has a `source`, too. `curves` are the given ones with their
-    units, `modes` measured modes, `file` is where it was read.
+    units, `modes` measured modes, `values` measured quantities by name, SI; `file` is where it was
+    read.
     """
 
     name: str
     source: Source | None = None
     run: Run | None = None
-    result: Result | None = None
+    result: Any = None
     modes: Sequence[Mode] = ()
-    curves: dict[Quantity, tuple[Curve, str]] = field(default_factory=dict)
+    curves: dict[CurveName, tuple[Curve, str]] = field(default_factory=dict)
+    values: dict[str, float] = field(default_factory=dict)
     file: str = ""
 
     @property
     def kind(self) -> str:
         """``"design"``, ``"result"`` or ``"measurement"``."""
-        return "design" if self.run else "result" if self.result else "measurement"
+        if self.run:
+            return "design"
+        return "result" if self.result else "measurement"
 
 
 def read(ask: Callable[..., Run], given: Sequence[Given]) -> Run:
@@ -103,15 +112,17 @@ def read(ask: Callable[..., Run], given: Sequence[Given]) -> Run:
     run = base.run or ask(base.source)
     changes = run.setting["variants"]
     if changes and base.run is None:
-        problem, remedy = "needs a design to change", "name the design, not a result"
+        problem = "needs a design to change"
+        remedy = "name the design, not a result"
         raise InputError.of("--variant", problem, remedy, format_value(changes[0]))
     items[first + 1 : first + 1] = [_variant(ask, run.source, text) for text in changes]
     if len(items) < 2:
         kinds = "designs (.toml), results (.h5) or measurements (.toml, .csv, .xml, .h5)"
         remedy = f"name {kinds}, or add a --variant of the design"
         raise InputError([Fault("", "compare needs at least two items", remedy)])
-    signals = run.setting["inputs"], run.setting["outputs"]
-    items = [_resolve_signals(item, *signals) for item in _with_own_names(items)]
+    inputs = run.setting["inputs"]
+    outputs = run.setting["outputs"]
+    items = [_resolve_signals(item, inputs, outputs) for item in _with_own_names(items)]
     return replace(run, inputs={"items": items})
 
 
@@ -127,7 +138,8 @@ def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
     changes = [part.strip() for part in (tail if named else text).split(";")]
     name = head.strip() if named else ", ".join(one.removeprefix("stage.") for one in changes)
     if not name or not all("=" in change for change in changes):
-        problem, remedy = "is no variant", 'write "d = 3 mm: stage.test.wires.d=3e-3"'
+        problem = "is no variant"
+        remedy = 'write "d = 3 mm: stage.test.wires.d=3e-3"'
         raise InputError.of("--variant", problem, remedy, format_value(text))
     raw = reader.read_toml(base.file, base.text)
     with attribute_faults_to(base.file):
@@ -141,20 +153,22 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
     import h5py
 
     from suspension_cli.analyses import registry
-    from suspension_cli.analyses.analysis import Result
+    from suspension_cli.analyses.record import Presented
     from suspension_cli.design import measured, reader
     from suspension_cli.files.hdf5 import is_results_file, open_results
     from suspension_cli.measurements.read import read_bare
 
-    if isinstance(given, Result):
-        return _of_result(given, given.given.file)
+    if isinstance(given, Presented):
+        return _of_result(given, given.run.design.file)
     if isinstance(given, reader.Source):
         run = ask(given)
         return Item(run.name, run.source, run, file=given.file)
     if not isinstance(given, (str, Path)):
-        problem, remedy = "cannot be compared", "give designs, results or paths of files"
+        problem = "cannot be compared"
+        remedy = "give designs, results or paths of files"
         raise InputError.of("items", problem, remedy, options.shown(given))
-    path, file = Path(given), str(given)
+    path = Path(given)
+    file = str(given)
     ending = path.suffix.lower()
     is_data = h5py.is_hdf5(path) and not is_results_file(path)
     if ending in RESULT and os.path.isfile(path) and not is_data:
@@ -163,51 +177,49 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
     if ending in MEASUREMENT:
         return Item(path.stem, curves=_measured(read_bare(path)), file=file)
     raw = reader.read_toml(path)
-    if "stage" not in raw and {"mode", "transfer_function"} & set(raw):
+    if "stage" not in raw and any(name in raw for name in MEASURED_TABLES):
         tables = measured.read(path)
-        curves = _measured(_calibrated(tables, path))
-        return Item(path.stem, modes=tables.mode or (), curves=curves, file=file)
+        return Item(
+            path.stem,
+            modes=tables.mode or (),
+            curves=_measured(_calibrated(tables, path)),
+            values={one.name: one.value for one in tables.quantity or ()},
+            file=file,
+        )
     run = ask(file)
     return Item(run.name, run.source, run, file=file)
 
 
-def _measured(responses: Sequence[MeasuredResponse]) -> dict[Quantity, tuple[Curve, str]]:
+def _measured(responses: Sequence[MeasuredResponse]) -> dict[CurveName, tuple[Curve, str]]:
     """Curves of measured responses by their signals, or by the names of channels."""
     curves = {}
     for one in responses:
         curve = Curve(0, one.frequency, one.value, one.uncertainty)
-        curves[Quantity("response", one.output, one.input)] = curve, one.unit
+        curves[CurveName("response", one.output, one.input)] = curve, one.unit
     return curves
 
 
-def curves_of(result: Result) -> dict[Quantity, tuple[Curve, str]]:
+def curves_of(result: Any) -> dict[CurveName, tuple[Curve, str]]:
     """Curves of a result of `response` or `thermal` and their units; they have no uncertainty."""
-    from suspension_cli.analyses.response import picture as response
-    from suspension_cli.analyses.thermal import picture as thermal
-
-    found, curves = result.data, {}
+    curves: dict[CurveName, tuple[Curve, str]] = {}
 
     def add(
-        what: Quantity, unit: str, frequency: Array, value: Array, more: Array, fine: Array
+        what: CurveName, unit: str, frequency: Array, value: Array, more: Array, fine: Array
     ) -> None:
         unknown = np.full(len(frequency), np.nan)
         curve = Curve(0, frequency, value + 0j, unknown, fine_frequency=more, fine=fine + 0j)
         curves[what] = curve, unit
 
-    if result.analysis.name == "response":
-        fine = response.refine(result)
-        for o, out in enumerate(found.output):
-            for i, into in enumerate(found.input):
-                both = (
-                    values
-                    for one in (found, fine)
-                    for values in (one.frequency, one.value[:, o, i])
-                )
-                add(Quantity("response", out, into), found.unit[o][i], *both)
-    elif result.analysis.name == "thermal":
-        for noise, fine in zip(found, thermal.refine(result), strict=True):
+    if result.run.analysis.name == "response":
+        more, fine = result.curve
+        for o, out in enumerate(result.output):
+            for i, into in enumerate(result.input):
+                values = result.frequency, result.value[:, o, i], more, fine[:, o, i]
+                add(CurveName("response", out, into), result.unit[o][i], *values)
+    elif result.run.analysis.name == "thermal":
+        for noise, fine in zip(result.motions, result.curves, strict=True):
             both = (values for one in (noise, fine) for values in (one.frequency, one.amplitude))
-            add(Quantity("noise", noise.output, ""), f"{noise.unit}/sqrt(Hz)", *both)
+            add(CurveName("noise", noise.output, ""), f"{noise.unit}/sqrt(Hz)", *both)
     return curves
 
 
@@ -226,18 +238,20 @@ def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
                 raise InputError([Fault("", problem, remedy, format_value(end.name))], str(path))
         sensed, driven = (channels.weights(side, one.frequency)[:, 0, 0] for side in (0, 1))
         output, into = (names[0] for names in channels.signal)
-        value, uncertainty = one.value / (sensed * driven), one.uncertainty / abs(sensed * driven)
+        value = one.value / (sensed * driven)
+        uncertainty = one.uncertainty / abs(sensed * driven)
         found.append(replace(one, input=into, output=output, value=value, uncertainty=uncertainty))
     return found
 
 
-def _of_result(result: Result, file: str) -> Item:
-    if result.analysis.name not in COMPARED:
-        problem = f"has results of {result.analysis.command_name}, which are not compared"
+def _of_result(result: Presented, file: str) -> Item:
+    run = result.run
+    if run.analysis.name not in COMPARED:
+        problem = f"has results of {run.analysis.command_name}, which are not compared"
         names = f"{', '.join(COMPARED[:-1])} or {COMPARED[-1]}"
         fault = Fault("", problem, f"name results of {names}, or the designs themselves")
-        raise InputError([fault], result.given.file)
-    return Item(result.given.name, result.given, result=result, curves=curves_of(result), file=file)
+        raise InputError([fault], run.design.file)
+    return Item(run.name, run.design, result=result, curves=curves_of(result), file=file)
 
 
 def _with_own_names(items: list[Item]) -> list[Item]:
@@ -267,4 +281,4 @@ def _resolve_signals(item: Item, inputs: Sequence[str], outputs: Sequence[str]) 
         remedy = "add --input and --output, one each, or describe it in a TOML file"
         raise InputError([Fault("", problem, remedy, format_value(item.name))], item.file)
     curve = next(iter(item.curves.values()))
-    return replace(item, curves={Quantity("response", outputs[0], inputs[0]): curve})
+    return replace(item, curves={CurveName("response", outputs[0], inputs[0]): curve})

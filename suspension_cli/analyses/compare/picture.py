@@ -1,12 +1,15 @@
-"""Pictures of a comparison: changes of modes, responses and noises with ratios."""
+"""Pictures of a comparison: changes of modes and quantities, responses and noises with ratios."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
 from suspension_cli.analyses.compare.items import Curve
 from suspension_cli.analyses.compare.solve import (
     Comparison,
@@ -15,7 +18,6 @@ from suspension_cli.analyses.compare.solve import (
     interpolate,
     with_ratio,
 )
-from suspension_cli.analyses.response.picture import PHASE, ZERO
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import (
@@ -28,59 +30,113 @@ from suspension_cli.drawing.style import (
     shorten,
     single_line,
 )
+from suspension_cli.quantities.requirements import displayed_unit
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 MARKERS = ("o", "D", "s", "^", "v")
 """Markers of the items."""
+LONGEST = 34
+"""Longest names of quantities, characters."""
 
 
 def draw_modes(found: Comparison, modes: PairedModes) -> Figure:
     """Draw changes of mode frequencies from the first item to the others, in %."""
     shown = np.flatnonzero(np.isfinite(modes.frequency).sum(1) > 1)
-    labels, frequency, rows = [modes.label[n] for n in shown], modes.frequency[shown], len(shown)
+    labels = [modes.label[n] for n in shown]
+    frequency = modes.frequency[shown]
     base = np.isfinite(frequency).argmax(1)
-    first = frequency[np.arange(rows), base]
+    every = np.arange(len(shown))
+    first = frequency[every, base]
     change = 100 * (frequency / first[:, None] - 1)
-    change[np.arange(rows), base] = np.nan
-    low, high = (end(change, axis=1, initial=0.0) for end in (np.nanmin, np.nanmax))
-    lines, key = panels.stems(low, high, PALE), list[Line]()
+    change[every, base] = np.nan
+    rows = [f"{one}  {format_significant(f)} Hz" for one, f in zip(labels, first, strict=True)]
+    return _draw_changes(found, change, labels, rows, "Mode frequencies", "frequency")
+
+
+def draw_quantities(found: Comparison, quantities: ComparedQuantities) -> Figure:
+    """Draw changes of quantities from the first item to the others, in %."""
+    shown = np.flatnonzero(np.isfinite(quantities.change).any(1)).tolist()
+    rows = []
+    beside = []
+    for n in shown:
+        unit, factor = displayed_unit(quantities.quantity_unit[n])
+        values = quantities.value[n]
+        first = factor * values[np.isfinite(values).argmax()]
+        name = single_line(quantities.name[n], LONGEST)
+        unit = unit.replace("Hz^0.5", "√Hz")
+        rows.append(f"{name}  {format_significant(first)} {unit}".rstrip())
+        failing = [
+            found.name[one.item] for one in quantities.verdict if one.quantity == n and not one.met
+        ]
+        beside.append(f"not met: {', '.join(dict.fromkeys(failing))}" if failing else "")
+    labels = [quantities.name[n] for n in shown]
+    change = quantities.change[shown]
+    return _draw_changes(found, change, labels, rows, "Quantities", "value", beside)
+
+
+def _draw_changes(
+    found: Comparison,
+    change: Float[np.ndarray, "row item"],
+    labels: Sequence[str],
+    rows: Sequence[str],
+    title: str,
+    what: str,
+    beside: Sequence[str] = (),
+) -> Figure:
+    """Draw changes from the first item to the others in %, a row for each label."""
+    low = np.nanmin(change, axis=1, initial=0.0)
+    high = np.nanmax(change, axis=1, initial=0.0)
+    lines = panels.stems(low, high, PALE)
+    key: list[Line] = []
     for n in np.flatnonzero(np.isfinite(change).any(0)):
-        colour, marker = PALETTE[n % len(PALETTE)], MARKERS[n % len(MARKERS)]
+        colour = PALETTE[n % len(PALETTE)]
+        marker = MARKERS[n % len(MARKERS)]
         look: LineLook = {"marker": marker, "markersize": 4, "linestyle": "none"}
-        lines.append(Line(change[:, n], np.arange(rows), found.name[n], colour, look))
-        key += [Line([], [], found.name[n], colour, look)] if len(found.name) > 2 else []
-    far = float(low.min(initial=0.0)), float(high.max(initial=0.0))
-    room = 0.07 * (far[1] - far[0]) or 0.05
+        lines.append(Line(change[:, n], np.arange(len(rows)), found.name[n], colour, look))
+        if len(found.name) > 2:
+            key.append(Line([], [], found.name[n], colour, look))
+    least = float(low.min(initial=0.0))
+    most = float(high.max(initial=0.0))
+    room = 0.07 * (most - least) or 0.05
     panel = Panel(
         lines=lines,
-        height=ITEM * max(rows, 4),
-        rows=[f"{one}  {format_significant(f)} Hz" for one, f in zip(labels, first, strict=True)],
+        height=ITEM * max(len(rows), 4),
+        rows=rows,
+        beside=beside,
         key=key,
         rules=[Rule(0.0, vertical=True, colour=NOTE, dashes="-")],
-        right=0.2,
+        right=None if any(beside) else 0.2,
     )
-    title = "Mode frequencies"
     if np.nan_to_num(change).any():
-        row, column = np.unravel_index(np.nanargmax(np.abs(change)), change.shape)
+        largest = int(np.nanargmax(np.abs(change)))
+        row, column = divmod(largest, change.shape[1])
         title += f": {labels[row]} {format_signed(change[row, column])} % in "
         title += shorten(found.name[column], max(54 - len(title), 6))
     reference, *others = [single_line(name) for name in found.name]
     against = " · ".join(filter(None, (f"{', '.join(others)} against {reference}", _models(found))))
-    label = f"frequency relative to {shorten(reference, 16)} (%)"
-    across = Across(label, "signed", (1.4 * far[0] - room, 1.4 * far[1] + room))
+    label = f"{what} relative to {shorten(reference, 16)} (%)"
+    across = Across(label, "signed", (1.4 * least - room, 1.4 * most + room))
     return panels.draw(title, against, [panel], across)
 
 
 def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
     """Draw magnitudes (of responses also phases), and ratios below."""
-    response, curves = overlay.kind == "response", _refine(overlay)
-    sizes, phases, ratios = [], [], []
+    response = overlay.kind == "response"
+    curves = _refine(overlay)
+    sizes: list[Line] = []
+    phases: list[Line] = []
+    ratios: list[Line] = []
     for curve in curves:
         name = found.name[curve.item] + ("" if curve.value.any() else " (0 by symmetry)")
         measured = found.kind[curve.item] == "measurement"
         look: LineLook = {"linestyle": panels.DASHES[curve.item % len(panels.DASHES)]}
-        look = {"linestyle": "none", "marker": ".", "markersize": 3} if measured else look
-        how = PALETTE[curve.item % len(PALETTE)], look
-        size, error = np.abs(curve.value), None
+        if measured:
+            look = {"linestyle": "none", "marker": ".", "markersize": 3}
+        how = (PALETTE[curve.item % len(PALETTE)], look)
+        size = np.abs(curve.value)
+        error = None
         if np.isfinite(curve.uncertainty).any():
             error = size - curve.uncertainty, size + curve.uncertainty
         sizes.append(Line(curve.frequency, size, name, *how, error))
@@ -89,9 +145,9 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
             ratios.append(Line(curve.ratio_frequency, np.abs(curve.ratio), "_", *how))
     unit = overlay.unit.replace("sqrt(Hz)", "√Hz")
     quantity = "magnitude" if response else single_line(overlay.output, 30)
-    shown = [Panel(f"{quantity} ({unit})", sizes, scale="log", empty=ZERO)]
+    shown = [Panel(f"{quantity} ({unit})", sizes, scale="log", empty=panels.ZERO)]
     if response:
-        shown.append(Panel("phase (degrees)", phases, PHASE, "phase", empty=" "))
+        shown.append(Panel("phase (degrees)", phases, panels.PHASE, "phase", empty=" "))
     if len(curves) > 1 and any(curve.value.any() for curve in curves):
         known = np.concatenate([np.ones(1), *(np.asarray(line.y) for line in ratios)])
         known = known[np.isfinite(known) & (known > 0)]
@@ -110,7 +166,8 @@ def _refine(overlay: Overlay) -> list[Curve]:
     curves: list[Curve] = []
     for curve in overlay.curves:
         if curve.fine_frequency is not None and curve.fine is not None:
-            at, unknown = curve.fine_frequency, np.full(len(curve.fine), np.nan)
+            at = curve.fine_frequency
+            unknown = np.full(len(curve.fine), np.nan)
             curve = replace(curve, frequency=at, value=curve.fine, uncertainty=unknown)
             if curves:  # also where the reference has resonances
                 more = curves[0].frequency
@@ -122,4 +179,4 @@ def _refine(overlay: Overlay) -> list[Curve]:
 
 
 def _models(found: Comparison) -> str:
-    return ", ".join(f"{model} model" for model in sorted({*found.model} - {""}))
+    return ", ".join(f"{model} model" for model in sorted({*found.models} - {""}))

@@ -1,4 +1,8 @@
-"""Comparison of modes, responses and noises.
+"""Comparison of modes, quantities, responses and noises.
+
+    comparison = solve(analysis, items, run)
+    comparison.modes.frequency  # a row per mode, a column per item
+    comparison.quantities.value  # the same of quantities
 
 Modes of two designs are paired one to one by the overlap of their shapes in the motion of bodies
 of the same name, u^T L_a L_b^T v with M = L L^T the mass matrix of each design: 1 for equal
@@ -11,13 +15,16 @@ import dataclasses
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.analyses import registry, settings
-from suspension_cli.analyses.analysis import RelayedLog, Result, Run
-from suspension_cli.analyses.compare.items import Curve, Item, Quantity, curves_of
+from suspension_cli.analyses.analysis import Analysis, RelayedLog, Run
+from suspension_cli.analyses.compare import compared_quantities
+from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
+from suspension_cli.analyses.compare.items import Curve, CurveName, Item, curves_of
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOF_NAMES
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Mode
@@ -26,7 +33,6 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, in_unit, scale_of
 from suspension_cli.grids import parse_frequencies
-from suspension_cli.linear import named_results
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models.registry import AUTO, MODELS, Choice
 
@@ -88,20 +94,30 @@ class Overlay:
         return f"{self.output} / {self.input}" if self.input else f"noise of {self.output}"
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Differences between items.
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Record):
+    """Differences between items: designs, results and measurements.
 
-    Each has a name, a kind ("design", "result" or "measurement"), a model ("" for measurements) and
-    the keys in which its design differs from the first design.
+    Attributes
+    ----------
+    name, kind, models
+        Of each item: its name, ``"design"``, ``"result"`` or ``"measurement"``, and its model, ""
+        for measurements.
+    changes
+        Keys in which designs differ from the first one.
+    modes, quantities
+        Tables with a column per item; None without any.
+    overlay
+        Responses and noises, each with a curve per item that has it.
     """
 
     name: tuple[str, ...] = field(metadata=scale_of("item"))
     kind: tuple[str, ...] = field(metadata=along("item"))
-    model: tuple[str, ...] = field(metadata=along("item"))
+    models: tuple[str, ...] = field(metadata=along("item", name="model"))
     changes: tuple[Change, ...] = field(metadata=along("change"))
     modes: PairedModes | None
     overlay: tuple[Overlay, ...]
+    quantities: ComparedQuantities | None = None
 
     @property
     def change(self) -> tuple[tuple[Change, ...], ...]:
@@ -118,17 +134,19 @@ class _Analyses:
     """
 
     def __init__(self, items: Sequence[Item], run: Run) -> None:
-        self.items, self.setting, self.log = items, run.setting, RelayedLog(run.log)
+        self.items = items
+        self.setting = run.setting
+        self.log = RelayedLog(run.log)
         self.choices: list[list[tuple[str, Choice]]] = [
-            [(item.result.analysis.name, item.result.choice)] if item.result else []
+            [(item.result.run.analysis.name, item.result.run.choice)] if item.result else []
             for item in items
         ]
 
-    def compute(self, name: str, **given: object) -> dict[int, Result]:
+    def compute(self, name: str, **given: object) -> dict[int, Any]:
         """Run an analysis for all designs with the most complete model that one needs."""
         analysis = registry.get(name)
 
-        def one(run: Run, level: str) -> Result:
+        def one(run: Run, level: str) -> Any:
             own = dict(fidelity=level, tolerance=self.setting["tolerance"], as_json=True, **given)
             setting = settings.defaults(analysis, own)
             with run.faults():
@@ -136,12 +154,23 @@ class _Analyses:
 
         runs = {n: item.run for n, item in enumerate(self.items) if item.run is not None}
         found = {n: one(run, self.setting["fidelity"]) for n, run in runs.items()}
-        top = max((own.choice.model for own in found.values()), key=MODELS.index, default=None)
+        top = max((own.run.choice.model for own in found.values()), key=MODELS.index, default=None)
         for n, run in runs.items():
-            if top and found[n].choice.model is not top and not top.unsuitable(run.design):
+            if top and found[n].run.choice.model is not top and not top.unsuitable(run.design):
                 found[n] = one(run, top.name)
-            self.choices[n].append((name, found[n].choice))
+            self.choices[n].append((name, found[n].run.choice))
         return found
+
+    def quantities(self) -> ComparedQuantities | None:
+        """Compute the quantities of all designs; None if there are none."""
+
+        def report(n: int, choice: Choice) -> None:
+            self.choices[n].append(("quantities", choice))
+
+        texts = self.setting["results"]
+        level = self.setting["fidelity"]
+        tolerance = self.setting["tolerance"]
+        return compared_quantities.compare(self.items, texts, level, tolerance, report)
 
     def models(self) -> tuple[str, ...]:
         """Most complete of the models of each item; "" of measurements."""
@@ -160,12 +189,13 @@ class _Analyses:
         return Choice(", ".join(sorted({*self.models()} - {""})), reason, worst.error)
 
 
-def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
+def solve(analysis: Analysis, items: Sequence[Item], run: Run) -> Comparison:
     """Analyse the designs among the items, and compare all items.
 
-    Modes are compared if designs or measured modes are given, responses and noises if a result, a
-    measurement or the setting names them. Returns also the models of all items, with the largest of
-    their estimated errors. Raises `InputError` with the faults of a design or of a setting.
+    Modes are compared if designs or measured modes are given; responses and noises if a result, a
+    measurement or the setting names them; quantities if the setting, a requirement of a design or a
+    measurement does. The model is that of all items, with the largest of their estimated errors.
+    Raises `InputError` with the faults of a design or of a setting.
     """
     texts = {n: item.source.text for n, item in enumerate(items) if item.source is not None}
     first, *others = texts
@@ -175,10 +205,19 @@ def solve(items: Sequence[Item], run: Run) -> tuple[Comparison, Choice]:
         for change in find_changes(texts[first], texts[n])
     ]
     analyses = _Analyses(items, run)
-    modes, overlay = _modes(items, analyses), tuple(_overlays(items, analyses))
-    names, kinds = tuple(item.name for item in items), tuple(item.kind for item in items)
-    found = Comparison(names, kinds, analyses.models(), tuple(changes), modes, overlay)
-    return found, analyses.choice()
+    modes = _modes(items, analyses)
+    quantities = analyses.quantities()
+    overlay = tuple(_overlays(items, analyses))
+    return Comparison(
+        name=tuple(item.name for item in items),
+        kind=tuple(item.kind for item in items),
+        models=analyses.models(),
+        changes=tuple(changes),
+        modes=modes,
+        overlay=overlay,
+        quantities=quantities,
+        run=run.origin(analysis, analyses.choice()),
+    )
 
 
 def find_changes(before: str, after: str) -> list[Change]:
@@ -217,15 +256,17 @@ def _format_value(path: str, value: object) -> str:
         return MISSING
     if isinstance(value, list):
         return ", ".join(_format_value(path, item) for item in value)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return str(value).lower() if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if not isinstance(value, (int, float)):
+        return str(value)
     return format_with_unit(path, value, digits=10)
 
 
 def _modes(items: Sequence[Item], analyses: _Analyses) -> PairedModes | None:
     """Pair the modes of all items; None if only one design has modes."""
     results = {n: item.result for n, item in enumerate(items) if item.result is not None}
-    stored = {n: result for n, result in results.items() if result.analysis.name == "modes"}
+    stored = {n: result for n, result in results.items() if result.run.analysis.name == "modes"}
     alone = not stored and not any(item.modes for item in items)
     if alone and sum(item.run is not None for item in items) < 2:
         return None
@@ -236,15 +277,13 @@ def _modes(items: Sequence[Item], analyses: _Analyses) -> PairedModes | None:
     return pair_modes(dict(sorted(found.items())), items, wires=wires)
 
 
-def pair_modes(
-    found: dict[int, Result], items: Sequence[Item], *, wires: bool = True
-) -> PairedModes:
+def pair_modes(found: dict[int, Any], items: Sequence[Item], *, wires: bool = True) -> PairedModes:
     """Pair the modes of designs by shape, and measured modes by label or frequency.
 
     `found` are the modes of each item with a design. If `wires`, also those of wires, by label.
     """
-    names = {n: np.array(named_results.labels(one.data)) for n, one in found.items()}
-    listed = {n: np.flatnonzero(wires | (one.data.order == 0)) for n, one in found.items()}
+    names = {n: np.array(one.numbered_label) for n, one in found.items()}
+    listed = {n: np.flatnonzero(wires | (one.order == 0)) for n, one in found.items()}
     reference, *others = found
     first = listed[reference]
     # a row has the number of the mode, and the overlap, of each item
@@ -252,7 +291,7 @@ def pair_modes(
     further: list[dict[int, tuple[int, float]]] = []
     for n in others:
         overlap = _shape_overlap(found[reference], found[n])[np.ix_(first, listed[n])]
-        of_wire = found[n].data.order[listed[n]] > 0
+        of_wire = found[n].order[listed[n]] > 0
         alike = (names[reference][first][:, None] == names[n][listed[n]]) & of_wire
         overlap = np.where(alike, np.inf, np.where(of_wire, 0.0, overlap))
         partner = pair_by_overlap(np.minimum(overlap, 2.0))
@@ -266,7 +305,7 @@ def pair_modes(
     values = np.full((3, len(every), len(items)), np.nan)
     for place, row in enumerate(every):
         for n, (m, overlap) in row.items():
-            values[:, place, n] = found[n].data.frequency[m], found[n].data.q[m], overlap
+            values[:, place, n] = found[n].frequency[m], found[n].q[m], overlap
     for n, item in enumerate(items):
         for mode in item.modes:
             free = np.isnan(values[0, :, n])
@@ -296,21 +335,26 @@ def _measured_row(
     return int(np.argmin(np.where(free, away, np.inf)))
 
 
-def _shape_overlap(one: Result, other: Result) -> Float[np.ndarray, "one other"]:
+def _shape_overlap(one: Any, other: Any) -> Float[np.ndarray, "one other"]:
     """Overlaps in bodies of the same name, or of the same number if there is none."""
-    names = one.data.body, other.data.body
-    common = [name for name in names[0] if name in names[1]]
-    mine, theirs = ([own.index(name) for name in common] for own in names)
+    bodies = one.body
+    others = other.body
+    common = [name for name in bodies if name in others]
+    mine = [bodies.index(name) for name in common]
+    theirs = [others.index(name) for name in common]
     if not common:
-        mine = theirs = list(range(min(map(len, names))))
-    shapes = _weighted_shapes(one)[:, mine], _weighted_shapes(other)[:, theirs]
-    return np.abs(np.einsum("mbi,nbi->mn", *shapes))
+        mine = list(range(min(len(bodies), len(others))))
+        theirs = mine
+    first = _weighted_shapes(one)[:, mine]
+    second = _weighted_shapes(other)[:, theirs]
+    return np.abs(np.einsum("mbi,nbi->mn", first, second))
 
 
-def _weighted_shapes(result: Result) -> Float[np.ndarray, "mode body 6"]:
+def _weighted_shapes(result: Any) -> Float[np.ndarray, "mode body 6"]:
     """Shapes in the motion of bodies, times L^T of each; of unit norm if only bodies move."""
-    bodies, count = expand(result.given.design).bodies, len(result.data.body)
-    shape = result.data.shape[:, : 6 * count].reshape(-1, count, 6).copy()
+    bodies = expand(result.run.design.design).bodies
+    count = len(result.body)
+    shape = result.shape[:, : 6 * count].reshape(-1, count, 6).copy()
     shape[..., :3] *= np.sqrt(bodies.mass)[:, None]
     shape[..., 3:] = np.einsum("mbi,bij->mbj", shape[..., 3:], np.linalg.cholesky(bodies.inertia))
     return shape
@@ -318,13 +362,14 @@ def _weighted_shapes(result: Result) -> Float[np.ndarray, "mode body 6"]:
 
 def _overlays(items: Sequence[Item], analyses: _Analyses) -> Iterator[Overlay]:
     """Compare the responses, then the noises, of items and of the setting."""
-    setting, wanted = analyses.setting, [what for item in items for what in item.curves]
+    setting = analyses.setting
+    wanted = [what for item in items for what in item.curves]
     if setting["inputs"] or setting["outputs"]:
         first = next(item.source for item in items if item.source is not None)
         outputs = setting["outputs"] or (f"{mirror(first.design)}.x",)
         inputs = setting["inputs"] or ("support.x",)
-        wanted += [Quantity("response", out, into) for out in outputs for into in inputs]
-    wanted += [Quantity("noise", out, "") for out in setting["noises"]]
+        wanted += [CurveName("response", out, into) for out in outputs for into in inputs]
+    wanted += [CurveName("noise", out, "") for out in setting["noises"]]
     for what in sorted(dict.fromkeys(wanted), key=lambda one: one.kind == "noise"):
         stored = {n: item for n, item in enumerate(items) if what in item.curves}
         grid = [item.curves[what][0].frequency for item in stored.values()]
@@ -367,7 +412,8 @@ def interpolate(
     frequency: Float[np.ndarray, " point"], curve: Curve
 ) -> Complex[np.ndarray, " point"]:
     """Interpolate ln magnitude, and phase, over ln frequency; exact at the points of the curve."""
-    known, value = np.log(curve.frequency), curve.value
+    known = np.log(curve.frequency)
+    value = curve.value
     with np.errstate(divide="ignore"):
         size = np.interp(np.log(frequency), known, np.log(np.abs(value)))
     phase = np.interp(np.log(frequency), known, np.unwrap(np.angle(value)))

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.analyses.options import option
-from suspension_cli.conventions import DOFS
 from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.damp.solve import LocalControl
+    from suspension_cli.analyses.damp.solve import Damped, LocalControl
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.statespace import Poles
 
@@ -45,9 +44,9 @@ class DampAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.damp.solve.LocalControl`: `closed` poles, `margin` of each
-        loop, `sensitivity` of all at once, `noise` (f, sensors), ...
+    Damped
+        With `closed` poles, `margin` of each loop, `sensitivity` of all at once, `noise`
+        (f, sensors), ...
 
     Raises
     ------
@@ -63,7 +62,7 @@ class DampAnalysis(Analysis):
     """
 
     name = "damp"
-    result_type = "analyses.damp.solve.LocalControl"
+    result_type = "analyses.damp.solve.Damped"
     arguments = (options.DESIGN,)
     parameters = (
         option(
@@ -98,60 +97,23 @@ class DampAnalysis(Analysis):
     )
     drawn_with = (LOOPS,)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Damped:
         """Close all loops."""
-        import numpy as np
+        from suspension_cli.analyses.damp import solve
 
-        from suspension_cli.analyses.damp import solve as damp
-        from suspension_cli.design.derive import mirror
-        from suspension_cli.grids import parse_frequencies
-        from suspension_cli.linear.signals import FORCES
-        from suspension_cli.physics import model_choice
-
-        setting = run.setting
         if run.design.control is not None:
-            _chosen(setting["loops"], [loop.name for loop in run.design.control.loop])
-        choice, model = model_choice.for_modes(
-            run.source, setting["fidelity"], setting["tolerance"], massless=True
-        )
-        model = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, model, bends=True
-        )
-        output = setting["output"] or f"{mirror(run.design)}.x"
-        body, dof = output.partition("@")[0].rpartition(".")[::2]
-        push: str = setting["impulse"] or (
-            f"{body}.{FORCES[DOFS.index(dof)]}"
-            if dof in DOFS and body in model.body
-            else "support.x"
-        )
-        frequency = np.array(parse_frequencies(setting["frequency"]))
-        found = damp.solve(run.design, model, output, push, frequency, setting["duration"])
-        if not found.stable:
-            run.log.warn(f"the closed loop is unstable: {found.growth}")
-        extra = {"foton": True} if setting["foton"] else {}
-        return Result(
-            self, run.source, choice, found, extra, command=run.command, linear_system=model
-        )
+            _chosen(run.setting["loops"], [loop.name for loop in run.design.control.loop])
+        return solve.close_loops(self, run)
 
-    def completed(self, result: Result) -> Result:
-        """Add the curves of loop gains that resolve resonances."""
-        from dataclasses import replace
-
-        if result.data.fine is not None:
-            return result
-        from suspension_cli.analyses.damp import picture
-
-        frequency, gain = picture.refine_gains(result)
-        return replace(result, data=replace(result.data, fine_frequency=frequency, fine=gain))
-
-    def others(self, result: Result, path: Path) -> list[Path]:
+    def others(self, result: Damped, path: Path) -> list[Path]:
         """Write the filters as Foton strings."""
-        if not result.extra.get("foton"):
+        if not result.run.options.get("foton"):
             return []
         from suspension_cli.files import whole_files
 
-        made = path.with_name(f"{result.given.stem()}-foton.txt")
-        whole_files.write_bytes(made, write_foton(result.given.design).encode())
+        design = result.run.design
+        made = path.with_name(f"{design.stem()}-foton.txt")
+        whole_files.write_bytes(made, write_foton(design.design).encode())
         return [made]
 
     def parse_names(
@@ -165,9 +127,8 @@ class DampAnalysis(Analysis):
             yield lambda one=loop: parse_end(one, "sensor", osems, stages, known)
             yield lambda one=loop: parse_end(one, "actuator", osems, stages, known)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Damped) -> Document:
         """Return poles, margins and sensor noise."""
-        answer: LocalControl = result.data
         poles = [
             {
                 "frequency_hz": float(frequency),
@@ -177,18 +138,18 @@ class DampAnalysis(Analysis):
                 "state": state,
             }
             | ({"growth_rate_per_s": float(growth)} if growth else {})
-            for frequency, q, growth, p, state in _rows(answer.closed)
+            for frequency, q, growth, p, state in _rows(result.closed)
         ]
         matrices = [
             vars(one) | {key: getattr(one, key).tolist() for key in ("to_euler", "to_coil")}
-            for one in answer.osems or ()
+            for one in result.osems or ()
         ]
         margins = sensitivity = None
-        if answer.margin is not None and (peak := answer.sensitivity) is not None:
+        if result.margin is not None and (peak := result.sensitivity) is not None:
             gains = ("gain_up_db", "gain_down_db")
             margins = [
                 {"loop": loop} | {key: getattr(one, key) for key in (*vars(one), *gains)}
-                for loop, one in zip(answer.loop, answer.margin, strict=True)
+                for loop, one in zip(result.loop, result.margin, strict=True)
             ]
             sensitivity = {
                 "largest_singular_value": peak.size,
@@ -198,28 +159,29 @@ class DampAnalysis(Analysis):
                 "phase": peak.phase,
             }
         return ({"osems": matrices} if matrices else {}) | {
-            "stable": answer.stable,
-            "output": answer.output,
-            "impulse": answer.drive,
+            "stable": result.stable,
+            "output": result.output,
+            "impulse": result.drive,
             "poles": poles,
             "margins": margins,
             "sensitivity": sensitivity,
-            "frequency_hz": answer.frequency.tolist(),
-            "sensor_noise_asd": ((answer.noise**2).sum(1) ** 0.5).tolist(),
+            "frequency_hz": result.frequency.tolist(),
+            "sensor_noise_asd": ((result.noise**2).sum(1) ** 0.5).tolist(),
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Damped) -> str:
         """Return tables of poles and margins."""
-        answer: LocalControl = result.data
-        lines = [] if answer.stable else [f"UNSTABLE: {answer.growth}", ""]
+        lines = [] if result.stable else [f"UNSTABLE: {result.growth}", ""]
         rows = []
-        for frequency, q, rate, _, state in _rows(answer.closed):
-            size = "grows" if rate else "undamped" if q == math.inf else q
+        for frequency, q, rate, _, state in _rows(result.closed):
+            size = "undamped" if q == math.inf else q
+            if rate:
+                size = "grows"
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
-        lines += [result.choice.line, "", tables.render(columns, rows), ""]
-        lines += _matrices(answer)
-        if answer.margin is None:
+        lines += [result.run.choice.line, "", tables.render(columns, rows), ""]
+        lines += _matrices(result)
+        if result.margin is None:
             return "\n".join([*lines, "  An unstable closed loop has no margins."])
         rows = [
             (
@@ -228,7 +190,7 @@ class DampAnalysis(Analysis):
                 " and ".join(f"{place:.3g}" for place in m.gain_frequencies),
                 *(1e3 * m.delay if m.delay < math.inf else "none", m.distance),
             )
-            for loop, m in zip(answer.loop, answer.margin, strict=True)
+            for loop, m in zip(result.loop, result.margin, strict=True)
         ]
         columns = {
             "loop": "",
@@ -240,8 +202,8 @@ class DampAnalysis(Analysis):
             "smallest |1+L|": ".3g",
         }
         lines.append(tables.render(columns, rows))
-        peak = answer.sensitivity
-        if peak is not None and len(answer.loop) > 1:
+        peak = result.sensitivity
+        if peak is not None and len(result.loop) > 1:
             gains = f"above {_factor(peak.gain_down)}"
             if peak.gain_up < math.inf:
                 up = f"x {peak.gain_up:.3g} (+{20 * math.log10(peak.gain_up):.1f} dB)"
@@ -255,11 +217,11 @@ class DampAnalysis(Analysis):
             ]
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Damped, setting: Settings) -> dict[str, Figure]:
         """Draw poles, impulse response, sensor noise, loop gains and their Nichols chart."""
         from suspension_cli.analyses.damp import picture
 
-        return {"": picture.draw(result, _chosen(setting["loops"], result.data.loop))}
+        return {"": picture.draw(result, _chosen(setting["loops"], result.loop))}
 
 
 def _rows(poles: Poles) -> Iterator[tuple[float, float, float, complex, str]]:
@@ -285,7 +247,8 @@ def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
 
     for name in names:
         if name not in known:
-            problem, remedy = "names no loop", suggest(name, list(known))
+            problem = "names no loop"
+            remedy = suggest(name, list(known))
             raise InputError.of("--loop", problem, remedy, format_value(name))
     return [n for n, name in enumerate(known) if name in names]
 

@@ -8,20 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.damp.solve import LocalControl
 from suspension_cli.drawing import curves, panels
-from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
 from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALETTE, RED, LineLook, single_line
-from suspension_cli.physics import local_control
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
     from matplotlib.typing import LineStyleType
 
-    from suspension_cli.analyses.analysis import Result
-    from suspension_cli.drawing.added_points import Solve
-    from suspension_cli.scene.arrays import Array
+    from suspension_cli.analyses.damp.solve import Damped, LocalControl
 
 TALL = 1.45
 """Height of panels, in."""
@@ -45,23 +39,24 @@ DOT: LineLook = {"linestyle": "none", "marker": "o", "markersize": 3.5, "zorder"
 """Marks of margins."""
 
 
-def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
+def draw(damped: Damped, chosen: Sequence[int] = ()) -> Figure:
     """Draw the figure of `pendsus damp`.
 
     `chosen` are the loops whose gains are drawn; by default the most critical.
     """
-    damped: LocalControl = result.data
-    frequency, gain = refine_gains(result)
+    frequency, gain = damped.curve
     nearest = np.nanmin(np.abs(1 + gain), axis=0)  # to -1
     drawn = chosen or sorted(np.argsort(nearest, kind="stable")[:SHOWN].tolist())
     which = f" of {'' if chosen else 'the '}{len(drawn)}{'' if chosen else ' most critical'}"
     which = f"{which} of {len(damped.loop)} loops" * (len(damped.loop) > len(drawn))
-    looks, over = _looks(damped.loop), Across()
+    looks = _looks(damped.loop)
+    over = Across()
     sizes: list[Line] = []
     phases: list[Line] = []
     nichols = [_circle()]
     for n in drawn:
-        own, colour = gain[:, n], looks[n][0]
+        own = gain[:, n]
+        colour = looks[n][0]
         look: LineLook = {"linestyle": looks[n][1]}
         sizes.append(Line(frequency, np.abs(own), damped.loop[n], colour, look))
         phases.append(Line(frequency, own, damped.loop[n], colour, look))
@@ -97,24 +92,7 @@ def draw(result: Result, chosen: Sequence[int] = ()) -> Figure:
             ),
         ),
     ]  # fmt: skip
-    return panels.draw(_heading_text(damped), result.subtitle, shown)
-
-
-def refine_gains(
-    result: Result,
-) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency loop"]]:
-    """Take the frequencies that resolve resonances of loop gains too, solving if need be."""
-    data: LocalControl = result.data
-    if data.fine_frequency is not None and data.fine is not None:
-        return data.fine_frequency, data.fine
-
-    def build() -> tuple[Solve, Array]:
-        model = result.linear_system or result.choice.model.system(result.given.design)
-        plant = local_control.build_plant(result.given.design, model)
-        return (lambda at: local_control.compute_loop_gains(plant, at)[:, None]), np.empty(0)
-
-    frequency, gain = add_from_model(build, data.frequency, data.gain[:, None])
-    return frequency, gain[:, 0]
+    return panels.draw(_heading_text(damped), damped.subtitle, shown)
 
 
 def _heading_text(damped: LocalControl) -> str:

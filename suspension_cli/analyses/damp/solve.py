@@ -1,5 +1,10 @@
 """Local control of a suspension: poles, margins, impulse response, sensor noise.
 
+>>> import suspension_cli as sus
+>>> found = sus.damp(sus.example("triple-damped"), frequency=[1.0], duration=1.0, fidelity="string")
+>>> found.loop, found.stable
+(('x', 'y', 'z', 'roll', 'pitch', 'yaw'), True)
+
 Poles are roots of the pencil of the design with the forces of loops as unknowns. Start values are
 the poles of the state space, with constant matrices for losses and fractions for delays.
 `linear.roots` finds the roots near them, with losses at the frequency of each pole and exact
@@ -15,18 +20,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
+from suspension_cli.conventions import DOFS, SUPPORT
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.schema import Design
+from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.files.declared import along, derived, in_unit
+from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import signals, statespace
 from suspension_cli.linear.statespace import Poles, with_constant_loss
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.physics import closed_loop, local_control
+from suspension_cli.physics import closed_loop, local_control, model_choice
 from suspension_cli.physics.local_control import OsemMatrices
 from suspension_cli.physics.margins import Margins, SensitivityPeak
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
+    from suspension_cli.analyses.analysis import Analysis, Run
+    from suspension_cli.scene.arrays import Array
 
 SAMPLES = 4001
 """Number of times of impulse responses."""
@@ -57,9 +69,6 @@ class LocalControl:
         rad/sqrt(Hz).
     gain
         Loop gains, the other loops closed.
-    fine_frequency, fine
-        The curves of pictures: loop gains at more frequencies, which resolve resonances; None until
-        they are drawn or saved.
     sensitivity
         Margin of all loops at once; None if the closed loop is unstable.
     osems
@@ -81,10 +90,6 @@ class LocalControl:
     gain: Complex[np.ndarray, "frequency loop"]
     sensitivity: SensitivityPeak | None = None
     osems: tuple[OsemMatrices, ...] | None = None
-    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
-        default=None, metadata=in_unit("Hz")
-    )
-    fine: Complex[np.ndarray, "fine_frequency loop"] | None = None
 
     @property
     @derived()
@@ -108,6 +113,63 @@ class LocalControl:
     def growth(self) -> str:
         """The pole that grows fastest, with a remedy."""
         return "; ".join(closed_loop.describe_growth(self.closed))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Damped(Record, LocalControl):
+    """Local control of a design, with the curves of its picture.
+
+    Attributes
+    ----------
+    fine_frequency, fine
+        Loop gains at more frequencies, which resolve resonances, for the picture.
+    """
+
+    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
+        default=None, metadata=in_unit("Hz")
+    )
+    fine: Complex[np.ndarray, "fine_frequency loop"] | None = None
+
+    @property
+    def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency l"]]:
+        """Frequencies (Hz) and loop gains of the picture."""
+        if self.fine_frequency is None or self.fine is None:
+            return self.frequency, self.gain
+        return self.fine_frequency, self.fine
+
+
+def close_loops(analysis: Analysis, run: Run) -> Damped:
+    """Close all loops of a design, and add what its picture needs."""
+    setting = run.setting
+    choice, model = model_choice.for_modes(
+        run.source, setting["fidelity"], setting["tolerance"], massless=True
+    )
+    model = model_choice.stable_system(
+        run.source, choice, setting["allow_unstable"], run.log, model, bends=True
+    )
+    output = setting["output"] or f"{mirror(run.design)}.x"
+    drive = setting["impulse"] or _push_along(output, model)
+    frequency = np.array(parse_frequencies(setting["frequency"]))
+    found = solve(run.design, model, output, drive, frequency, setting["duration"])
+    if not found.stable:
+        run.log.warn(f"the closed loop is unstable: {found.growth}")
+    plant = local_control.build_plant(run.design, model)
+
+    def gains(at: Array) -> Complex[np.ndarray, "frequency 1 loop"]:
+        return local_control.compute_loop_gains(plant, at)[:, None]
+
+    no_modes = np.empty(0)
+    curve = add_from_model(lambda: (gains, no_modes), frequency, found.gain[:, None])
+    origin = run.origin(analysis, choice)
+    return Damped.extending(found, fine_frequency=curve[0], fine=curve[1][:, 0], run=origin)
+
+
+def _push_along(output: str, model: LinearSystem) -> str:
+    """Name the force or torque along a motion; motion of the support if there is none."""
+    body, dof = output.partition("@")[0].rpartition(".")[::2]
+    if dof in DOFS and body in model.body:
+        return f"{body}.{signals.FORCES[DOFS.index(dof)]}"
+    return f"{SUPPORT}.x"
 
 
 def solve(

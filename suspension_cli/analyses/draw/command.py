@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Run, Settings
+from suspension_cli.analyses.record import Record
+from suspension_cli.files.declared import NOT_STORED
 from suspension_cli.files.whole_files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Drawing(Record):
+    """A design to scale."""
+
+    figure: Figure = field(metadata=NOT_STORED)
 
 
 class DrawAnalysis(Analysis):
@@ -47,29 +57,29 @@ class DrawAnalysis(Analysis):
         options.QUIET,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Drawing:
         """Draw the design."""
         from suspension_cli.drawing import draw
         from suspension_cli.equilibrium.nominal import expand_nominal
         from suspension_cli.models.registry import Choice
 
         figure = draw.draw(run.design, expand_nominal(run.design))
-        extra = {"format": run.setting["picture_format"]}
-        return Result(self, run.source, Choice("all", ""), figure, extra)
+        return Drawing(figure, run=run.origin(self, Choice("all", "")))
 
-    def path(self, result: Result, folder: Path) -> Path:
+    def path(self, result: Drawing, folder: Path) -> Path:
         """Path of the picture."""
-        return folder / f"{result.given.stem()}-draw.{result.extra['format']}"
+        run = result.run
+        return folder / f"{run.design.stem()}-draw.{run.options['picture_format']}"
 
-    def save(self, path: Path, result: Result) -> None:
+    def save(self, path: Path, result: Drawing) -> None:
         """Write the picture."""
         from suspension_cli.drawing.style import encode
 
-        write_bytes(path, encode(result.data, result.extra["format"]))
+        write_bytes(path, encode(result.figure, result.run.options["picture_format"]))
 
-    def returned(self, result: Result, files: Settings) -> Figure:
+    def returned(self, result: Drawing, files: Settings) -> Figure:
         """Return the figure."""
-        return result.data
+        return result.figure
 
 
 ANALYSIS = DrawAnalysis()

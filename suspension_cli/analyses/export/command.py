@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
+from suspension_cli.analyses.analysis import Analysis, Document, Run
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
     import h5py
 
-    from suspension_cli.analyses.export.solve import Exported
+    from suspension_cli.analyses.export.gwinc_tables import GwincTables
+    from suspension_cli.analyses.export.solve import Export, Exported
     from suspension_cli.design.foton_file import FilterFile
 
 FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "foton", "gwinc")
@@ -35,10 +36,10 @@ class ExportAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.export.solve.Exported`: `system` with the matrices `a`,
-        `b`, `c`, `d`; `band` in Hz; `agreement` with the violin model. For gwinc those of
-        `analyses.export.gwinc_tables.Tables`: `table`, and the `accuracy` of interpolation.
+    Export
+        With `system` (matrices `a`, `b`, `c`, `d`), `band` in Hz, and `agreement` with the violin
+        model; for gwinc `analyses.export.gwinc_tables.GwincTables`, with `table` and the
+        `accuracy` of interpolation.
 
     Raises
     ------
@@ -53,6 +54,7 @@ class ExportAnalysis(Analysis):
     """
 
     name = "export"
+    returns = "analyses.export.solve.Export"
     arguments = (options.DESIGN,)
     parameters = (
         option(
@@ -119,7 +121,7 @@ class ExportAnalysis(Analysis):
         options.VERBOSE,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Export | GwincTables:
         """Build the state space and measure its band."""
         from suspension_cli.analyses.export import file
         from suspension_cli.analyses.export import solve as export
@@ -130,12 +132,14 @@ class ExportAnalysis(Analysis):
         from suspension_cli.models.choice import Frequencies
         from suspension_cli.physics import model_choice
 
-        setting, loss = run.setting, run.setting["loss"]
+        setting = run.setting
+        loss = run.setting["loss"]
         if setting["format"] == "gwinc":
             from suspension_cli.analyses.export import gwinc_tables
 
             return gwinc_tables.solve(self, run)
-        fidelity, tolerance = setting["fidelity"], setting["tolerance"]
+        fidelity = setting["fidelity"]
+        tolerance = setting["tolerance"]
         if loss:
             request = lambda _: Frequencies()  # noqa: E731
             choice, model = model_choice.choose(run.source, fidelity, request, tolerance=tolerance)
@@ -145,7 +149,8 @@ class ExportAnalysis(Analysis):
             run.source, choice, setting["allow_unstable"], run.log, model, bends=True
         )
         known = signals.bodies_with_signals(model)
-        chain, finesse = main_chain(run.design), setting["format"] == "finesse"
+        chain = main_chain(run.design)
+        finesse = setting["format"] == "finesse"
         usual = file.finesse_signals if finesse else signals.local_control_signals
         drives, motions = usual(chain)
         inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
@@ -154,7 +159,8 @@ class ExportAnalysis(Analysis):
             names = [[signal.text for signal in some] for some in (inputs, outputs)]
             file.check_names(names[0], names[1], chain[-1])
         zpk = setting["format"] == "zpk"
-        band, accuracy = parse_band(setting["band"] or "0.1:100", "--band"), setting["accuracy"]
+        band = parse_band(setting["band"] or "0.1:100", "--band")
+        accuracy = setting["accuracy"]
         if loss:
             made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
         else:
@@ -167,15 +173,16 @@ class ExportAnalysis(Analysis):
         if setting["format"] == "foton":
             made = replace(made, filters=file.make_foton(made, setting["rate"], band, accuracy))
         made = export.compare_with_complete(made, run.design, inputs, outputs)
-        extra = {"format": setting["format"]}
-        return Result(self, run.source, choice, made, extra, command=run.command)
+        origin = run.origin(self, choice)
+        return export.Export.extending(made, format=setting["format"], run=origin)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Export | GwincTables) -> Document:
         """Return names and the band of agreement."""
-        head: Document = {"format": result.extra["format"], "file": result.extra.get("file")}
-        if head["format"] == "gwinc":
-            return head | result.data.document()
-        made: Exported = result.data
+        path = result.run.file
+        head: Document = {"format": result.format, "file": None if path is None else str(path)}
+        if result.format == "gwinc":
+            return head | cast("GwincTables", result).contents
+        made = cast("Export", result)
         system = made.system
         if made.filters is not None:
             head |= {"rate_hz": made.filters.rate, "modules": _modules(made.filters)}
@@ -190,12 +197,15 @@ class ExportAnalysis(Analysis):
             "agreement": _agreement(made),
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Export | GwincTables) -> str:
         """Return the size of the system and the band of agreement."""
-        if result.extra["format"] == "gwinc":
-            return f"{result.choice.line}\n{result.data.text(result.extra.get('file', ''))}"
-        made: Exported = result.data
-        own, (low, high) = f"the {result.choice.level} model to {made.tolerance:g}", made.tried
+        run = result.run
+        if result.format == "gwinc":
+            summary = cast("GwincTables", result).describe(run.file)
+            return f"{run.choice.line}\n{summary}"
+        made = cast("Export", result)
+        own = f"the {run.model} model to {made.tolerance:g}"
+        low, high = made.tried
         tried = f"({low:.3g} to {high:.4g} Hz tried)"
         agrees = f"there is no band in which it agrees with {own} {tried}"
         if made.band is not None:
@@ -207,7 +217,7 @@ class ExportAnalysis(Analysis):
             error += f", {100 * made.q_error:.2g} % of a Q"
         counts = [len(getattr(made.system, key)) for key in ("state", "input", "output")]
         size = "states: {}, inputs: {}, outputs: {}".format(*counts)
-        lines = [result.choice.line, f"{size}; {agrees}", error]
+        lines = [run.choice.line, f"{size}; {agrees}", error]
         if (filters := made.filters) is not None:
             low, high = filters.band
             head = f"filter modules at {filters.rate:g} Hz, with the largest error from {low:g} to"
@@ -217,24 +227,24 @@ class ExportAnalysis(Analysis):
             lines += [tables.render(columns | {"error": ".2g"}, rows)]
         return "\n".join([*lines, _table(made)])
 
-    def path(self, result: Result, folder: Path) -> Path:
+    def path(self, result: Export | GwincTables, folder: Path) -> Path:
         """Return the path of the exported file."""
         from suspension_cli.analyses.export.file import FORMATS
 
-        stem, form = result.given.stem(), result.extra["format"]
+        stem = result.run.design.stem()
+        form = result.format
         # gwinc takes a dot for the start of a file's ending
         stem = stem.replace(".", "_") if form == "gwinc" else f"{stem}-statespace"
         return folder / f"{stem}{FORMATS[form].suffix}"
 
-    def save(self, path: Path, result: Result) -> None:
+    def save(self, path: Path, result: Export | GwincTables) -> None:
         """Write the exported file, in the format of its ending."""
         from suspension_cli.analyses.export import file as stored
 
-        form = stored.format_of(path, result.data)
-        stored.FORMATS[form].write(path, result.data, result.provenance)
-        result.extra.update(format=form, file=str(path))  # what document() returns
+        form = stored.format_of(path, result)
+        stored.FORMATS[form].write(path, result, result.provenance)
 
-    def fill(self, file: h5py.File, result: Result) -> None:
+    def fill(self, file: h5py.File, result: Export | GwincTables) -> None:
         """Refuse: a state space has no labelled arrays."""
         from suspension_cli.errors import InputError
 
@@ -263,7 +273,8 @@ def _agreement(made: Exported) -> Document:
 
     from suspension_cli.analyses.export.solve import AGREEMENT
 
-    found, system = made.agreement, made.system
+    found = made.agreement
+    system = made.system
     assert found is not None
     if found.unknown:
         return {"model": found.model, "unknown": found.unknown, "pairs": None}
@@ -285,7 +296,8 @@ def _table(made: Exported) -> str:
     from suspension_cli.analyses.export.solve import AGREEMENT
 
     found = _agreement(made)
-    name, pairs = f"agreement with the {found['model']} model", found["pairs"]
+    name = f"agreement with the {found['model']} model"
+    pairs = found["pairs"]
     if pairs is None:
         why = f"{found['unknown']}; give the material and radius of wires"
         return f"{name} (wires that bend and have mass) is not known: {why}"

@@ -87,7 +87,8 @@ def format_of(path: Path, made: Exported | gwinc_tables.Tables) -> str:
     """
     if isinstance(made, gwinc_tables.Tables):
         if path.suffix:
-            problem, remedy = "is no folder that gwinc reads", "leave out the dot"
+            problem = "is no folder that gwinc reads"
+            remedy = "leave out the dot"
             raise InputError.of("--out", problem, remedy, format_value(str(path)))
         return "gwinc"
     endings = {
@@ -148,7 +149,8 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
 
 def _agreement(made: Exported) -> dict[str, Any]:
     """Band of agreement (2,), Hz, NaN if there is none, and the errors in and beyond it."""
-    band, found = np.array(made.band or (np.nan, np.nan)), made.agreement
+    band = np.array(made.band or (np.nan, np.nan))
+    found = made.agreement
     result: dict[str, Any] = {"band_hz": band, "tolerance": made.tolerance}
     result["worst_error"] = made.worst
     if found is not None:
@@ -278,10 +280,13 @@ def make_foton(
     if band[1] > SHARE * rate:
         problem = f"is not four times the end of the band, {band[1]:g} Hz"
         raise InputError.of("--rate", problem, "give a higher rate, or --band", f"{rate:g}")
-    form, frequency = compute_zero_pole_gain(made.system), np.geomspace(*band, GRID)
-    whole, modules = made.system.at(frequency), []
+    form = compute_zero_pole_gain(made.system)
+    frequency = np.geomspace(*band, GRID)
+    whole = made.system.at(frequency)
+    modules = []
     for o, i in np.argwhere(form.gain != 0):
-        exact, tried = whole[:, o, i], []
+        exact = whole[:, o, i]
+        tried = []
         for count in range(1, foton_file.SECTIONS + 1):
             zeros, poles = (_units(r[o, i], SHARE * rate) for r in (form.zeros, form.poles))
             parts = _reduce(zeros, poles, frequency[::STRIDE], exact[::STRIDE], count * ORDER)
@@ -335,7 +340,8 @@ def _reduce(
     rest = exact * below.prod(0) / above.prod(0)
     while True:
         counts = [np.append(_count(units), 0) for units in (zeros, poles)]
-        order, spare = counts[1].sum(), counts[1].sum() - counts[0].sum()
+        order = counts[1].sum()
+        spare = counts[1].sum() - counts[0].sum()
         pairs = [(-1, n) for n in range(len(poles))] + [(n, -1) for n in range(len(zeros))]
         for n, count in enumerate(counts[1][:-1]):
             apart = np.where(counts[0][:-1] == count, np.abs(zeros - poles[n]), np.inf)
@@ -347,11 +353,14 @@ def _reduce(
         chosen = int(size.argmin())
         if spare >= 0 and (not pairs or (order <= most and size[chosen] > FAINT)):
             return _split(zeros, poles, float(_deviation(rest)[0]))
-        (z, p), rest = pairs[chosen], change[chosen]
+        z, p = pairs[chosen]
+        rest = change[chosen]
         if z >= 0:
-            zeros, above = np.delete(zeros, z), np.delete(above, z, 0)
+            zeros = np.delete(zeros, z)
+            above = np.delete(above, z, 0)
         if p >= 0:
-            poles, below = np.delete(poles, p), np.delete(below, p, 0)
+            poles = np.delete(poles, p)
+            below = np.delete(below, p, 0)
 
 
 def _deviation(values: Complex[np.ndarray, "*change frequency"]) -> tuple[np.ndarray, np.ndarray]:

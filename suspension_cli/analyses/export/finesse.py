@@ -78,7 +78,8 @@ class Suspension(Connector):
                 found[signal] = getattr(getattr(self, body), kind), 1
         self._edges = []
         for o, i in zip(*np.nonzero(self.response(np.pi)), strict=True):
-            (source, one), (target, other) = found[plant["input"][i]], found[plant["output"][o]]
+            source, one = found[plant["input"][i]]
+            target, other = found[plant["output"][o]]
             self._register_node_coupling(f"edge_{o}_{i}", source, target)
             self._edges.append((source, target, o, i, one * other))
 

@@ -30,7 +30,8 @@ of the design."""
 
 def interpolate(frequency: np.ndarray, value: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Interpolate columns (f, ...) to other frequencies, by logarithm of their size and phase."""
-    known, wanted = np.log(frequency), np.log(at)
+    known = np.log(frequency)
+    wanted = np.log(at)
     size = PchipInterpolator(known, np.log(np.maximum(np.abs(value), 1e-300)))(wanted)
     phase = PchipInterpolator(known, np.unwrap(np.angle(value), axis=0))(wanted)
     return np.exp(size + 1j * phase) * value.any(axis=0)

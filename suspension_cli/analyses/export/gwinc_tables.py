@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses import registry
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run
+from suspension_cli.analyses.analysis import Analysis, Document, Run
 from suspension_cli.analyses.export import gwinc_budget
 from suspension_cli.analyses.export.gwinc_budget import Table, interpolate
 from suspension_cli.analyses.export.relaxation import count_wire_modes
 from suspension_cli.analyses.export.solve import FAINT
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import main_chain
 from suspension_cli.design.schema import body_mass
@@ -50,31 +51,41 @@ class Tables:
     table: Table
     accuracy: float
 
-    def document(self) -> Document:
-        """Return what the table has, for JSON."""
+    @property
+    def contents(self) -> Document:
+        """What the table has, for JSON."""
         frequency = self.table["frequency"]
         found: Document = {"interferometer": self.interferometer, "frequencies": len(frequency)}
         return found | {"band_hz": frequency[[0, -1]].tolist(), "accuracy": self.accuracy}
 
-    def text(self, folder: str) -> str:
+    def describe(self, folder: Path | None) -> str:
         """Return what the table has, and how gwinc reads it from a folder, if it was written."""
-        (low, high), count = self.document()["band_hz"], len(self.table["frequency"])
+        low, high = self.contents["band_hz"]
+        count = len(self.table["frequency"])
         return (
             f"{count} frequencies from {low:g} to {high:g} Hz; interpolation between them errs by"
             f" about {100 * self.accuracy:.2g} % at most\n"
-            f"budget of {self.interferometer}" + f": gwinc {folder}" * bool(folder)
+            f"budget of {self.interferometer}" + (f": gwinc {folder}" if folder else "")
         )
 
 
-def solve(analysis: Analysis, run: Run) -> Result:
+@dataclass(frozen=True, eq=False, repr=False)
+class GwincTables(Record, Tables):
+    """The table of a suspension for gwinc, and the format that was asked for."""
+
+    format: str = "gwinc"
+
+
+def solve(analysis: Analysis, run: Run) -> GwincTables:
     """Compute the table of a design; raises `InputError`, also where `thermal` does."""
-    setting, chain = run.setting, main_chain(run.design)
+    setting = run.setting
+    chain = main_chain(run.design)
     level, upright = _motions(setting["inputs"], setting["outputs"], chain[-1])
     band = parse_band(setting["band"] or "5:3000", "--band")  # gwinc's own
     few = "{!r}:{!r}:20".format(*band)  # enough for the choice of the model, and checks of losses
     wanted = {"outputs": (level, upright), "frequency": few, "arm": 0.0, "mirrors": 1.0}
     found = registry.get("thermal").solve(replace(run, setting={**setting, **wanted}))
-    model = found.choice.model.system(run.design)
+    model = found.run.choice.model.system(run.design)
     if (count := count_wire_modes(model, band[1])) > MOST_WIRE_MODES:
         problem = f"contains {count:,} modes of wires (at most {MOST_WIRE_MODES:,})"
         remedy = "end it at a lower frequency"
@@ -94,8 +105,8 @@ def solve(analysis: Analysis, run: Run) -> Result:
         "vertical_thermal": np.real(value[:, joints : 2 * joints]),
         **dict(zip(RESPONSES, value[:, 2 * joints :].T, strict=True)),
     }
-    made, extra = Tables(setting["interferometer"], table, setting["accuracy"]), {"format": "gwinc"}
-    return Result(analysis, run.source, found.choice, made, extra, command=run.command)
+    origin = run.origin(analysis, found.run.choice)
+    return GwincTables(setting["interferometer"], table, setting["accuracy"], run=origin)
 
 
 def _motions(inputs: tuple[str, ...], outputs: tuple[str, ...], mirror: str) -> tuple[str, str]:
@@ -145,7 +156,8 @@ def _tabulate(
     relative to each column; that of the coupling to at least `FAINT` of the vertical response, of
     which gwinc adds some 1e-3 to it.
     """
-    value, passed = evaluate(frequency), np.zeros(0)
+    value = evaluate(frequency)
+    passed = np.zeros(0)
     while True:
         wide = frequency[1:] / frequency[:-1] > 1 + NARROWEST
         middle = np.setdiff1d(np.sqrt(frequency[1:] * frequency[:-1])[wide], passed)
@@ -164,7 +176,8 @@ def _tabulate(
 
 def write(path: Path, made: Tables, origin: Provenance) -> None:
     """Write a folder with a module for gwinc and the table; raises `InputError`."""
-    module, file = path / "__init__.py", path / "suspension.npz"
+    module = path / "__init__.py"
+    file = path / "suspension.npz"
     if module.exists() and not file.exists():
         raise InputError.of("--out", "is a Python package", "name another folder", str(path))
     stream = io.BytesIO()

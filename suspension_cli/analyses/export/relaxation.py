@@ -65,7 +65,8 @@ MOST_STATES = 6000
 """Largest number of states that is tried: a matrix has 300 MB, and its eigenvalues take minutes."""
 POINTS = 16
 """Frequencies of the band at which the loss angle of an element must be right."""
-RELAXATION, WIRE = "relaxation", "wire"
+RELAXATION = "relaxation"
+WIRE = "wire"
 """First parts of the names of coordinates that are added."""
 
 
@@ -89,7 +90,8 @@ def relax(model: LinearSystem, band: tuple[float, float], density: float) -> Lin
     decade. The coordinates of wires and of relaxation follow those of the model. Raises
     `InputError` if an element gives energy instead of taking it, which no relaxation does.
     """
-    low, high = 2 * np.pi * band[0], 2 * np.pi * band[1]
+    low = 2 * np.pi * band[0]
+    high = 2 * np.pi * band[1]
     system, elements = _with_wire_modes(model, ABOVE * high)
     found = eigenmodes.solve(system)
     squared = found.omega_squared
@@ -98,7 +100,8 @@ def relax(model: LinearSystem, band: tuple[float, float], density: float) -> Lin
         return system
     omega = np.sqrt(squared[near])
     shapes = np.linalg.solve(system.basis, np.pad(found.shape[near], ((0, 0), (6, 0))).T)
-    first, last = min(low, omega[0]) / 10, max(high, omega[-1]) * 2
+    first = min(low, omega[0]) / 10
+    last = max(high, omega[-1]) * 2
     rates = np.geomspace(first, last, 2 + int(density * np.log10(last / first)))
     return _with_relaxation(system, elements, omega, shapes, rates, (low, high))
 
@@ -116,7 +119,8 @@ def check_size(model: LinearSystem, band: tuple[float, float], density: float) -
     if fits(max(low, high / 10), high):
         remedy = "begin it at a higher frequency"
     else:
-        good, bad = low, high
+        good = low
+        bad = high
         for _ in range(30):
             middle = float(np.sqrt(good) * np.sqrt(bad))
             good, bad = (middle, bad) if fits(low, middle) else (good, middle)
@@ -167,7 +171,9 @@ class _ReducedWire:
 def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
     """Reduce a wire to the motion of its ends and its modes up to a frequency, rad/s."""
     size = len(strand.static[part])
-    inertia, modes, first = np.zeros((size, size)), [], 0.0
+    inertia = np.zeros((size, size))
+    modes = []
+    first = 0.0
     beyond_modes: list[tuple[float, Float[np.ndarray, " end"]]] = []
     lossless = replace(strand, lossy=False)
 
@@ -196,9 +202,11 @@ def _reduce(strand: TautWire, part: str, highest: float) -> _ReducedWire:
         for value, vector in zip(values, vectors.T, strict=True):
             if value > 1e-3 * values[-1]:
                 beyond_modes.append((beyond, vector * np.sqrt(value)))
-    drag, losses = 0.0, []
+    drag = 0.0
+    losses = []
     if strand.massive and strand.surrounded is not None:
-        at, elastic = modes[0][0] if modes else first, _with_loss_of(strand, None)
+        at = modes[0][0] if modes else first
+        elastic = _with_loss_of(strand, None)
         damped = np.imag(stiffness(elastic, [LOW * at])[0])
         drag = float(np.trace(damped) / (LOW * at * np.trace(inertia)))
     for number in range(len(strand.fibre.sections)):
@@ -230,7 +238,8 @@ def _section_loss(
     strand: TautWire, part: str
 ) -> tuple[Float[np.ndarray, "deformation end"], Callable[[Array], Array]]:
     """Deformations of the one section of a wire that is lossy, and its loss angle."""
-    still, to_own = replace(strand, massive=False), np.eye(len(strand.static[part]))
+    still = replace(strand, massive=False)
+    to_own = np.eye(len(strand.static[part]))
     length = sum(section.length for section in strand.fibre.sections)
     bends = len(to_own) == 4
     if bends:  # it resists slopes relative to the chord alone
@@ -253,8 +262,10 @@ def _section_loss(
 
 def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem, list[Lossy]]:
     """Add the inertia and the modes of wires, and viscous terms; also list what is lossy."""
-    groups, size = _groups(model), model.size
-    mass, damping = np.zeros((size, size)), np.zeros((size, size))
+    groups = _groups(model)
+    size = model.size
+    mass = np.zeros((size, size))
+    damping = np.zeros((size, size))
     elements: list[Lossy] = []
     if model.is_lossy:
         elements.append(Lossy(_deformations(model.loss), np.ones_like))
@@ -270,7 +281,8 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
         for part, forms in term.forms.items():
             wire = _reduce(term.strand, part, highest)
             inertia = np.einsum("wci,cd,wdj->ij", forms, wire.inertia, forms)
-            mass, damping = mass + inertia, damping + wire.drag * inertia
+            mass = mass + inertia
+            damping = damping + wire.drag * inertia
             own: list[tuple[int, int, Array]] = []  # coordinate, mode, share of each wire
             for number, (omega, drives) in enumerate(wire.modes):
                 for share, row in _combinations(drives @ forms, groups):
@@ -338,7 +350,8 @@ def _with_relaxation(
     lag = every[:, None] * rates / (every[:, None] ** 2 + rates**2)
     near = np.clip(omega, *band)  # what a mode beside the band does in it matters at its end
     step = near[:, None] ** 2 / (near[:, None] ** 2 + rates**2)
-    strength, stiffer = np.zeros((len(elements), len(rates))), np.zeros(energy.shape)
+    strength = np.zeros((len(elements), len(rates)))
+    stiffer = np.zeros(energy.shape)
     for n, one in enumerate(elements):
         if (loss[n] > MINOR * total).any():
             weight = np.append(loss[n] / total, np.full(POINTS, BETWEEN))
@@ -349,11 +362,14 @@ def _with_relaxation(
     # the rest in all together, but not so much that the design becomes unstable
     shift = (energy**2 * stiffer).sum(1) / np.maximum((energy**2).sum(1), 1e-300)
     stiffer -= shift[:, None]
-    unit, root = np.abs(stiffer).max(1), np.sqrt(total)
-    parts, wanted = (energy * unit[:, None] / root).T, (energy * stiffer).sum(0) / root
+    unit = np.abs(stiffer).max(1)
+    root = np.sqrt(total)
+    parts = (energy * unit[:, None] / root).T
+    wanted = (energy * stiffer).sum(0) / root
     shift += unit * np.linalg.lstsq(parts, wanted, rcond=1e-2)[0]
     shift = np.minimum(shift, STABLE / np.maximum(energy.max(1), 1e-300))
-    groups, size = _groups(system), system.size
+    groups = _groups(system)
+    size = system.size
     added = sum(-d * one.rows.T @ one.rows for d, one in zip(shift, elements, strict=True))
     follow, own_rates = _followers(elements, strength, rates, groups)
     softer = _framed(np.asarray(added), groups)
@@ -377,7 +393,8 @@ def _followers(
     groups: list[Index],
 ) -> tuple[Float[np.ndarray, "follower coordinate"], Float[np.ndarray, " follower"]]:
     """Deformations that relax, of all elements together: no more than coordinates per rate."""
-    rows, own_rates = [np.zeros((0, elements[0].rows.shape[1]))], [np.zeros(0)]
+    rows = [np.zeros((0, elements[0].rows.shape[1]))]
+    own_rates = [np.zeros(0)]
     for number, rate in enumerate(rates):
         stack = np.concatenate(
             [np.sqrt(g[number]) * one.rows for g, one in zip(strength, elements, strict=True)]

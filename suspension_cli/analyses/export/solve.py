@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.export.relaxation import check_size, relax
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
@@ -58,7 +59,8 @@ class ZeroPoleGain:
         s = 2j * np.pi * np.asarray(frequency)
         result = np.empty((len(s), *self.gain.shape), dtype=complex)
         for o, i in np.ndindex(self.gain.shape):
-            zeros, poles = self.zeros[o, i], self.poles[o, i]
+            zeros = self.zeros[o, i]
+            poles = self.poles[o, i]
             factors = 1 / (s[:, None] - poles)
             factors[:, : len(zeros)] *= s[:, None] - zeros  # one by one, to avoid overflow
             result[:, o, i] = self.gain[o, i] * factors.prod(1)
@@ -107,6 +109,13 @@ class Exported:
         return np.geomspace(*self.tried, GRID)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Export(Record, Exported):
+    """An exported system: matrices, bands of agreement, and the format that was asked for."""
+
+    format: str = "mat"
+
+
 @dataclass(frozen=True)
 class Agreement:
     """Bands in which an export agrees with the most complete model, off resonance.
@@ -135,7 +144,8 @@ def build(
     The `model` has constant matrices. If `zpk`, the zero-pole-gain form is computed, and compared.
     """
     lowest, highest = mode_range(model)
-    tried, tolerance = (lowest / 100, 100 * highest), TOLERANCE_ZPK if zpk else TOLERANCE
+    tried = (lowest / 100, 100 * highest)
+    tolerance = TOLERANCE_ZPK if zpk else TOLERANCE
     exact = _solve(model, np.geomspace(*tried, GRID), inputs, outputs)
     system = statespace.build(model, inputs, outputs)
     return _measure(system, exact, tried, tolerance, zpk=zpk, narrow=True)
@@ -183,11 +193,13 @@ def _measure(
     narrow: bool,
 ) -> Exported:
     """Compare a system with exact responses; without errors at resonances unless `narrow`."""
-    form, frequency = compute_zero_pole_gain(system) if zpk else None, np.geomspace(*tried, GRID)
+    form = compute_zero_pole_gain(system) if zpk else None
+    frequency = np.geomspace(*tried, GRID)
     value = (form or system).at(frequency)
     error = exact.errors_of(value)
     largest = (error if narrow else off_resonance(error, frequency)).max((1, 2))
-    band, worst = _find_band(frequency, largest <= tolerance), float(largest.max())
+    band = _find_band(frequency, largest <= tolerance)
+    worst = float(largest.max())
     return Exported(system, form, band, tolerance, worst, tried, value)
 
 
@@ -267,9 +279,11 @@ def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, 
     """
     poles = np.linalg.eigvals(system.a)
     poles = poles[np.imag(poles) > 0]
-    frequency, q = np.abs(poles) / (2 * np.pi), np.abs(poles) / np.maximum(-2 * poles.real, 1e-300)
+    frequency = np.abs(poles) / (2 * np.pi)
+    q = np.abs(poles) / np.maximum(-2 * poles.real, 1e-300)
     some = np.isfinite(modes.q) & (modes.frequency > band[0]) & (modes.frequency < band[1])
-    expected, own = modes.frequency[some], modes.q[some]
+    expected = modes.frequency[some]
+    own = modes.q[some]
     beside = np.abs(frequency[:, None] / expected - 1) < np.maximum(APART, 1 / own)
     off = np.where(beside, np.abs(np.log(q[:, None] / own)), np.inf).min(1, initial=np.inf)
     return float(np.expm1(off[np.isfinite(off)].max(initial=0.0)))
@@ -309,9 +323,11 @@ def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
     relative degree. The gain is the first non-zero Markov parameter.
     """
     gain = np.zeros_like(system.d, dtype=float)
-    zeros, poles = np.empty(gain.shape, dtype=object), np.empty(gain.shape, dtype=object)
+    zeros = np.empty(gain.shape, dtype=object)
+    poles = np.empty(gain.shape, dtype=object)
     for o, i in np.ndindex(gain.shape):
-        (a, b, c), d = restrict_states(system, o, i), float(system.d[o, i])
+        a, b, c = restrict_states(system, o, i)
+        d = float(system.d[o, i])
         degree, gain[o, i] = _leading(a, b, c, d)
         own = _zeros(a, b, c, d, degree)
         while not np.isfinite(own).all():  # its Markov parameter was a rounding error
@@ -324,7 +340,8 @@ def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:
 
 def restrict_states(system: statespace.StateSpace, o: int, i: int) -> tuple[Array, Array, Array]:
     """Restrict A, b, c to the states that input i drives and output o observes."""
-    driven, observed = system.b[:, i] != 0, system.c[o] != 0
+    driven = system.b[:, i] != 0
+    observed = system.c[o] != 0
     both = np.zeros(len(system.a), dtype=bool)
     for group in connected_groups(system.a != 0):
         both[group] = driven[group].any() and observed[group].any()
@@ -338,12 +355,15 @@ def _leading(a: Array, b: Array, c: Array, d: float, beyond: int = 0) -> tuple[i
     """
     if d != 0:
         return 0, d
-    vector, size = b, np.abs(b)
+    vector = b
+    size = np.abs(b)
     for degree in range(1, len(a) + 1):
-        value, bound = float(c @ vector), float(np.abs(c) @ size)
+        value = float(c @ vector)
+        bound = float(np.abs(c) @ size)
         if degree > beyond and abs(value) > 1e-9 * bound:
             return degree, value
-        vector, size = a @ vector, np.abs(a) @ size
+        vector = a @ vector
+        size = np.abs(a) @ size
     return 0, 0.0
 
 
@@ -358,9 +378,12 @@ def _zeros(a: Array, b: Array, c: Array, d: float, degree: int) -> Complex[np.nd
     if count <= 0 or (degree == 0 and d == 0):
         return np.zeros(0, dtype=complex)
     scale = matrix_balance(a, permute=False, separate=True)[1][0]
-    a, b, c = a * scale / scale[:, None], b / scale, c * scale
+    a = a * scale / scale[:, None]
+    b = b / scale
+    c = c * scale
     size = np.linalg.norm(a)
-    size_b, size_c = size / np.linalg.norm(b), size / np.linalg.norm(c)
+    size_b = size / np.linalg.norm(b)
+    size_c = size / np.linalg.norm(c)
     pencil = np.block(
         [[a, size_b * b[:, None]], [size_c * c[None, :], np.array([[size_b * size_c * d]])]]
     )

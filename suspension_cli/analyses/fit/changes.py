@@ -132,7 +132,8 @@ class Changes:
         """Rank numbers by what a change of one explains of the fit of all."""
         wide, z = self._wide(found)
         slope = wide.data_rows(wide.jacobian(z))
-        own, moved = slope.T @ slope, z[: wide.count] - np.array([*self.given.values()])
+        own = slope.T @ slope
+        moved = z[: wide.count] - np.array([*self.given.values()])
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.nan_to_num((own @ moved) ** 2 / np.diag(own))
         return self._ranked(gain, max(WORTH * float(moved @ own @ moved), LEAST))
@@ -141,7 +142,8 @@ class Changes:
         """Rank numbers by the decrease of chi^2 to first order, others that are free fitted too."""
         wide, z = self._wide(found)
         free = np.isin(wide.unknowns.name, found.problem.unknowns.name)
-        slope, off = wide.jacobian(z), wide.residual(z)
+        slope = wide.jacobian(z)
+        off = wide.residual(z)
         basis = np.linalg.qr(slope[:, free] * wide.unknowns.scale[free])[0]
         rows = slope[:, : wide.count] - basis @ (basis.T @ slope[:, : wide.count])
         size = (rows**2).sum(0)
@@ -153,11 +155,13 @@ class Changes:
     def _by_resonances(self, found: Solution) -> list[str]:
         """Rank numbers by how much a change of one brings computed to measured resonances."""
         wide, z = self._wide(found)
-        one, x = wide.experiment[0], z[: wide.count]
+        one = wide.experiment[0]
+        x = z[: wide.count]
         peaks = start.assign_peaks(wide, z)
         if not peaks:
             return []
-        modes, places = one.plant(x).modes, one.order(x)[[peak.mode for peak in peaks]]
+        modes = one.plant(x).modes
+        places = one.order(x)[[peak.mode for peak in peaks]]
         measured = np.array([peak.frequency for peak in peaks])
         doubt = np.hypot([peak.sigma for peak in peaks] / measured, BUILT)
         off = np.log(measured / modes.frequency[places]) / doubt

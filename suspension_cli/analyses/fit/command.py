@@ -1,4 +1,4 @@
-"""`pendsus fit`: fit of designs to measured modes and transfer functions."""
+"""`pendsus fit`: fit of designs to measured modes, quantities and transfer functions."""
 
 from __future__ import annotations
 
@@ -11,25 +11,29 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Document, Log, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Document, Log, Run, Settings
 from suspension_cli.analyses.options import argument, option
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, join_errors
 
 if TYPE_CHECKING:
+    import h5py
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.fit.result import Fit
+    from suspension_cli.analyses.fit.result import Fit, Fitted
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.design.measured import Measured
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
+    from suspension_cli.models.base import Model
+    from suspension_cli.models.choice import Comparison
     from suspension_cli.models.registry import Choice
 
 
 class FitAnalysis(Analysis):
-    """Fit numbers of designs to measured mode frequencies and transfer functions.
+    """Fit numbers of designs to measured modes, quantities and transfer functions.
 
-    MEASURED is a TOML file. It lists the free numbers of DESIGN, and modes with uncertainties or
-    files of transfer functions. To fit modes of several designs together, leave DESIGN out:
+    MEASURED is a TOML file. It lists the free numbers of DESIGN, and modes and quantities with
+    uncertainties or files of transfer functions. To fit several designs together, leave DESIGN out:
     MEASURED names the designs, and the free numbers that they share. Writes DIR/NAME-fit.h5 and
     .png, and each fitted design as DIR/NAME-fitted.toml. NAME is that of the design; for several
     designs it is the stem of MEASURED, followed by the experiment's name for fitted designs.
@@ -38,10 +42,10 @@ class FitAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.fit.solve.Fit`: `name`, `value`, `sigma`, `covariance`,
-        `residual`, ...; for transfer functions `responses`. `design` is the fitted design (of
-        several experiments a list), `given` the one that was fitted.
+    Fit
+        With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
+        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
+        `run.design` the one as given.
 
     Raises
     ------
@@ -67,7 +71,7 @@ class FitAnalysis(Analysis):
         options.Input(
             "measured",
             "PathLike",
-            "TOML file of modes or files of transfer functions, and of the free numbers.",
+            "TOML file of modes, quantities or files of transfer functions, and the free numbers.",
         ),
         options.Input(
             about="The design; None where `measured` names designs itself.", optional=True
@@ -130,23 +134,26 @@ class FitAnalysis(Analysis):
             inputs["functions"] = _weighted(functions, runs[0].setting["relative_uncertainty"])
         return dataclasses.replace(runs[0], inputs=inputs)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Fit:
         """Fit all designs together."""
         from suspension_cli.analyses.fit import findings
         from suspension_cli.analyses.fit import solve as fit
+        from suspension_cli.analyses.fit.result import Fit
         from suspension_cli.models import registry
         from suspension_cli.physics import model_choice
 
         given: Measured = run.inputs["measured"]
         sources = [one.source for one in run.inputs["runs"]]
-        file, joint = run.inputs["file"], given.experiment is not None
-        designs = [one.file for one in sources]
+        file = run.inputs["file"]
+        joint = given.experiment is not None
+        designs = tuple(one.file for one in sources)
         if not given.parameter:
             run.log.say(
                 "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
                 " with priors of usual building errors"
             )
-        choices = _choose_models(run.setting["fidelity"], sources)
+        with attribute_faults_to(file):
+            choices = _choose_models(run.setting["fidelity"], sources, given)
         with attribute_faults_to(file), run.log.progress() as bar:
             found = fit.solve(
                 [one.text for one in sources],
@@ -171,56 +178,60 @@ class FitAnalysis(Analysis):
         if run.setting.get("as_json", True):  # printed in the text
             for line in findings.first_lines(data):
                 run.log.warn(line)
-        stem = run.source.stem(name)
-        extra = {"stem": stem, "joint": joint, "designs": designs, "measured_file": file}
-        return Result(self, run.source, choice, data, extra, command=run.command)
+        return Fit.extending(
+            data,
+            stem=run.source.stem(name),
+            joint=joint,
+            design_file=designs,
+            measured_file=str(file),
+            run=run.origin(self, choice),
+        )
 
-    def design_of(self, result: Result) -> Source | list[Source]:
-        """Return the fitted design, or those of several experiments."""
-        from suspension_cli.design import reader
+    def read_result(self, file: h5py.File, run: Origin, extra: Document) -> Fit:
+        """Read a result; files of earlier versions call the files of designs otherwise."""
+        files = {"design_file": extra.get("designs", [])}
+        return super().read_result(file, run, extra | files)
 
-        found = [reader.with_text(result.given, text) for text in result.data.design]
-        return found[0] if len(found) == 1 else found
-
-    def document(self, result: Result) -> Document:
+    def document(self, result: Fit) -> Document:
         """Return fitted parameters and modes; an uncertainty is null if infinite or at a bound."""
         from suspension_cli.analyses.fit import findings
 
-        found: Fit = result.data
-        return findings.document(found, result.extra.get("designs", [None] * len(found.experiment)))
+        files = result.design_file or [None] * len(result.experiment)
+        return findings.document(result, files)
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Fit) -> str:
         """Return fitted parameters, modes, and combinations that the data determine."""
         from suspension_cli.analyses.fit import findings
 
-        return f"{result.choice.line}\n\n{findings.report(result.data)}"
+        return f"{result.run.choice.line}\n\n{findings.report(result)}"
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Fit, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and fitted numbers."""
         from suspension_cli.analyses.fit import picture
 
-        title = f"{result.data.title} · {result.choice.level} model"
-        pages = {"": picture.draw(result.data, title)}
-        if result.data.responses is not None:
-            pages["-responses"] = picture.draw_responses(result.data.responses, title)
+        title = f"{result.title} · {result.run.model} model"
+        pages = {"": picture.draw(result, title)}
+        if result.responses is not None:
+            pages["-responses"] = picture.draw_responses(result.responses, title)
         return pages
 
-    def path(self, result: Result, folder: Path) -> Path:
+    def path(self, result: Fit, folder: Path) -> Path:
         """Return the path of the results file, named after the design or the measurements."""
-        return folder / f"{result.extra.get('stem', result.given.name)}-{self.stem}.h5"
+        return folder / f"{result.stem or result.run.name}-{self.stem}.h5"
 
-    def others(self, result: Result, path: Path) -> list[Path]:
+    def others(self, result: Fit, path: Path) -> list[Path]:
         """Write each fitted design: NAME-fitted.toml, of several NAME-EXPERIMENT-fitted.toml."""
         from suspension_cli.analyses.fit import findings
         from suspension_cli.files.whole_files import write_bytes
 
-        extra, paths = result.extra, []
-        measured = Path(extra["measured_file"]).name
-        pairs = zip(result.data.experiment, extra["designs"], strict=True)
+        paths = []
+        command = result.run.command
+        measured = Path(result.measured_file).name
+        pairs = zip(result.experiment, result.design_file, strict=True)
         for n, (name, file) in enumerate(pairs):
-            stem = f"{extra['stem']}-{name}" if extra["joint"] else extra["stem"]
+            stem = f"{result.stem}-{name}" if result.joint else result.stem
             paths.append(path.with_name(f"{stem}-fitted.toml"))
-            made = findings.fitted_design(result.data, n, Path(file).name, measured, result.command)
+            made = findings.fitted_design(result, n, Path(file).name, measured, command)
             write_bytes(paths[-1], made.encode())
         return paths
 
@@ -233,30 +244,55 @@ def _weighted(functions: list[MeasuredResponse], relative: float | None) -> list
         return functions
     result = []
     for item in functions:
-        size, sigma = np.abs(item.value), np.asarray(item.uncertainty)
+        size = np.abs(item.value)
+        sigma = np.asarray(item.uncertainty)
         assumed = relative * np.maximum(size, 1e-3 * np.median(size))
         known = np.isfinite(sigma) & (sigma > 0)
         result.append(dataclasses.replace(item, uncertainty=np.where(known, sigma, assumed)))
     return result
 
 
-def _choose_models(wanted: str, sources: Sequence[Source]) -> list[Choice]:
+def _choose_models(wanted: str, sources: Sequence[Source], given: Measured) -> list[Choice]:
     """Choose the most complete model without wire mass that is valid for every design of a fit.
 
     Raises `InputError` if a model is wanted that cannot model imperfect builds, or has wire mass.
     """
-    from suspension_cli.models import registry
+    from suspension_cli.models import choice, registry
     from suspension_cli.physics import model_choice
 
     models = [model for model in registry.SCENE_MODELS if not model.has_wire_mass]
     model_choice.demand_one_of(wanted, models, "cannot compute derivatives")
     each = [registry.most_complete(source.design, massless=True) for source in sources]
-    common, modes = min(each, key=registry.MODELS.index), model_choice.named_results([])
+    common = min(each, key=registry.MODELS.index)
     found = []
-    for source in sources:
+    for n, source in enumerate(sources):
+        compare = _compare_models(source, given, n)
         with attribute_faults_to(source.file):
-            found.append(model_choice.choose(source, wanted, modes, candidates=[common])[0])
+            found.append(choice.choose(source.design, wanted, [common], compare))
     return found
+
+
+def _compare_models(source: Source, given: Measured, number: int) -> Comparison:
+    """Return the comparison of all modes and of the measured quantities of an experiment.
+
+    Modes count unless quantities alone were measured.
+    """
+    from suspension_cli.analyses.fit.measured_values import look_up
+    from suspension_cli.models.choice import Frequencies, Systems
+    from suspension_cli.quantities.differences import compare_designs
+
+    quantities = look_up(given.quantities[number], source.text, source.file, given.where(number))
+    compared: list[Comparison] = []
+    if given.modes[number] or given.transfer_function or not quantities:
+        compared.append(Systems(source.design).compare(lambda _: Frequencies()))
+    if quantities:
+        compared.append(compare_designs(quantities, [source.design]))
+
+    def change(simple: Model, refined: Model) -> tuple[float, str]:
+        changes = [compare(simple, refined) for compare in compared]
+        return max(changes, key=lambda one: -1.0 if math.isnan(one[0]) else one[0])
+
+    return change
 
 
 def _designs(
@@ -270,9 +306,11 @@ def _designs(
             raise InputError([Fault("mode", problem, remedy)], file)
         return [ask(designs[0])]
     if designs:
-        problem, remedy = "names its designs itself", "write pendsus fit MEASURED"
+        problem = "names its designs itself"
+        remedy = "write pendsus fit MEASURED"
         raise InputError([Fault("experiment", problem, remedy, format_value(designs[0]))], file)
-    runs, bad = [], dict[str, InputError]()
+    runs: list[Run] = []
+    bad: dict[str, InputError] = {}
     for n, item in enumerate(given.experiment, 1):
         try:
             runs.append(ask(str(Path(file).parent / item.design), tuple(item.set)))
@@ -290,7 +328,7 @@ def _designs(
     return runs
 
 
-def _warn(found: Fit, choice: Choice, log: Log) -> None:
+def _warn(found: Fitted, choice: Choice, log: Log) -> None:
     """Warn of numbers at bounds, negative stiffnesses, and implausible or unstable designs."""
     from suspension_cli.analyses.fit import findings
     from suspension_cli.design import reader
@@ -302,7 +340,7 @@ def _warn(found: Fit, choice: Choice, log: Log) -> None:
             log.warn(f"{label} ends at its bound, so it has no uncertainty; widen the bound")
     for line in findings.negative_stiffnesses(found):
         log.warn(line)
-    for name, fitted in zip(found.experiment, found.design, strict=True):
+    for name, fitted in zip(found.experiment, found.toml, strict=True):
         design = reader.parse(fitted)
         near_limits.warn_implausible(design, log)
         grows = find_growth(design, choice.model, choice.model.system(design))

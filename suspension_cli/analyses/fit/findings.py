@@ -15,12 +15,13 @@ import numpy as np
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document, table
 from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
-from suspension_cli.analyses.fit.result import SAME, Candidate, Fit, ResponseFit
+from suspension_cli.analyses.fit.result import SAME, Candidate, Fitted, ResponseFit
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import escape_unprintable
 from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import TABLES
+from suspension_cli.quantities.requirements import displayed_unit
 from suspension_cli.studies.parameters import natural_step
 from suspension_cli.version import __version__
 
@@ -77,9 +78,10 @@ def short(name: str) -> str:
     return ".".join(keys)
 
 
-def describe(problem: Problem, slope: Array, fitted: Fit) -> tuple[str, ...]:
+def describe(problem: Problem, slope: Array, fitted: Fitted) -> tuple[str, ...]:
     """Say which parameters the data determine without priors, one statement per line."""
-    p, free = problem.count, np.isinf(fitted.prior_sigma)
+    p = problem.count
+    free = np.isinf(fitted.prior_sigma)
     # of parameters without prior: the value itself
     scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
     rows = problem.data_rows(slope) * scale
@@ -123,7 +125,8 @@ def combinations(
     found = []
     left = np.flatnonzero(uncertain).tolist()
     for some in itertools.chain(*(itertools.combinations(left, size) for size in (2, 3))):
-        group, summed = [*some], all(lengths[n] for n in some)
+        group = [*some]
+        summed = all(lengths[n] for n in some)
         if not summed and (value[group] <= 0).any():
             continue
         unit = np.ones(len(group)) if summed else value[group]
@@ -137,7 +140,8 @@ def combinations(
         if relative < TOGETHER:
             line = _describe_combination([names[n] for n in group], weight, error, summed)
             found.append((len(group), relative, {*group}, line))
-    lines, taken = list[str](), set[int]()
+    lines = list[str]()
+    taken = set[int]()
     for _, _, members, line in sorted(found, key=lambda item: item[:2]):
         if not taken & members:
             taken |= members
@@ -172,7 +176,8 @@ def next_measurements(
     functions, and a calibration error of `GAIN`. The information J^T J of a candidate is added to
     that of the fit (Fisher).
     """
-    p, scale = problem.count, problem.unknowns.scale
+    p = problem.count
+    scale = problem.unknowns.scale
     scaled = slope * scale
     whole = scaled.T @ scaled
     spread = np.linalg.inv(whole + 1e-12 * np.diag(whole).max() * np.eye(len(whole)))
@@ -182,7 +187,8 @@ def next_measurements(
     if not least:
         return "", ()
     plant = problem.experiment[0].plant(z[:p])
-    known, body = signals.bodies_with_signals(plant.system), plant.system.body
+    known = signals.bodies_with_signals(plant.system)
+    body = plant.system.body
     drives = [f"{SUPPORT}.{dof}" for dof in DOFS]
     drives += [f"{name}.{force}" for name in body for force in signals.FORCES]
     inputs = [signals.parse_input(text, known) for text in drives]
@@ -195,7 +201,8 @@ def next_measurements(
     functions = problem.channels.function
     noise = [item.uncertainty / np.maximum(np.abs(item.value), 1e-300) for item in functions]
     relative = float(np.clip(np.median(np.concatenate(noise)), 1e-4, 1.0))
-    part, own = spread[np.ix_(places, places)], np.diag(spread)[least]
+    part = spread[np.ix_(places, places)]
+    own = np.diag(spread)[least]
     found: list[tuple[Float[np.ndarray, " least"], str, str, int]] = []
     for band in range(len(bands)):
         span = slice(band * PER_BAND, (band + 1) * PER_BAND)
@@ -222,7 +229,7 @@ def next_measurements(
     return problem.free[least[chosen]].name, tuple(best.values())
 
 
-def first_lines(found: Fit) -> list[str]:
+def first_lines(found: Fitted) -> list[str]:
     """Return lines on a misfit, on wrong channels, and on values far from their priors."""
     lines = []
     if found.unlikely:
@@ -258,7 +265,7 @@ def first_lines(found: Fit) -> list[str]:
     return lines
 
 
-def _remedy(found: Fit) -> str:
+def _remedy(found: Fitted) -> str:
     """Say what may remove a misfit."""
     if found.exchange is None:
         channels = ", or give channels gain_uncertainty or mix_uncertainty"
@@ -273,11 +280,14 @@ def _remedy(found: Fit) -> str:
     )
 
 
-def report(found: Fit) -> str:
+def report(found: Fitted) -> str:
     """Return the text below the line on the model."""
-    responses, parts = found.responses, [first_lines(found), [_parameters(found)]]
+    responses = found.responses
+    parts = [first_lines(found), [_parameters(found)]]
     if found.label:
         parts.append([_modes(found)])
+    if found.quantity:
+        parts.append([_quantities(found)])
     if responses is not None:
         parts += [[text] for text in _response_tables(responses)]
         parts.append(_explanations(found, responses))
@@ -293,7 +303,7 @@ def report(found: Fit) -> str:
     return "\n\n".join("\n".join(lines) for lines in [*parts, [end]] if lines)
 
 
-def format_uncertainty(found: Fit, n: int) -> str:
+def format_uncertainty(found: Fitted, n: int) -> str:
     """Format the standard deviation of parameter n, or say why there is none."""
     if found.at_bound[n]:
         return "at its bound"
@@ -301,7 +311,7 @@ def format_uncertainty(found: Fit, n: int) -> str:
     return f"+- {sigma:.2g}" if math.isfinite(sigma) else "not determined by these data"
 
 
-def negative_stiffnesses(found: Fit) -> list[str]:
+def negative_stiffnesses(found: Fitted) -> list[str]:
     """Describe stiffnesses that become negative in the fit."""
     lines = []
     rows = zip(found.name, found.parameters, found.value, found.start, strict=True)
@@ -335,18 +345,37 @@ def _unit_of_stiffness(name: str) -> str:
     return unit_of(name) or "N/m"
 
 
-def _parameters(found: Fit) -> str:
+def _parameters(found: Fitted) -> str:
     sigmas = [format_uncertainty(found, n) for n in range(len(found.name))]
     numbers = found.parameter_unit, found.start, found.value
     columns = {"parameter": "", "unit": "", "start": "#.6g", "fitted": "#.6g", "uncertainty": ""}
     return tables.render(columns, zip(found.parameters, *numbers, sigmas, strict=True))
 
 
-def _modes(found: Fit) -> str:
+def _modes(found: Fitted) -> str:
     columns = dict.fromkeys(("measured\nHz", "+-\nHz", "before\nHz", "after\nHz"), "#.5g")
     columns |= {"+-\nHz": ".2g", "residual": "+.2f", "mode": ""}
     numbers = found.measured, found.uncertainty, found.before, found.after, found.residual
     return tables.render(columns, zip(*numbers, found.modes, strict=True))
+
+
+def _quantities(found: Fitted) -> str:
+    columns = {"measured": ".5g", "+-": ".2g", "before": ".5g", "after": ".5g"}
+    columns |= {"unit": "", "residual": "+.2f", "quantity": ""}
+    rows = []
+    for n, name in enumerate(found.quantities):
+        unit, factor = displayed_unit(found.quantity_unit[n])
+        numbers = [
+            factor * float(values[n])
+            for values in (
+                found.value_measured,
+                found.value_uncertainty,
+                found.value_before,
+                found.value_after,
+            )
+        ]
+        rows.append((*numbers, unit, found.value_residual[n], name))
+    return tables.render(columns, rows)
 
 
 def _response_tables(found: ResponseFit) -> list[str]:
@@ -388,7 +417,7 @@ def _worst(columns: dict[str, str], rows: list, by: np.ndarray, more: str) -> st
     return text + (f"\nand {len(rows) - LINES} {more}" if len(rows) > LINES else "")
 
 
-def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
+def _explanations(found: Fitted, responses: ResponseFit) -> list[str]:
     """List the single changes that explain the measurements."""
     before = responses.chi_squared_before
     if not math.isfinite(before):
@@ -410,7 +439,7 @@ def _explanations(found: Fit, responses: ResponseFit) -> list[str]:
     return lines
 
 
-def _next(found: Fit, responses: ResponseFit) -> list[str]:
+def _next(found: Fitted, responses: ResponseFit) -> list[str]:
     """List the measurements that would determine the least known parameter."""
     n = found.name.index(responses.least)
     unit, factor = change_unit(responses.least, float(found.value[n]))
@@ -423,7 +452,7 @@ def _next(found: Fit, responses: ResponseFit) -> list[str]:
     ]
 
 
-def fitted_design(found: Fit, number: int, file: str, measured: str, command: str) -> str:
+def fitted_design(found: Fitted, number: int, file: str, measured: str, command: str) -> str:
     """Return the fitted design of an experiment (from 0), headed by comments on its origin."""
     others = ", ".join(name for n, name in enumerate(found.experiment) if n != number)
     together = f" together with {others}" if others else ""
@@ -438,10 +467,10 @@ def fitted_design(found: Fit, number: int, file: str, measured: str, command: st
         value = f"{float(found.value[n])!r}{', ' if sigma.startswith('not') else ' '}{sigma}"
         head.append(f"  {found.name[n]} = {value}, from {found.start[n]:.6g}")
     lines = "".join(f"# {escape_unprintable(line)}\n" for line in head)
-    return f"{lines}\n{found.design[number]}"
+    return f"{lines}\n{found.toml[number]}"
 
 
-def document(found: Fit, files: Sequence[str | None]) -> Document:
+def document(found: Fitted, files: Sequence[str | None]) -> Document:
     """Return the JSON document; an uncertainty is null if it is infinite or at a bound."""
     who = np.array(found.experiment)
     parameters = table(found, "name start value sigma prior prior_sigma at_bound")
@@ -452,6 +481,11 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
     columns = "label measured_hz=measured uncertainty_hz=uncertainty before_hz=before"
     modes = table(found, f"experiment=of {columns} after_hz=after residual")
     for row in modes:
+        row["experiment"] = found.experiment[row["experiment"]]
+    columns = "name=quantity unit=quantity_unit measured=value_measured"
+    columns += " uncertainty=value_uncertainty before=value_before after=value_after"
+    quantities = table(found, f"experiment=value_of {columns} residual=value_residual")
+    for row in quantities:
         row["experiment"] = found.experiment[row["experiment"]]
     exchange = None
     if found.exchange is not None:
@@ -464,6 +498,7 @@ def document(found: Fit, files: Sequence[str | None]) -> Document:
         "parameters": parameters,
         "covariance": found.covariance,
         "modes": modes,
+        "quantities": quantities,
         "chi_squared": found.chi_squared,
         "chi_squared_of_starts": found.ends.tolist(),
         "degrees_of_freedom": found.freedom,

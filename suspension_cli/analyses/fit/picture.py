@@ -10,11 +10,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses.fit.findings import short
-from suspension_cli.analyses.fit.result import Fit, ResponseFit
+from suspension_cli.analyses.fit.result import Fitted, ResponseFit
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
 from suspension_cli.drawing.style import NOTE, PALE, PALETTE, LineLook, single_line
+from suspension_cli.quantities.requirements import displayed_unit as displayed
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -32,34 +33,17 @@ SHOWN = 6
 """Most functions that are drawn."""
 
 
-def draw(found: Fit, title: str) -> Figure:
+def draw(found: Fitted, title: str) -> Figure:
     """Draw the figure of `pendsus fit`.
 
-    Residuals are those of modes; else those of resonances read off the peaks of transfer functions,
-    which are not fitted themselves.
+    Residuals are those of modes and quantities; else those of resonances read off the peaks of
+    transfer functions, which are not fitted themselves.
     """
     verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
     if found.misfit:
         wide = f"uncertainties {found.scale:.3g} times as large"
         verdict += f"; {wide if found.unlikely else 'contradicts the priors'}"
-    several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
-    what = [_count(len(found.label), "mode") + several] if found.label else []
-    if found.responses is not None:
-        what.append(_count(len(found.responses.function), "transfer function"))
-    said = f"{_count(len(found.name), 'number')} fitted to {' and '.join(what)}"
-    remarks = [""] * len(found.label)
-    table = np.stack([found.measured, found.uncertainty, found.before, found.after], axis=1)
-    names, source = found.modes, "measured"
-    if not found.label and found.responses is not None:
-        table, names, source = found.responses.resonance, found.responses.mode, "peak read off"
-        remarks = [f", Q {q:.3g}" for q in table[:, 4]]
-    rows = [
-        f"{single_line(name, LONGEST)}  {hz:.4g} Hz{remark}"
-        for name, hz, remark in zip(names, table[:, 0], remarks, strict=True)
-    ]
-    residuals = (table[:, 2:4] - table[:, :1]) / table[:, 1:2]
-    label = f"(model − {source}) / uncertainty"
-    shown = [_rows(rows, residuals, [BEFORE, AFTER], verdict, label)]
+    shown = [_residuals(found, verdict)]
     if found.name:
         with np.errstate(invalid="ignore", divide="ignore"):
             moved = ((found.value - found.start) / found.sigma)[:, None]
@@ -67,14 +51,56 @@ def draw(found: Fit, title: str) -> Figure:
         texts = [_number(found, n) for n in range(len(names))]
         label = "(fitted − start) / uncertainty"
         shown.append(_rows(names, moved, [AFTER], "Fitted numbers", label, texts))
+    said = f"{_count(len(found.name), 'number')} fitted to {_data(found)}"
     return panels.draw(f"MISFIT: {said}" if found.misfit else said, title, shown)
 
 
-def _count(count: int, thing: str) -> str:
-    return f"1 {thing}" if count == 1 else f"{count} {thing}s"
+def _data(found: Fitted) -> str:
+    """Count the modes, quantities and functions that were measured."""
+    what = []
+    if found.label:
+        what.append(_count(len(found.label), "mode"))
+    if found.quantity:
+        what.append(_count(len(found.quantity), "quantity", "quantities"))
+    if found.responses is not None:
+        what.append(_count(len(found.responses.function), "transfer function"))
+    several = f" in {len(found.experiment)} experiments" if len(found.experiment) > 1 else ""
+    return " and ".join(what) + several
 
 
-def _name(found: Fit, n: int) -> str:
+def _residuals(found: Fitted, verdict: str) -> Panel:
+    """Make the panel of modes and quantities, or of resonances of transfer functions."""
+    source = "measured"
+    if found.label or found.quantity or found.responses is None:
+        measured = np.concatenate([found.measured, found.value_measured])
+        uncertainty = np.concatenate([found.uncertainty, found.value_uncertainty])
+        before = np.concatenate([found.before, found.value_before])
+        after = np.concatenate([found.after, found.value_after])
+        rows = [
+            f"{single_line(name, LONGEST)}  {hz:.4g} Hz"
+            for name, hz in zip(found.modes, found.measured, strict=True)
+        ]
+        for n, name in enumerate(found.quantities):
+            unit, factor = displayed(found.quantity_unit[n])
+            value = f"{factor * found.value_measured[n]:.4g} {unit}".rstrip()
+            rows.append(f"{single_line(name, LONGEST)}  {value.replace('Hz^0.5', '√Hz')}")
+    else:
+        source = "peak read off"
+        measured, uncertainty, before, after, q, _ = found.responses.resonance.T
+        rows = [
+            f"{single_line(name, LONGEST)}  {hz:.4g} Hz, Q {own:.3g}"
+            for name, hz, own in zip(found.responses.mode, measured, q, strict=True)
+        ]
+    moves = np.stack([before - measured, after - measured], axis=1)
+    label = f"(model − {source}) / uncertainty"
+    return _rows(rows, moves / uncertainty[:, None], [BEFORE, AFTER], verdict, label)
+
+
+def _count(count: int, thing: str, things: str = "") -> str:
+    return f"1 {thing}" if count == 1 else f"{count} {things or thing + 's'}"
+
+
+def _name(found: Fitted, n: int) -> str:
     """Shorten the path of a number; its first experiment follows unless all share it."""
     whose = np.array(found.experiment)[found.shared[n]]
     who = f" ({whose[0]}{' …' if len(whose) > 1 else ''})"
@@ -100,10 +126,11 @@ def _rows(
     )  # fmt: skip
 
 
-def _number(found: Fit, n: int) -> str:
+def _number(found: Fitted, n: int) -> str:
     """Write a fitted number with its standard deviation, rounded to two digits of that."""
     unit, factor = displayed_unit(found.name[n], float(found.value[n]))
-    value, sigma = factor * float(found.value[n]), factor * float(found.sigma[n])
+    value = factor * float(found.value[n])
+    sigma = factor * float(found.sigma[n])
     if not math.isfinite(sigma) or sigma <= 0:
         text = f"{value:.5g}, " + ("at its bound" if math.isnan(sigma) else "not determined")
     else:
@@ -126,14 +153,16 @@ def draw_responses(found: ResponseFit, title: str) -> Figure:
 def _function(found: ResponseFit, n: int, ratio: float) -> list[Panel]:
     """Make the panels of a transfer function and of its residuals."""
     own = found.of == n
-    frequency, size = found.frequency[own], np.abs(found.measured[own])
+    frequency = found.frequency[own]
+    size = np.abs(found.measured[own])
     dots: LineLook = {"linestyle": "none", "marker": ".", "markersize": 2.5, "zorder": 1}
     lines = [Line(frequency, size, "measured", NOTE, dots)]
     for value, mark in ((found.before, BEFORE), (found.after, AFTER)):
         if np.abs(value[own]).max() > 1e-6 * size.max():
             modelled = np.abs(value[own])
             lines.append(Line(frequency, modelled, mark.name, mark.colour, {"linewidth": 0.9}))
-    low, high = size[size > 0].min(initial=np.inf), size.max()
+    low = size[size > 0].min(initial=np.inf)
+    high = size.max()
     limits = (float(low / 3), float(high * 3)) if low < high else None
     name = single_line(f"{found.function[n]}: {found.output[n]} / {found.input[n]}", 46)
     title = rf"{name}, $\chi^2$ per value {ratio:.3g}"

@@ -1,9 +1,14 @@
 """The problem of a fit: from unknowns to weighted residuals, with their derivatives.
 
+    problem = start.build(texts, measured, files, "beam")
+    z, chi_squared = problem.minimise(problem.unknowns.start)
+    problem.residual(z), problem.jacobian(z)
+
 Unknowns z are, in this order: the free parameters of the designs; gains, delays and mixing of
 sensors and actuators; the logarithm of an added damping 1/Q of every mode in the measured band, as
-losses in air are rarely known. Residuals, over their standard deviations, are measured modes; real
-and imaginary parts of predicted less measured transfer functions; and priors.
+losses in air are rarely known. Residuals, over their standard deviations, are measured modes;
+measured quantities; real and imaginary parts of predicted less measured transfer functions; and
+priors.
 """
 
 from __future__ import annotations
@@ -19,13 +24,17 @@ import numpy as np
 
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Document
+from suspension_cli.analyses.fit import measured_values
 from suspension_cli.design import paths, reader
-from suspension_cli.design.measured import Free, Mode
+from suspension_cli.design.faults import suggest
+from suspension_cli.design.measured import Free, MeasuredQuantity, Mode
+from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
-from suspension_cli.linear import named_results
+from suspension_cli.grids import parse_place
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.measurements.resonances import Peak
 from suspension_cli.measurements.transfer_function import GAIN, Channels
+from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import derivatives
 from suspension_cli.studies.response_matrix import Matrices, Plant, Responses
@@ -42,6 +51,8 @@ DAMPING_SIGMA = 2.5
 """Standard deviation of its logarithm: a factor of 12 either way."""
 TYPICAL = 0.1
 """Typical change of a parameter without prior, relative to its value."""
+SMALL = 1e-3
+"""The same of a parameter of value 0, SI."""
 CONVERGED = 1e-9
 """Relative change of chi^2, unknowns and gradient at which a search ends."""
 LOSSES = ("loss_angle", "loss")
@@ -70,9 +81,14 @@ class Build:
         return raw
 
     @cached_property
+    def design(self) -> Design:
+        """The design; raises `InputError` if it is invalid."""
+        return reader.convert(self.document)
+
+    @cached_property
     def plant(self) -> Plant:
         """The design, solved."""
-        return Plant.of(reader.convert(self.document), self.level)
+        return Plant.of(self.design, self.level)
 
     @cached_property
     def changes(self) -> list[Matrices | None]:
@@ -81,6 +97,34 @@ class Build:
 
 
 _build = functools.lru_cache(maxsize=16)(Build)
+
+
+@functools.lru_cache(maxsize=16)
+def _evaluate(build: Build, quantities: tuple[Quantity, ...]) -> Array:
+    """Values of quantities of a build, SI; NaN without a value."""
+    return measured_values.evaluate([build.design], quantities, build.level)[0]
+
+
+@functools.lru_cache(maxsize=4)
+def _differentiate(build: Build, quantities: tuple[Quantity, ...]) -> Array:
+    """Derivatives of quantities of a build by its free parameters (quantity, parameter)."""
+    x = np.array(build.x)
+    typical = np.where(x != 0, TYPICAL * np.abs(x), SMALL)
+    step = measured_values.STEP * typical
+    count = len(x)
+    sides = np.concatenate([x - np.diag(step), x + np.diag(step)])
+    designs = [_design_or_none(replace(build, x=tuple(row.tolist()))) for row in sides]
+    values = measured_values.evaluate(designs, quantities, build.level)
+    middle = _evaluate(build, quantities)
+    return measured_values.differentiate(values[:count], values[count:], middle, step)
+
+
+def _design_or_none(build: Build) -> Design | None:
+    """The design of a build; None if it is invalid."""
+    try:
+        return build.design
+    except InputError:
+        return None
 
 
 @functools.lru_cache(maxsize=3)
@@ -96,11 +140,12 @@ def _respond(
 
 @dataclass(frozen=True)
 class Experiment:
-    """A design (TOML) on a model that supports derivatives, with measured modes.
+    """A design (TOML) on a model that supports derivatives, with measured modes and quantities.
 
     `free` are dotted paths of the free parameters, `start` their starting values (SI), `where` is
     the prefix of the key paths of the modes, and `file` that of the design, in errors. `rates` is
-    a build whose derivatives of the matrices stand for those of all builds (see `Problem.held`).
+    a build whose derivatives of the matrices, and of quantities, stand for those of all builds (see
+    `Problem.held`). `quantities` are what the `measured` ones mean in the design.
     """
 
     text: str
@@ -111,6 +156,8 @@ class Experiment:
     where: str
     file: str
     rates: Build | None = None
+    measured: tuple[MeasuredQuantity, ...] = ()
+    quantities: tuple[Quantity, ...] = ()
 
     @cached_property
     def nominal(self) -> Plant:
@@ -120,7 +167,7 @@ class Experiment:
     @cached_property
     def labels(self) -> list[str]:
         """Labels of the nominal modes."""
-        return named_results.labels(self.nominal.modes)
+        return self.nominal.modes.numbered_label
 
     def at(self, x: Array) -> Build:
         """Put the free parameters into the design."""
@@ -151,25 +198,52 @@ class Experiment:
     @cached_property
     def allowed(self) -> Bool[np.ndarray, "measured mode"]:
         """Whether a measurement may be of a nominal mode, by its label or its directions."""
-        modes, rows, taken = self.nominal.modes, [], set[int]()
+        modes = self.nominal.modes
+        rows: list[list[bool]] = []
+        taken: set[int] = set()
         for n, item in enumerate(self.mode, 1):
             if item.label is None:
                 rows.append([item.dof is None or dof in item.dof for _, dof in modes.home])
                 continue
-            where = f"{self.where}mode.{n}.label"
-            found = named_results.parse([item.label], modes, (), where)
-            numbers = {one.number for one in found if isinstance(one, named_results.Mode)}
-            if len(numbers) != 1 or numbers & taken:
-                problem = "does not name exactly one mode, or names that of another measurement"
-                remedy = f"list labels with pendsus modes --fidelity {self.level}"
-                raise InputError([Fault(where, problem, remedy, format_value(item.label))])
-            taken |= numbers
-            rows.append([mode in numbers for mode in range(len(modes.home))])
+            number = self._labelled(item.label, f"{self.where}mode.{n}.label", taken)
+            taken.add(number)
+            rows.append([mode == number for mode in range(len(modes.home))])
         return np.array(rows, dtype=bool).reshape(len(self.mode), len(modes.home))
+
+    def _labelled(self, label: str, where: str, taken: set[int]) -> int:
+        """Find the nominal mode of a label, or of a number from 1, that is not `taken`."""
+        modes = self.nominal.modes
+        place = parse_place(label, len(modes.home))
+        found = modes.with_label(label) if place is None else [place]
+        if not found:
+            remedy = suggest(label, modes.numbered_label)
+            raise InputError.of(where, "is the label of no mode", remedy, format_value(label))
+        if len(found) != 1 or found[0] in taken:
+            problem = "does not name exactly one mode, or names that of another measurement"
+            remedy = f"list labels with pendsus modes --fidelity {self.level}"
+            raise InputError([Fault(where, problem, remedy, format_value(label))])
+        return found[0]
+
+    def values(self, x: Array) -> Float[np.ndarray, " quantity"]:
+        """Values of the measured quantities, SI; raises `InputError` if one has none."""
+        if not self.quantities:
+            return np.zeros(0)
+        with attribute_faults_to(self.file):
+            found = _evaluate(self.at(x), self.quantities)
+        measured_values.demand_values(found, self.quantities, self.where)
+        return found
+
+    def value_slopes(self, x: Array) -> Float[np.ndarray, "quantity free"]:
+        """Derivatives of the measured quantities by the free parameters."""
+        if not self.quantities:
+            return np.zeros((0, len(self.free)))
+        with attribute_faults_to(self.file):
+            return _differentiate(self.rates or self.at(x), self.quantities)
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
-        modes, places = self.plant(x).modes, self.order(x)[self.assign_modes(x)]
+        modes = self.plant(x).modes
+        places = self.order(x)[self.assign_modes(x)]
         rates = [
             derivatives.frequency_rates(modes, one.of_modes(modes))[places]
             for one in self.changes(x)
@@ -194,7 +268,8 @@ class Experiment:
         cost = np.pad(cost, ((0, 0), (0, spare)), constant_values=FORBIDDEN)
         rows, columns = linear_sum_assignment(cost)
         for n in np.flatnonzero(cost[rows, columns] == FORBIDDEN):
-            directions, where = self.mode[n].dof, f"{self.where}mode"
+            directions = self.mode[n].dof
+            where = f"{self.where}mode"
             if directions is None:
                 problem = f"the design has only {len(frequency)} modes, fewer than were measured"
                 raise InputError.of(where, problem, "remove measurements of other modes")
@@ -247,26 +322,29 @@ class Problem:
     @property
     def parts(self) -> tuple[slice, slice, slice]:
         """Places of parameters, properties of channels, and dampings in z."""
-        first, second = self.count, self.count + len(self.channels.nuisances)
+        first = self.count
+        second = first + len(self.channels.nuisances)
         return slice(first), slice(first, second), slice(second, second + len(self.damped))
 
     @cached_property
     def unknowns(self) -> Unknowns:
         """Names, starting values, bounds, priors and typical changes."""
-        inf, damping = np.inf, float(np.log(DAMPING))
+        inf = np.inf
+        damping = float(np.log(DAMPING))
         rows = []
         for start, one in zip(self.base, self.free, strict=True):
-            low, high = one.lower, one.upper
-            bounds = -inf if low is None else low, inf if high is None else high
-            rows.append((one.name, start, *bounds, one.prior or 0.0, one.uncertainty or inf))
+            low = -inf if one.lower is None else one.lower
+            high = inf if one.upper is None else one.upper
+            rows.append((one.name, start, low, high, one.prior or 0.0, one.uncertainty or inf))
         for one in self.channels.nuisances:
-            rows.append((one.name, 0.0, -0.95 if one.kind == GAIN else -inf, inf, 0.0, one.sigma))
+            low = -0.95 if one.kind == GAIN else -inf
+            rows.append((one.name, 0.0, low, inf, 0.0, one.sigma))
         for mode in self.damped:
-            limits = np.log(1e-9), 0.0
-            rows.append((f"damping.{mode}", damping, *limits, damping, DAMPING_SIGMA))
+            low = np.log(1e-9)
+            rows.append((f"damping.{mode}", damping, low, 0.0, damping, DAMPING_SIGMA))
         columns = np.array([row[1:] for row in rows], dtype=float).reshape(-1, 5).T
         start, low, high, prior, sigma = columns
-        typical = np.where(start != 0, TYPICAL * np.abs(start), 1e-3)
+        typical = np.where(start != 0, TYPICAL * np.abs(start), SMALL)
         scale = np.where(np.isfinite(sigma), sigma, typical)
         return Unknowns(tuple(row[0] for row in rows), start, low, high, prior, sigma, scale)
 
@@ -274,7 +352,8 @@ class Problem:
         """Set up the problem of the one design with other free parameters, without priors."""
         base = np.array([values[name] for name in names])
         one = replace(self.experiment[0], free=tuple(names), start=base)
-        free, shared = [Free(name=name) for name in names], np.ones((len(names), 1), dtype=bool)
+        free = [Free(name=name) for name in names]
+        shared = np.ones((len(names), 1), dtype=bool)
         return replace(self, experiment=[one], free=free, shared=shared, base=base)
 
     def held(self, z: Array) -> Problem:
@@ -294,7 +373,8 @@ class Problem:
 
     def solve_responses(self, z: Array) -> list[Responses]:
         """Solve for the responses of all signals on each grid."""
-        one, grids = self.experiment[0], [grid.tobytes() for grid, _ in self.channels.grids]
+        one = self.experiment[0]
+        grids = [grid.tobytes() for grid, _ in self.channels.grids]
         if not grids:
             return []
         with attribute_faults_to(one.file):
@@ -312,7 +392,8 @@ class Problem:
         self, found: Responses, z: Array
     ) -> Complex[np.ndarray, "unknown frequency output input"]:
         """Differentiate responses by parameters and dampings."""
-        one, x = self.experiment[0], z[self.parts[0]]
+        one = self.experiment[0]
+        x = z[self.parts[0]]
         rows = [found.derivative(change) for change in one.changes(x)]
         if found.plant.system.terms:
             for n, name in enumerate(one.free):
@@ -328,7 +409,8 @@ class Problem:
         """Differentiate responses by the loss number n, which no static matrix depends on."""
         sides = np.tile(z[self.parts[0]], (2, 1))
         step = LOSS_STEP * (sides[0, n] or 0.01)
-        sides[:, n] = sides[0, n] + step, max(sides[0, n] - step, 0.0)
+        sides[0, n] += step
+        sides[1, n] = max(sides[1, n] - step, 0.0)
         above, below = (
             self.experiment[0]
             .plant(x)
@@ -346,7 +428,8 @@ class Problem:
 
     def differentiate(self, z: Array) -> list[Complex[np.ndarray, "unknown frequency"]]:
         """Differentiate `readings`."""
-        values, grids = z[self.parts[1]], []
+        values = z[self.parts[1]]
+        grids = []
         now = self.channels.with_values(values)
         for found, (grid, _) in zip(self.solve_responses(z), now.grids, strict=True):
             rows = now.combine(self.state_derivatives(found, z), grid)
@@ -356,7 +439,8 @@ class Problem:
 
     def predict_modes(self, x: Array) -> tuple[Array, Array]:
         """Frequencies of the measured modes, Hz, and their derivatives; 0 for an unstable mode."""
-        rows, slopes = [np.zeros(0)], [np.zeros((0, self.count))]
+        rows = [np.zeros(0)]
+        slopes = [np.zeros((0, self.count))]
         for item, own in zip(self.experiment, self.shared.T, strict=True):
             if item.mode:
                 frequency, slope = item.predict(x[own])
@@ -365,6 +449,26 @@ class Problem:
                 slopes[-1][:, own] = slope
         return np.concatenate(rows), np.concatenate(slopes)
 
+    def predict_values(self, x: Array) -> Float[np.ndarray, " measured_value"]:
+        """Values of the measured quantities, SI; raises `InputError` if one has none."""
+        pairs = zip(self.experiment, self.shared.T, strict=True)
+        return np.concatenate([np.zeros(0), *(item.values(x[own]) for item, own in pairs)])
+
+    def value_slopes(self, x: Array) -> Float[np.ndarray, "measured_value parameter"]:
+        """Derivatives of the measured quantities."""
+        slopes = [np.zeros((0, self.count))]
+        for item, own in zip(self.experiment, self.shared.T, strict=True):
+            slope = np.zeros((len(item.quantities), self.count))
+            slope[:, own] = item.value_slopes(x[own])
+            slopes.append(slope)
+        return np.concatenate(slopes)
+
+    @cached_property
+    def measured_values(self) -> Float[np.ndarray, "2 measured_value"]:
+        """Measured values of quantities and their standard deviations, SI."""
+        values = [(one.value, one.uncertainty) for item in self.experiment for one in item.measured]
+        return np.array(values).reshape(-1, 2).T
+
     @cached_property
     def measured_modes(self) -> Float[np.ndarray, "2 measured"]:
         """Measured frequencies of modes and their standard deviations, Hz."""
@@ -372,11 +476,17 @@ class Problem:
         return np.array(modes).reshape(-1, 2).T
 
     def residual(self, z: Array) -> Float[np.ndarray, " residual"]:
-        """Weighted residuals of modes, functions and priors."""
-        (measured, sigma), known = self.measured_modes, np.isfinite(self.unknowns.sigma)
-        rows = [(self.predict_modes(z[self.parts[0]])[0] - measured) / sigma]
-        for value, item in zip(self.readings(z), self.channels.function, strict=True):
-            rows.append(stack_parts((value - item.value) / item.uncertainty))
+        """Weighted residuals of modes, quantities, functions and priors."""
+        x = z[self.parts[0]]
+        frequency, spread = self.measured_modes
+        value, sigma = self.measured_values
+        known = np.isfinite(self.unknowns.sigma)
+        rows = [
+            (self.predict_modes(x)[0] - frequency) / spread,
+            (self.predict_values(x) - value) / sigma,
+        ]
+        for predicted, item in zip(self.readings(z), self.channels.function, strict=True):
+            rows.append(stack_parts((predicted - item.value) / item.uncertainty))
         rows.append(((z - self.unknowns.prior) / self.unknowns.sigma)[known])
         return np.concatenate(rows)
 
@@ -386,9 +496,13 @@ class Problem:
 
     def jacobian(self, z: Array) -> Float[np.ndarray, "residual unknown"]:
         """Differentiate `residual`."""
-        slope, known = np.zeros((len(self.measured_modes[0]), len(z))), self.unknowns.sigma < np.inf
-        slope[:, self.parts[0]] = self.predict_modes(z[self.parts[0]])[1]
-        rows = [slope / self.measured_modes[1][:, None]]
+        x = z[self.parts[0]]
+        known = self.unknowns.sigma < np.inf
+        slopes = np.concatenate([self.predict_modes(x)[1], self.value_slopes(x)])
+        sigma = np.concatenate([self.measured_modes[1], self.measured_values[1]])
+        weighted = np.zeros((len(slopes), len(z)))
+        weighted[:, self.parts[0]] = slopes / sigma[:, None]
+        rows = [weighted]
         for change, item in zip(self.differentiate(z), self.channels.function, strict=True):
             rows.append(stack_parts((change / item.uncertainty).T))
         return np.concatenate([*rows, np.diag(1 / self.unknowns.sigma)[known]])
@@ -399,10 +513,12 @@ class Problem:
         The columns of the other unknowns, with their priors, are projected out (Golub and Pereyra,
         SIAM J. Numer. Anal. 10, 413 (1973)).
         """
-        p, known = self.count, np.isfinite(self.unknowns.sigma)
+        p = self.count
+        known = np.isfinite(self.unknowns.sigma)
         first = len(slope) - int(known.sum())
         rows = np.delete(slope, first + np.arange(known[:p].sum()), axis=0)
-        own, others = rows[:, :p], rows[:, p:]
+        own = rows[:, :p]
+        others = rows[:, p:]
         basis = np.linalg.qr(others * self.unknowns.scale[p:])[0]
         return own - basis @ (basis.T @ own)
 

@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
-from suspension_cli.files.declared import SI, along, derived, in_unit, scale_of
+from suspension_cli.files.declared import ADDED, ATTRIBUTE, SI, along, derived, in_unit, scale_of
 from suspension_cli.measurements.transfer_function import TABLES, Channels
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
+
+    from suspension_cli.design.reader import Source
 
 SIGNIFICANCE = 1e-3
 """Probability of a chi^2 this large by chance below which a fit is a misfit."""
@@ -244,9 +248,9 @@ class ResponseFit:
         return np.bincount(self.of, minlength=len(self.function))
 
 
-@dataclass(frozen=True)
-class Fit:
-    """Parameters of designs fitted to measured modes and transfer functions.
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Parameters of designs fitted to measured modes, quantities and transfer functions.
 
     Attributes
     ----------
@@ -266,12 +270,16 @@ class Fit:
         Experiment of each measured mode, from 0, and its label.
     measured, uncertainty, before, after
         Frequencies, Hz; NaN for an unstable mode.
+    value_of, quantity, quantity_unit
+        Experiment of each measured quantity, from 0, its name and SI unit.
+    value_measured, value_uncertainty, value_before, value_after
+        Measured quantities, SI.
     chi_squared, freedom
         Sum over measurements and priors; and their number less that of unknowns not at a bound.
     singular, direction
         Singular values of the derivatives of the weighted measurements by relative changes of the
         parameters; 1/singular is the relative uncertainty of the combination `direction`.
-    design, design_before
+    toml, design_before
         Designs after and before the fit as TOML.
     ends
         chi^2 at the end of each search, ascending; the first is that of this fit.
@@ -284,7 +292,7 @@ class Fit:
     title
         Title of the design, or of the measurements of several designs.
     responses
-        Fit of transfer functions; None if only modes were measured.
+        Fit of transfer functions; None if none were measured.
     """
 
     experiment: tuple[str, ...]
@@ -306,11 +314,26 @@ class Fit:
     uncertainty: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     before: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     after: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    value_of: Int[np.ndarray, " measured_quantity"]
+    quantity: tuple[str, ...] = field(metadata=along("measured_quantity"))
+    quantity_unit: tuple[str, ...] = field(metadata=along("measured_quantity"))
+    value_measured: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
+    value_uncertainty: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
+    value_before: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
+    value_after: Float[np.ndarray, " measured_quantity"] = field(
+        metadata=in_unit("{quantity_unit}")
+    )
     chi_squared: float
     freedom: int
     singular: Float[np.ndarray, " combination"]
     direction: Float[np.ndarray, "combination parameter"]
-    design: tuple[str, ...] = field(metadata=along("experiment", name="fitted_design"))
+    toml: tuple[str, ...] = field(metadata=along("experiment", name="fitted_design"))
     design_before: tuple[str, ...] = field(metadata=along("experiment", name="design"))
     ends: Float[np.ndarray, " search"]
     determined: tuple[str, ...] = ()
@@ -392,6 +415,20 @@ class Fit:
         return (self.after - self.measured) / self.uncertainty
 
     @property
+    @derived()
+    def value_residual(self) -> Float[np.ndarray, " measured_quantity"]:
+        """Residuals of quantities after the fit over the uncertainties."""
+        return (self.value_after - self.value_measured) / self.value_uncertainty
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names of the measured quantities, preceded by the experiment if there are several."""
+        if len(self.experiment) == 1:
+            return self.quantity
+        pairs = zip(self.value_of, self.quantity, strict=True)
+        return tuple(f"{self.experiment[n]}: {name}" for n, name in pairs)
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters, followed by their experiments unless these are all."""
         whose = [", ".join(np.array(self.experiment)[row]) for row in self.shared]
@@ -407,6 +444,38 @@ class Fit:
             return self.label
         pairs = zip(self.of, self.label, strict=True)
         return tuple(f"{self.experiment[n]}: {label}" for n, label in pairs)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(Record, Fitted):
+    """A fit of designs to measurements, and the run; `run.design` is the first one as given.
+
+    Attributes
+    ----------
+    stem
+        Stem of the names of its files.
+    joint
+        Whether the file of measurements names the designs.
+    design_file
+        File of the design of each experiment.
+    measured_file
+        Path of the file of measurements.
+    """
+
+    stem: str = field(default="", metadata=ADDED)
+    joint: bool = field(default=False, metadata=ADDED)
+    design_file: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE | ADDED)
+    measured_file: str = field(default="", metadata=ADDED)
+
+    @property
+    def design(self) -> Source:
+        """The fitted design; of several experiments that of the first (all are in `designs`)."""
+        return self.designs[0]
+
+    @property
+    def designs(self) -> tuple[Source, ...]:
+        """The fitted design of each experiment."""
+        return tuple(reader.with_text(self.run.design, text) for text in self.toml)
 
 
 def is_unlikely(chi_squared: float, freedom: int) -> bool:

@@ -1,15 +1,19 @@
-"""Least-squares fit of parameters of designs to measured modes and transfer functions.
+"""Least-squares fit of parameters of designs to measured modes, quantities, transfer functions.
 
-The fit minimises chi^2, the sum of squares of `problem.residual`: of measured modes, transfer
-functions and priors.
+    found = solve([design_text], measured.read("measured.toml"), level="beam")
+    found.value, found.sigma  # of the parameters
+    found.chi_squared, found.freedom
+
+The fit minimises chi^2, the sum of squares of `problem.residual`: of measured modes, quantities,
+transfer functions and priors.
 
 1. Exchanged, scaled and inverted channels are found (`start`).
-2. The parameters are fitted to the resonances, then all unknowns to the complex values and to
-   modes.
+2. The parameters are fitted to the resonances, then all unknowns to the complex values, to modes
+   and to quantities.
 3. While that is a misfit, the search starts again elsewhere (`search`).
 
-Modes alone need one search. Uncertainties are those of the linear problem at the end: the
-covariance is (J^T J)^-1.
+Modes and quantities alone need one search. Uncertainties are those of the linear problem at the
+end: the covariance is (J^T J)^-1.
 """
 
 from __future__ import annotations
@@ -25,10 +29,10 @@ import numpy as np
 
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import findings, links, start
+from suspension_cli.analyses.fit import findings, missing_links, start
 from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.result import Exchange, Fit, ResponseFit, is_unlikely
+from suspension_cli.analyses.fit.result import Exchange, Fitted, ResponseFit, is_unlikely
 from suspension_cli.analyses.fit.search import Search, search
 from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.conventions import GROUND
@@ -64,8 +68,8 @@ def solve(
     seed: int = 1,
     explain: bool = True,
     tell: Progress | None = None,
-) -> Fit:
-    """Fit parameters of designs to measured modes, and of one design to transfer functions.
+) -> Fitted:
+    """Fit parameters of designs to measured modes and quantities, of one to transfer functions.
 
     `texts` are the designs (TOML) and `files` their files, for errors; `level` is a model that
     supports derivatives. Of `starts` searches, all but the first from random parameters, the best
@@ -80,11 +84,13 @@ def solve(
     if functions:
         problem = with_functions(problem, measured, functions)
     ends = _first_searches(problem, starts, seed, tell)
-    found, changes = best_of(ends), None
+    found = best_of(ends)
+    changes = None
     if functions:
         if explain or found.misfit:
             again = Search.of(Solution(problem, problem.unknowns.start), found)
-            found, changes = again.go_on(), again.changes
+            found = again.go_on()
+            changes = again.changes
         found = found.descend(found.z, **NEARLY)
         found = found.descend(found.z)
     slope = found.problem.jacobian(found.z)
@@ -95,7 +101,7 @@ def solve(
     responses = _responses(found, slope)
     result = replace(result, responses=responses)
     if result.misfit:
-        responses = replace(responses, links=links.missing_links(found, result.excess))
+        responses = replace(responses, links=missing_links.find(found, result.excess))
     if explain and changes is not None:
         before, single = single_changes(changes, found)
         least, candidates = findings.next_measurements(found.problem, found.z, slope)
@@ -113,7 +119,8 @@ def _first_searches(
     problem: Problem, starts: int, seed: int, tell: Progress | None
 ) -> list[Solution]:
     """Search once from each start; random ones may be invalid designs."""
-    ends, started = list[Solution](), time.monotonic()
+    ends: list[Solution] = []
+    started = time.monotonic()
     for x in _starts(problem, starts, seed):
         z = np.concatenate([x, problem.unknowns.start[problem.count :]])
         try:
@@ -143,13 +150,15 @@ def with_functions(
             bad.append(Fault(f"transfer_function.{n}", what, remedy))
     if bad:
         raise InputError(bad)
-    plant, made = problem.experiment[0].nominal, Channels.of(measured, functions)
+    plant = problem.experiment[0].nominal
+    made = Channels.of(measured, functions)
     # motions of the ground beside the support are not fitted
     known = [name for name in signals.bodies_with_signals(plant.system) if name != GROUND]
     peaks = [[peak for peak in find_peaks(item) if peak.sigma >= 0] for item in functions]
     read = readings.parse(made, measured, tuple(known))
     problem = replace(problem, channels=made, signals=read, peaks=peaks)
-    every, hz = np.concatenate([item.frequency for item in functions]), plant.modes.frequency
+    every = np.concatenate([item.frequency for item in functions])
+    hz = plant.modes.frequency
     inside = (hz > every.min() / BEYOND) & (hz < every.max() * BEYOND)
     return replace(problem, damped=np.flatnonzero(inside & problem.residues(plant).any(0)))
 
@@ -163,11 +172,14 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
     yield problem.base
     random = np.random.default_rng(seed)
     low, high, prior, sigma = (part[: problem.count] for part in problem.unknowns[2:6])
-    known, bounded = np.isfinite(sigma), np.isfinite(low) & np.isfinite(high)
+    known = np.isfinite(sigma)
+    bounded = np.isfinite(low) & np.isfinite(high)
     for _ in range(count - 1):
-        fraction, normal = random.random(len(low)), random.standard_normal(len(low))
+        fraction = random.random(len(low))
+        normal = random.standard_normal(len(low))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            even, geometric = low + fraction * (high - low), low * (high / low) ** fraction
+            even = low + fraction * (high - low)
+            geometric = low * (high / low) ** fraction
             drawn = prior + np.where(known, sigma, 0.0) * normal
         kinds = [known, bounded & (low > 0), bounded]
         yield np.clip(np.select(kinds, [drawn, geometric, even], problem.base), low, high)
@@ -178,10 +190,12 @@ def _find_exchange(found: Solution) -> Exchange | None:
 
     Pairs are ranked by chi^2 at the start of the fit; the best few are fitted.
     """
-    problem, ranked = found.problem, list[tuple[Exchange, Problem]]()
+    problem = found.problem
+    ranked: list[tuple[Exchange, Problem]] = []
     for e, item in enumerate(problem.experiment):
         for i, j in itertools.combinations(range(len(item.mode)), 2):
-            first, second = item.mode[i].label, item.mode[j].label
+            first = item.mode[i].label
+            second = item.mode[j].label
             if first is None or second is None:
                 continue
             modes = list(item.mode)
@@ -200,9 +214,11 @@ def _find_exchange(found: Solution) -> Exchange | None:
     return best if worthy else None
 
 
-def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> Fit:
+def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> Fitted:
     """Collect the result of a fit. Parameters at a bound have NaN in the covariance."""
-    problem, p, every = found.problem, found.problem.count, found.problem.experiment
+    problem = found.problem
+    p = problem.count
+    every = problem.experiment
     value = found.z[:p]
     builds = [one.at(value[here]) for one, here in zip(every, problem.shared.T, strict=True)]
     labels = [
@@ -220,7 +236,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
         direction = direction * np.where(largest < 0, -1.0, 1.0)[:, None]
     names = zip(measured.names, every, strict=True)
-    result = Fit(
+    result = Fitted(
         experiment=tuple(name or reader.parse(one.text).design.name for name, one in names),
         name=tuple(item.name for item in problem.free),
         shared=problem.shared,
@@ -238,11 +254,18 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         uncertainty=problem.measured_modes[1],
         before=np.where(before > 0, before, np.nan),
         after=np.where(after > 0, after, np.nan),
+        value_of=np.repeat(np.arange(len(every)), [len(one.quantities) for one in every]),
+        quantity=tuple(one.text for item in every for one in item.quantities),
+        quantity_unit=tuple(one.unit for item in every for one in item.quantities),
+        value_measured=problem.measured_values[0],
+        value_uncertainty=problem.measured_values[1],
+        value_before=problem.predict_values(problem.base),
+        value_after=problem.predict_values(value),
         chi_squared=found.chi_squared,
         freedom=freedom,
         singular=singular,
         direction=direction,
-        design=tuple(reader.write_toml(build.document) for build in builds),
+        toml=tuple(reader.write_toml(build.document) for build in builds),
         design_before=(),
         ends=ends,
     )
@@ -251,9 +274,13 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
 
 def _responses(found: Solution, slope: Array) -> ResponseFit:
     """Collect what a fit says of the measured transfer functions."""
-    problem, one = found.problem, found.problem.experiment[0]
-    functions, nuisances, own = problem.channels.function, problem.channels.nuisances, problem.parts
-    sigma, z0 = np.sqrt(np.diag(problem.covariance(found.z, slope))), problem.unknowns.start
+    problem = found.problem
+    one = problem.experiment[0]
+    functions = problem.channels.function
+    nuisances = problem.channels.nuisances
+    own = problem.parts
+    sigma = np.sqrt(np.diag(problem.covariance(found.z, slope)))
+    z0 = problem.unknowns.start
     before, after = (one.frequencies(z[: problem.count]) for z in (z0, found.z))
     peaks = start.assign_peaks(problem, found.z)
     rows = [

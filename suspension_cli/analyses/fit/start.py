@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from suspension_cli.analyses.fit import measured_values
 from suspension_cli.analyses.fit.problem import Experiment, Problem
 from suspension_cli.analyses.fit.result import EXCHANGE, FACTOR, SIGN, Correction
 from suspension_cli.design import paths, reader
@@ -104,12 +105,24 @@ def build(texts: Sequence[str], measured: Measured, files: Sequence[str], level:
             f"parameter.{n + 1}", problem, "give a start between them, or widen them"
         )
     experiments = []
-    for n, (text, modes, own, file) in enumerate(
-        zip(texts, measured.modes, shared.T, files, strict=True)
+    for n, (text, modes, values, own, file) in enumerate(
+        zip(texts, measured.modes, measured.quantities, shared.T, files, strict=True)
     ):
         names = tuple(item.name for item, here in zip(free, own, strict=True) if here)
-        one = Experiment(text, level, modes, names, start[own], measured.where(n), file)
+        where = measured.where(n)
+        one = Experiment(
+            text,
+            level,
+            modes,
+            names,
+            start[own],
+            where,
+            file,
+            measured=tuple(values),
+            quantities=measured_values.look_up(values, text, file, where),
+        )
         _check_start(one, np.flatnonzero(own))
+        one.values(one.start)
         experiments.append(one)
     return Problem(experiments, free, shared, start)
 
@@ -122,12 +135,15 @@ def _start(
 ) -> Array:
     """Choose starting values: requested ones, else those of the designs, else the priors."""
     known = [{item.name: item.value for item in parameters.every(text, level)} for text in texts]
-    found, bad = [], []
+    found = []
+    bad = []
     for n, (item, own) in enumerate(zip(measured.parameter, shared, strict=True), 1):
-        name, mine = item.name, np.flatnonzero(own)
+        name = item.name
+        mine = np.flatnonzero(own)
         given = {known[e].get(name, item.prior) for e in mine}
         given = given if item.start is None else {item.start}
-        problem, remedy = "", "give a start"
+        problem = ""
+        remedy = "give a start"
         if None in given:
             first = next(e for e in mine if name not in known[e])
             whose = f" of {measured.names[first]}" if measured.names[first] else ""
@@ -201,7 +217,8 @@ def guess_channels(problem: Problem, z: Array) -> list[Correction]:
 
 def _improvements(problem: Problem, z: Array) -> list[tuple[float, Correction]]:
     """Rate all changes that reduce the disagreement enough."""
-    found, channels = [], problem.channels
+    found = []
+    channels = problem.channels
     before, shift = _disagreement(problem, z)
     for change in _possible_changes(problem):
         rows = [channels.names(change.side).index(name) for name in change.channel]
@@ -235,7 +252,8 @@ def _disagreement(problem: Problem, z: Array) -> tuple[Array, Array]:
     mean cosine of the phase (0 where unknown). The other is the median difference of ln magnitudes,
     NaN where the phases do not agree either way.
     """
-    heavy, rows = z.copy(), []
+    heavy = z.copy()
+    rows = []
     heavy[problem.parts[2]] = math.log(HEAVY)
     computed = zip(problem.readings(z), problem.readings(heavy), strict=True)
     for (value, damped), item in zip(computed, problem.channels.function, strict=True):
@@ -275,8 +293,10 @@ class Resonance(NamedTuple):
 
 def assign_peaks(problem: Problem, z: Array) -> list[Resonance]:
     """Assign the peaks of all functions to modes; the weighted median stands for those of one."""
-    one, x = problem.experiment[0], z[problem.parts[0]]
-    plant, back = one.plant(x), np.argsort(one.order(x))
+    one = problem.experiment[0]
+    x = z[problem.parts[0]]
+    plant = one.plant(x)
+    back = np.argsort(one.order(x))
     found: dict[int, list[Peak]] = {}
     for own, some in zip(problem.residues(plant), problem.peaks, strict=True):
         for mode, peak in _pair(plant, own, some):
@@ -295,7 +315,8 @@ def _pair(plant: Plant, own: Array, peaks: list[Peak]) -> list[tuple[int, Peak]]
     """Assign peaks of a function to modes, whose residues are given."""
     from scipy.optimize import linear_sum_assignment
 
-    frequency, squared = plant.modes.frequency, plant.modes.omega_squared
+    frequency = plant.modes.frequency
+    squared = plant.modes.omega_squared
     visible = np.flatnonzero((squared > 0) & (own != 0))
     if not len(visible) or not peaks:
         return []
@@ -319,7 +340,8 @@ def mismatch(problem: Problem, z: Array) -> float:
 
     A peak without a mode counts as one at `FARTHEST`.
     """
-    plant, total = problem.experiment[0].plant(z[problem.parts[0]]), 0.0
+    plant = problem.experiment[0].plant(z[problem.parts[0]])
+    total = 0.0
     alone = np.log1p((FARTHEST / NEAR) ** 2)
     for own, some in zip(problem.residues(plant), problem.peaks, strict=True):
         pairs = _pair(plant, own, some)
@@ -331,13 +353,16 @@ def mismatch(problem: Problem, z: Array) -> float:
 
 def fit_resonances(problem: Problem, z: Array) -> Array:
     """Fit the parameters to the resonances; dampings follow from their widths."""
-    one, parts, z = problem.experiment[0], problem.parts, z.copy()
+    one = problem.experiment[0]
+    parts = problem.parts
+    z = z.copy()
     matched = assign_peaks(problem, z)
     for least in ROUNDS if problem.count else ():
         modes = []
         for peak in matched:
             doubt = max(float(np.hypot(peak.sigma / peak.frequency, 0.1 * peak.damping)), least)
-            sigma, label = peak.frequency * doubt, one.labels[peak.mode]
+            sigma = peak.frequency * doubt
+            label = one.labels[peak.mode]
             modes.append(Mode(frequency=peak.frequency, uncertainty=sigma, label=label))
         alone = Problem([replace(one, mode=modes)], problem.free, problem.shared, problem.base)
         # robust, as a peak may be of another mode

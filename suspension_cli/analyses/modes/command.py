@@ -2,37 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
-import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import (
-    Analysis,
-    Document,
-    Result,
-    Run,
-    Settings,
-)
-from suspension_cli.analyses.options import option
-from suspension_cli.errors import Fault, InputError
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
+from suspension_cli.analyses.options import MOST_WIRE_MODES, option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.design.schema import Design
-    from suspension_cli.linear.eigenmodes import Modes
-    from suspension_cli.linear.system import LinearSystem
-    from suspension_cli.models.registry import Choice
-    from suspension_cli.scene.arrays import Array
-
-HIGHEST = 1000.0
-"""Hz, up to which the violin model lists modes."""
-MOST = 1000
-"""Modes of wires with mass above which a run is refused unless --all is given."""
+    from suspension_cli.analyses.modes.solve import Modes
+    from suspension_cli.linear import eigenmodes
 
 
 class ModesAnalysis(Analysis):
@@ -55,9 +38,8 @@ class ModesAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `linear.eigenmodes.Modes`: `frequency` (m,) in Hz, `q` (m,), `label`,
-        `shape`, ...
+    Modes
+        With `frequency` (m,) in Hz, `q` (m,), `label`, `shape`, ...
 
     Raises
     ------
@@ -73,7 +55,7 @@ class ModesAnalysis(Analysis):
     """
 
     name = "modes"
-    result_type = "linear.eigenmodes.Modes"
+    result_type = "analyses.modes.solve.Modes"
     arguments = (options.DESIGNS,)
     parameters = (
         option(
@@ -86,7 +68,10 @@ class ModesAnalysis(Analysis):
             "--all",
             "every",
             is_flag=True,
-            help=f"Compute all modes of wires with mass, even if there are more than {MOST}.",
+            help=(
+                "Compute all modes of wires with mass, even if there are more than"
+                f" {MOST_WIRE_MODES}."
+            ),
         ),
         option(
             "--damping",
@@ -109,110 +94,97 @@ class ModesAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Modes:
         """Compute the modes of one design."""
-        import numpy as np
+        from suspension_cli.analyses.modes import solve
 
-        from suspension_cli.physics import growth, model_choice, near_limits
-        from suspension_cli.physics.lossless import describe_lossless, find_lossless
+        found = solve.solve(self, run, MOST_WIRE_MODES)
+        _animated(found, run.setting)  # refuse unknown modes before anything is written
+        return found
 
-        choice, model, undamped, modes = _solve(run)
-        model_choice.describe_equilibrium(run.source, choice, model, run.log)
-        modes = dataclasses.replace(modes, **_damping(run.design, run.setting["damping"]))
-        _animated(modes, run.setting)  # refuse unknown modes before anything is written
-        lossless = find_lossless(run.design, choice.level)
-        near_limits.warn(run.design, undamped, run.log)
-        if np.isfinite(modes.q).any():
-            for line in describe_lossless(lossless, choice.level):
-                run.log.warn(f"{run.name}: {line}")
-            choice, lines = _state_losses(run, choice)
-            for line in lines:
-                run.log.warn(line)
-        if not modes.stable:
-            grows = growth.find_growth(run.design, choice.model, model)
-            remedy = "" if grows is None else f"; {grows.cause.remedy}"
-            for n in np.flatnonzero(modes.growth_rate):
-                run.log.warn(f"{run.name} is unstable: {growth.describe(modes, int(n))}{remedy}")
-        extra = {"without_loss": [part.part for part in lossless]}
-        return Result(self, run.source, choice, modes, extra, command=run.command)
-
-    def document(self, result: Result) -> Document:
+    def document(self, result: Modes) -> Document:
         """Return the modes, ascending."""
         import numpy as np
 
-        modes: Modes = result.data
-        rows, labels, verdicts, growth = [], modes.label, modes.verdict, modes.growth_rate
-        for n, (body, dof) in enumerate(modes.home):
-            row: Document = {"frequency_hz": modes.frequency[n], "dof": dof}
-            row |= {"stage": body, "q": modes.q[n]}
-            if np.isfinite(modes.dilution[n]):
-                row["dilution"] = float(modes.dilution[n])
+        rows = []
+        labels = result.label
+        verdicts = result.verdict
+        growth = result.growth_rate
+        for n, (body, dof) in enumerate(result.home):
+            row: Document = {"frequency_hz": result.frequency[n], "dof": dof}
+            row |= {"stage": body, "q": result.q[n]}
+            if np.isfinite(result.dilution[n]):
+                row["dilution"] = float(result.dilution[n])
             if growth[n] > 0:
                 row["growth_rate_per_s"] = float(growth[n])
-            if modes.overdamped[n]:
-                row["decay_rate_per_s"] = float(modes.decay_rate[n])
-            row["label"], row["fraction"] = labels[n], float(modes.fractions[n].max())
-            row["top_mass_fraction"] = float(modes.top_fraction[n])
+            if result.overdamped[n]:
+                row["decay_rate_per_s"] = float(result.decay_rate[n])
+            row["label"] = labels[n]
+            row["fraction"] = float(result.fractions[n].max())
+            row["top_mass_fraction"] = float(result.top_fraction[n])
             row["verdict"] = verdicts[n] or None
             rows.append(row)
-        band, at = modes.damping_band or None, modes.damping_at
+        band = result.damping_band or None
+        at = result.damping_at
         damping = band and {"band_hz": [*band], "at": at}
-        return {"stable": modes.stable, "modes": rows, "damping": damping} | result.extra
+        lossless = {"without_loss": result.without_loss}
+        return {"stable": result.stable, "modes": rows, "damping": damping} | lossless
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Modes) -> str:
         """Return a table of the modes."""
         import numpy as np
 
-        from suspension_cli.linear import named_results
         from suspension_cli.linear.eigenmodes import TOP
 
-        modes: Modes = result.data
-        names, verdicts, groups = named_results.labels(modes), modes.verdict, modes.groups
-        first, fraction = [group[0] for group in groups], modes.damping_fraction
+        names = result.numbered_label
+        verdicts = result.verdict
+        groups = result.groups
+        first = [group[0] for group in groups]
+        fraction = result.damping_fraction
         columns: dict[str, tuple[str, Sequence[float | str | None]]] = {
             "#": ("d", [n + 1 for n in first]),
-            "frequency\nHz": ("#.5g", [_frequency(modes, n) for n in first]),
+            "frequency\nHz": ("#.5g", [_frequency(result, n) for n in first]),
         }
-        if np.isfinite(modes.q).any():
-            columns["Q"] = ".4g", [modes.q[n] if modes.q[n] > 0 else None for n in first]
-        if np.isfinite(modes.dilution).any():
-            columns["dilution"] = ".4g", [modes.dilution[n] for n in first]
-        damper = "the top mass" if modes.damping_at in (None, TOP) else modes.damping_at
+        if np.isfinite(result.q).any():
+            columns["Q"] = ".4g", [result.q[n] if result.q[n] > 0 else None for n in first]
+        if np.isfinite(result.dilution).any():
+            columns["dilution"] = ".4g", [result.dilution[n] for n in first]
+        damper = "the top mass" if result.damping_at in (None, TOP) else result.damping_at
         column = f"{damper.removeprefix('the ')}\n%"
-        columns[column] = ".1f", ["" if modes.order[n] else 100 * fraction[n] for n in first]
-        what = [_describe(modes, group, names, verdicts) for group in groups]
+        columns[column] = ".1f", ["" if result.order[n] else 100 * fraction[n] for n in first]
+        what = [_describe(result, group, names, verdicts) for group in groups]
         failing = f"; why damping at {damper} fails" * any(";" in text for text in what)
         columns[f"mode, by fraction of kinetic energy{failing}"] = "", what
         forms = {head: form for head, (form, _) in columns.items()}
         rows = zip(*(values for _, values in columns.values()), strict=True)
-        title = result.given.title + (
-            f"  [{result.given.name}]" if result.given.title != result.given.name else ""
-        )
-        return "\n".join([title, result.choice.line, "", tables.render(forms, [*rows])])
+        run = result.run
+        title = f"{run.title}  [{run.name}]" if run.title != run.name else run.title
+        return "\n".join([title, run.choice.line, "", tables.render(forms, [*rows])])
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Modes, setting: Settings) -> dict[str, Figure]:
         """Draw every mode, and where wires have mass the Q of all."""
         from suspension_cli.analyses.modes import picture
-        from suspension_cli.equilibrium.nominal import expand
+        from suspension_cli.equilibrium.nominal import expand_geometry
         from suspension_cli.linear.damped import LIGHT_ENDING
 
-        modes, design = result.data, result.given.design
-        pages = picture.draw_pages(modes, design, expand(design), result.subtitle)
+        design = result.run.design.design
+        pages = picture.draw_pages(result, design, expand_geometry(design), result.subtitle)
         figures = {f"-{n}" if n > 1 else "": page.figure for n, page in enumerate(pages, 1)}
-        if not all(name.endswith(LIGHT_ENDING) for name in modes.wire):
-            figures["-wires"] = picture.draw_quality(modes, design, result.subtitle)
+        if not all(name.endswith(LIGHT_ENDING) for name in result.wire):
+            figures["-wires"] = picture.draw_quality(result, design, result.subtitle)
         return figures
 
-    def animations(self, result: Result, setting: Settings) -> Iterator[tuple[str, bytes]]:
+    def animations(self, result: Modes, setting: Settings) -> Iterator[tuple[str, bytes]]:
         """Draw one period of every mode of --animate."""
-        chosen = _animated(result.data, setting)
+        chosen = _animated(result, setting)
         if chosen:
             from suspension_cli.analyses.modes import picture
-            from suspension_cli.equilibrium.nominal import expand
+            from suspension_cli.equilibrium.nominal import expand_geometry
 
-            scene = expand(result.given.design)
+            design = result.run.design.design
+            scene = expand_geometry(design)
             for n in chosen:
-                yield f"-{n + 1}.gif", picture.animate(result.data, n, result.given.design, scene)
+                yield f"-{n + 1}.gif", picture.animate(result, n, design, scene)
 
 
 def _animated(modes: Modes, setting: Settings) -> list[int]:
@@ -224,130 +196,8 @@ def _animated(modes: Modes, setting: Settings) -> list[int]:
     return picture.parse_names(modes, setting["animate"])
 
 
-def _damping(design: Design, text: str | None) -> Settings:
-    """Parse --damping into `damping_band` and `damping_at` of `Modes`."""
-    from suspension_cli.design.faults import suggest
-    from suspension_cli.grids import parse_band
-    from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
-
-    on_legs = any(stage.inverted_pendulum for stage in design.stage)
-    if (text is None and on_legs) or text == "none":
-        return {"damping_band": ()}
-    found: Settings = {"damping_band": DAMPING_BAND, "damping_at": TOP}
-    known = [TOP, *(stage.name for stage in design.stage)]
-    for item in re.split(r",(?=[a-z]+=)", text or f"at={TOP}"):
-        key, _, value = item.partition("=")
-        if key == "band":
-            ends = value.replace(",", ":")
-            found["damping_band"] = parse_band(ends, "--damping", with_zero=True, before="band=")
-        elif key != "at":
-            remedy = "give for example band=0.5:5,at=top, or none"
-            raise InputError([Fault("--damping", "is no band, stage, or none", remedy, item)])
-        elif value not in known:
-            raise InputError([Fault("--damping", "is no stage", suggest(value, known), value)])
-        else:
-            found["damping_at"] = value
-    return found
-
-
-def _solve(run: Run) -> tuple[Choice, LinearSystem, Modes, Modes]:
-    """The choice of model, its system, the modes without damping, and with all losses.
-
-    If modes of wires are listed too, both are the modes with all losses.
-    """
-    import numpy as np
-
-    from suspension_cli.linear import eigenmodes
-    from suspension_cli.models import registry
-    from suspension_cli.models.choice import percent, shifts
-    from suspension_cli.physics import model_choice, wire_modes
-
-    highest, level, tolerance = (run.setting[n] for n in ("max_frequency", "fidelity", "tolerance"))
-    auto = level == registry.AUTO
-    wanted = registry.VIOLIN.name if auto and highest is not None else level
-    choice, model = model_choice.for_modes(run.source, wanted, tolerance)
-    if choice.model.has_wire_mass and not (auto and highest is None):
-        top, cause = highest or HIGHEST, "--max-frequency" if highest else "by default"
-        choice = registry.Choice(choice.level, f"all modes up to {top:g} Hz", 0.0)
-        _admit(run, wire_modes.count_modes(model, top), top, cause)
-        with run.log.progress() as bar:
-            listed = wire_modes.solve(model, top, damping=True, progress=bar)
-        return choice, model, listed, listed
-
-    def admit(number: int, top: float) -> None:
-        _admit(run, number, top, "that of the highest mode")
-
-    try:
-        with run.log.progress() as bar:
-            listed = wire_modes.solve_bodies(model, admit, bar)
-    except TooManyModes as many:
-        if not auto:
-            raise
-        why = f"{many.faults[0].problem}, so wire mass is neglected (--all includes it)"
-        run.log.say(f"{run.name}: {why}")
-        heavy, (choice, model) = (
-            model,
-            model_choice.for_modes(run.source, level, tolerance, massless=True),
-        )
-        shift = percent(float(np.median(shifts(model, heavy)[1])))
-        worst = f"{percent(choice.error)} in {choice.what}, {shift} in the median mode"
-        why = f"wire mass, {worst}, as its modes would take minutes"
-        choice = dataclasses.replace(choice, reason=f"as --all is not given; neglected: {why}")
-        listed = wire_modes.solve_bodies(model)
-    if highest is not None:
-        listed = listed.up_to(highest)
-        if not len(listed.q):
-            raise wire_modes.no_mode_error(highest)
-    return choice, model, eigenmodes.solve(model), listed
-
-
-def _state_losses(run: Run, choice: Choice) -> tuple[Choice, list[str]]:
-    """Add losses that materials lack to what is neglected; also list what makes Q wrong."""
-    import numpy as np
-
-    from suspension_cli.analyses.check.missing_losses import state_missing_losses
-    from suspension_cli.linear import eigenmodes
-    from suspension_cli.physics.near_limits import describe_falsified_losses
-
-    lines = describe_falsified_losses(run.design, choice.level)
-    if not choice.model.bends_wires:
-        return choice, lines
-
-    def compute(design: Design) -> tuple[Array, str]:
-        q = eigenmodes.solve(choice.model.system(design)).q
-        return np.where(np.isfinite(q) & (q > 0), q, 1.0), "the Q of a mode"
-
-    lacking = state_missing_losses(run.design, choice, compute, run.setting["tolerance"])
-    # the stated error is that of frequencies
-    return dataclasses.replace(lacking.choice, error=choice.error), lines + lacking.warnings
-
-
-class TooManyModes(InputError):
-    """Wires with mass have so many modes that all would take minutes."""
-
-
-def _admit(run: Run, number: int, top: float, cause: str) -> None:
-    """Refuse more than `MOST` modes without --all, with what may be implausible in the design."""
-    from suspension_cli.physics import near_limits
-
-    if number <= MOST or run.setting["every"]:
-        return
-    problem = (
-        f"wires with mass have {number:,} modes up to {top:.4g} Hz ({cause}); more than {MOST:,}"
-        " take minutes"
-    )
-    remedy = (
-        "check lengths and radii of wires (m), give a lower --max-frequency, or --all to compute"
-        " all"
-    )
-    causes = [item.line("") for item in near_limits.find_serious(run.design)]
-    if causes and not causes[0].startswith("control."):
-        remedy = f"probable cause: {causes[0]}"
-    raise TooManyModes([Fault("", problem, remedy)])
-
-
 def _describe(
-    modes: Modes, group: Sequence[int], names: Sequence[str], verdicts: Sequence[str]
+    modes: eigenmodes.Modes, group: Sequence[int], names: Sequence[str], verdicts: Sequence[str]
 ) -> str:
     """Name a mode by the motions with most kinetic energy, or wire modes of nearly one frequency.
 
@@ -358,9 +208,11 @@ def _describe(
     from suspension_cli.linear.eigenmodes import describe
     from suspension_cli.physics import growth
 
-    n, fractions = group[0], modes.fractions[group[0]]
+    n = group[0]
+    fractions = modes.fractions[group[0]]
     if modes.order[n]:
-        (body, dof), labels = modes.home[n], {modes.label[k] for k in group}
+        body, dof = modes.home[n]
+        labels = {modes.label[k] for k in group}
         kind = "violin" if dof.startswith("violin") else dof
         text = labels.pop() if len(labels) == 1 else f"{body} {kind} {modes.order[n]}"
         last = modes.frequency[group[-1]]
@@ -382,7 +234,7 @@ def _describe(
     return text
 
 
-def _frequency(modes: Modes, n: int) -> float | str:
+def _frequency(modes: eigenmodes.Modes, n: int) -> float | str:
     if modes.growth_rate[n] > 0:
         return "unstable"
     if modes.omega_squared[n] == 0:

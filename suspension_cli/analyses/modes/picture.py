@@ -26,15 +26,21 @@ from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 
-ACROSS, PAGE, MOST = 6, 24, 120
+ACROSS = 6
+PAGE = 24
+MOST = 120
 """Largest numbers of panels side by side, of modes of one figure, and of modes drawn."""
-GAP, HEAD, ROW, SHOWN = 0.1, 0.16, 0.125, 3
+GAP = 0.1
+HEAD = 0.16
+ROW = 0.125
+SHOWN = 3
 """Distance between panels, height of a panel's title and of a row of energies, in; most rows."""
 AROUND = HEAD + (SHOWN + 1) * ROW + GAP
 """Height of a panel without its picture, in."""
 TOP = 0.66
 """Height of the figure's heading, in."""
-SMALL, LARGE = 5.5, 7.0
+SMALL = 5.5
+LARGE = 7.0
 """Font sizes of a panel and of its title, points."""
 THIN = 0.6
 """Width of a wire, points."""
@@ -52,9 +58,14 @@ design, or few."""
 BODIES = "bodies"
 MARKERS = {BODIES: "x", "violin-x": "<", "violin-y": ">", "stretch": "^", "twist": "v"}
 """Marker of the modes of bodies, and of each motion of a wire; two at one point differ from one."""
-FRAMES, DURATION = 24, 50
+FRAMES = 24
+DURATION = 50
 """Frames of a period (even: the second half is the first in reverse), and time of each, ms."""
-WIDTH, TALLEST, LOWEST, DPI, COLOURS = 1.6, 2.6, 0.9, 200, 64
+WIDTH = 1.6
+TALLEST = 2.6
+LOWEST = 0.9
+DPI = 200
+COLOURS = 64
 """Of a moving picture: width and bounds of the height, in; dots per inch; most colours."""
 ALL = "all"
 
@@ -193,7 +204,9 @@ def draw_panel(
     `corner` is the upper left corner, `size` the width and height of the picture, in, for pictures
     of a `largest` extent (2,), m. The more energy a body has, the stronger its colour.
     """
-    (left, top), (width, tall), number = corner, size, panel.number
+    left, top = corner
+    width, tall = size
+    number = panel.number
     colours = style.stage_colours(rest.scene.bodies.name)
     canvas.text(
         left,
@@ -258,10 +271,13 @@ def _draw_energies(
     """Write the largest fractions of kinetic energy, over bars in the colours of the stages."""
     fractions = modes.fractions[number]
     for n in np.argsort(-fractions, kind="stable")[:SHOWN]:
-        fraction, stage = float(fractions[n]), place(modes.place[n])[0].partition(".")[0]
+        fraction = float(fractions[n])
+        stage = place(modes.place[n])[0].partition(".")[0]
         if fraction < LEAST:
             break
-        end, low, high = left + width * fraction, middle - 0.062, middle - 0.04
+        end = left + width * fraction
+        low = middle - 0.062
+        high = middle - 0.04
         box = [[left, low], [end, low], [end, high], [left, high]]
         canvas.polygon(box, colours.get(stage, NOTE), "none", 0.0, 2)
         percent = f"{100 * fraction:.{0 if fraction >= 0.095 else 1}f} %"
@@ -285,7 +301,8 @@ def draw_quality(modes: Modes, design: Design, subtitle: str) -> Figure:
         return {"linestyle": "none", "marker": marker, "markersize": 4, "fillstyle": "none"}
 
     key = [panels.Line([], [], name, colour, look("")) for name, colour in colours.items()]
-    names, motions = {BODIES: BODIES} | WIRE_MODE_NAMES, {motion for _, motion in kinds}
+    names = {BODIES: BODIES} | WIRE_MODE_NAMES
+    motions = {motion for _, motion in kinds}
     key += [panels.Line([], [], names[m], NOTE, look(m)) for m in MARKERS if m in motions]
     shown = []
     for values, name in ((modes.q, "Q"), (modes.dilution, "dilution")):
@@ -295,7 +312,8 @@ def draw_quality(modes: Modes, design: Design, subtitle: str) -> Figure:
             own = good & [kind == (stage, motion) for kind in kinds]
             points = modes.frequency[own], values[own]
             lines.append(panels.Line(*points, "_", colours.get(stage, NOTE), look(motion)))
-        label, above = f"{name} (ratio)", () if shown else key
+        label = f"{name} (ratio)"
+        above = () if shown else key
         shown.append(panels.Panel(label, lines, 1.7, "log", empty="no losses given", key=above))
     frequency = modes.frequency[modes.omega_squared > 0]
     limits = (float(frequency.min()) / 1.2, float(frequency.max()) * 1.2)
@@ -309,7 +327,8 @@ def parse_names(modes: Modes, text: str, option: str = "--animate") -> list[int]
     Returns numbers from 0. Raises `InputError` if there is no such mode, or it is one of wires
     alone, whose shape is not drawn.
     """
-    drawn, found = np.flatnonzero(modes.order == 0).tolist(), list[int]()
+    drawn = np.flatnonzero(modes.order == 0).tolist()
+    found = list[int]()
     for name in [*filter(None, map(str.strip, text.split(",")))] or [text]:
         if name == ALL:
             chosen = drawn
@@ -337,7 +356,8 @@ def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
     """
     with style.house_style():
         rest = geometry.sketch_at_rest(design, scene, THICK)
-        numbering, still = layout(scene), nominal_pose(scene)
+        numbering = layout(scene)
+        still = nominal_pose(scene)
         step = geometry.mode_step(numbering, modes.coordinate, modes.shape[number])
         step = geometry.amplitude(scene, step) * step
         sizes = np.cos(2 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
@@ -354,7 +374,8 @@ def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in frames
     ]
-    stream, back = io.BytesIO(), images[-2:0:-1]
+    stream = io.BytesIO()
+    back = images[-2:0:-1]
     how: Any = {"duration": DURATION, "loop": 0, "optimize": False, "comment": b"pendsus"}
     images[0].save(stream, format="GIF", save_all=True, append_images=images[1:] + back, **how)
     return stream.getvalue()

@@ -15,7 +15,6 @@ from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
     Log,
-    Result,
     Run,
     Settings,
     table,
@@ -25,12 +24,11 @@ from suspension_cli.analyses.options import argument, option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.optimise.optimum import Optimum
-    from suspension_cli.design.reader import Source
+    from suspension_cli.analyses.optimise.optimum import Found, Optimum
 
 COLUMNS = {
     "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
-    "limits": "goal limit=name value margin room met active multiplier",
+    "limits": "goal=group limit=name value margin room met active multiplier",
     "quantities": "name unit before after model",
     "modes": (
         "name label before_hz=before after_hz=after top_mass_fraction_before=fraction_before"
@@ -39,6 +37,8 @@ COLUMNS = {
     "starts": "violation_before=before violation_after=after arrived_at=place",
 }
 """Keys of JSON for each table of the result (`optimum`), with its columns where these differ."""
+TABLES = ("requirement", "objective", "goal", "free", "equal")
+"""Of a file of goals."""
 BOUNDS = ("lower", "", "upper")
 NEAREST = 3
 """Printed limits of a goal that is met: those with the least margin."""
@@ -55,9 +55,9 @@ class OptimiseAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.optimise.optimum.Optimum`: `numbers`, `limits`, `met`, ...;
-        `design` is the design that was found, `given` the one from which the search started.
+    Optimum
+        With `design`, the one that was found (`run.design` is that from which the search started),
+        `met`, and the tables `numbers`, `limits`, `quantities`, `modes` and `starts`.
 
     Raises
     ------
@@ -108,133 +108,121 @@ class OptimiseAnalysis(Analysis):
         """Read the design and the goals."""
         from suspension_cli.design import goals, reader
 
-        run, file = ask(files["design"]), files["goals"]
+        run = ask(files["design"])
+        file = files["goals"]
         text = reader.read_text(file)
         inputs = {"file": file, "text": text, "goals": goals.read(file, text)}
         return replace(run, inputs=inputs)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Optimum:
         """Search for a design, and check it."""
         from suspension_cli.analyses.optimise import solve as optimise
+        from suspension_cli.analyses.optimise.optimum import Optimum
         from suspension_cli.errors import InputError
         from suspension_cli.models.registry import Choice
 
-        setting, file = run.setting, run.inputs["file"]
+        setting = run.setting
+        file = run.inputs["file"]
         how = {name: setting[name] for name in ("starts", "seed", "tolerance")}
         how |= {"level": setting["fidelity"]}
         with run.log.progress() as bar:
             try:
-                found = optimise.solve(run.source.text, run.inputs["goals"], report=bar, **how)
+                found = optimise.solve(run.source, run.inputs["goals"], report=bar, **how)
             except InputError as error:
-                ours = error.faults[0].key.split(".")[0] in ("goal", "free", "equal")
-                raise error.in_file(file if ours else run.source.file) from None
+                if error.file:
+                    raise
+                of_goals = error.faults[0].key.split(".")[0] in TABLES
+                raise error.in_file(file if of_goals else run.source.file) from None
         choice = Choice(found.fidelity, found.reason, found.error)
         run.log.detail(f"search and check of {run.name}: {choice.line}")
         _warn(found, run.log)
-        data = replace(found, goals=run.inputs["text"])
-        return Result(self, run.source, choice, data, {"goals_file": file}, command=run.command)
+        found = replace(found, goals=run.inputs["text"])
+        return Optimum.extending(found, goals_file=str(file), run=run.origin(self, choice))
 
-    def design_of(self, result: Result) -> Source:
-        """Return the design that was found."""
-        from suspension_cli.design import reader
-
-        return reader.with_text(result.given, result.data.design)
-
-    def document(self, result: Result) -> Document:
+    def document(self, result: Optimum) -> Document:
         """Return numbers, limits, quantities and modes; null where there is none."""
-        found: Optimum = result.data
         numbers, limits, quantities, modes, starts = (
-            table(getattr(found, name), columns) for name, columns in COLUMNS.items()
+            table(getattr(result, name), columns) for name, columns in COLUMNS.items()
         )
         for row in numbers:
             row["at_bound"] = BOUNDS[row["at_bound"] + 1] or None
-        for row, name in zip(limits, _names(found), strict=True):
-            row["goal"] = name
-        for row in quantities:
-            row["model"] = row["model"] or None
         return {
-            "checked_on": found.fidelity,
-            "estimated_error": found.error,
-            "goals_met": found.met,
+            "checked_on": result.fidelity,
+            "estimated_error": result.error,
+            "goals_met": result.met,
             "parameters": numbers,
             "limits": limits,
             "quantities": quantities,
-            "unknown": list(found.unknown),
-            "remarks": list(found.remarks),
+            "unknown": list(result.unknown),
+            "remarks": list(result.remarks),
             "modes": modes,
             "starts": starts,
-            "objective": found.objective,
-            "stationarity": found.stationarity,
+            "objective": result.objective,
+            "stationarity": result.stationarity,
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Optimum) -> str:
         """Return parameters, goals with their limits, and the ends of the searches."""
-        found: Optimum = result.data
-        numbers = found.numbers
+        numbers = result.numbers
         remarks = (
             f"{'dependent ' * bool(tied)}{f'at its {BOUNDS[bound + 1]} bound' * bool(bound)}"
             for tied, bound in zip(numbers.tied, numbers.bound, strict=True)
         )
         columns = {"parameter": "", "unit": "", "before": "#.6g", "after": "#.6g", "": ""}
         rows = zip(numbers.name, numbers.unit, numbers.before, numbers.after, remarks, strict=True)
-        lines = [result.choice.line, "", tables.render(columns, rows), ""]
+        lines = [result.run.choice.line, "", tables.render(columns, rows), ""]
         columns = {"goal": "", "before": ".4g", "after": ".4g", "margin\n%": "+.3g", "": ""}
-        lines += [tables.render(columns | {"limit": ""}, [*_goals(found)])]
-        lines += [f"  UNKNOWN  {what}" for what in found.unknown]
-        return "\n".join([*lines, "", *_verdict(found)])
+        lines += [tables.render(columns | {"limit": ""}, [*_goals(result)])]
+        lines += [f"  UNKNOWN  {what}" for what in result.unknown]
+        return "\n".join([*lines, "", *_verdict(result)])
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Optimum, setting: Settings) -> dict[str, Figure]:
         """Draw modes and limits before and after."""
         from suspension_cli.analyses.optimise import picture
 
-        return {"": picture.draw(result.data, result.subtitle)}
+        return {"": picture.draw(result, result.subtitle)}
 
-    def others(self, result: Result, path: Path) -> list[Path]:
+    def others(self, result: Optimum, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml, with its origin and the text."""
         from suspension_cli.errors import escape_unprintable
         from suspension_cli.files.whole_files import write_bytes
         from suspension_cli.version import __version__
 
-        made = path.with_name(f"{result.given.stem()}-optimised.toml")
-        file, goals = Path(result.given.file).name, Path(result.extra.get("goals_file", "")).name
-        head = f"{file}, optimised for {goals or 'goals'} by pendsus {__version__}:"
-        lines = [head, f"  {result.command}", *str(result).splitlines()]
+        start = result.run.design
+        made = path.with_name(f"{start.stem()}-optimised.toml")
+        goals = Path(result.goals_file).name or "goals"
+        head = f"{Path(start.file).name}, optimised for {goals} by pendsus {__version__}:"
+        lines = [head, f"  {result.run.command}", *str(result).splitlines()]
         comments = "".join(f"# {escape_unprintable(line)}".rstrip() + "\n" for line in lines)
-        write_bytes(made, f"{comments}\n{result.data.design}".encode())
+        write_bytes(made, f"{comments}\n{result.toml}".encode())
         return [made]
 
-    def exit_code(self, result: Result) -> int:
+    def exit_code(self, result: Optimum) -> int:
         """Return 1 if a limit is not met."""
-        return 0 if result.data.met else 1
+        return 0 if result.met else 1
 
 
-def _warn(found: Optimum, log: Log) -> None:
+def _warn(found: Found, log: Log) -> None:
     """Warn of couplings that are 0, and of an unstable design."""
     from suspension_cli.design import reader
     from suspension_cli.physics import near_limits
 
-    near_limits.warn_implausible(reader.parse(found.design), log)
+    near_limits.warn_implausible(reader.parse(found.toml), log)
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             problem = "is 0 by the symmetry of the design, whatever its numbers are"
-            log.warn(f"{name} {problem}; give the goal a perturbation")
+            log.warn(f"{name} {problem}; give the requirement a perturbation")
     modes = zip(found.modes.label, found.modes.after, strict=True)
     if unstable := ", ".join(label for label, after in modes if math.isnan(after)):
-        remedy = "add a goal of kind band for these modes"
+        remedy = "require their frequencies"
         log.warn(f"the design found is unstable: {unstable}; {remedy}")
-
-
-def _names(found: Optimum) -> list[str]:
-    """Name of the goal of each limit, or its kind."""
-    from suspension_cli.design import goals
-
-    names = [goal.name or goal.kind for goal in goals.read("", found.goals).goal]
-    return [names[goal - 1] for goal in found.limits.goal]
 
 
 def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
     """Rows for goals of one name: limits not met, active, or with the least margin; objectives."""
-    limits, each, names = found.limits, found.quantities, _names(found)
+    limits = found.limits
+    each = found.quantities
+    names = limits.group
     for name in dict.fromkeys(names):
         mine = [n for n, own in enumerate(names) if own == name]
         mine.sort(key=lambda n: (math.isfinite(limits.margin[n]), limits.margin[n]))
@@ -242,7 +230,8 @@ def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
         shown = max(sum(not limits.met[n] or limits.active[n] for n in mine), NEAREST)
         title = f"{name}, {shown} of {len(mine)} limits" if len(mine) > shown else name
         for n in mine[:shown]:
-            before, after = float(each.before[limits.quantity[n]]), float(limits.value[n])
+            before = float(limits.before[n])
+            after = float(limits.value[n])
             margin = round(100 * float(limits.room[n]), 4) + 0.0  # -0.0 becomes 0.0
             remark = "" if limits.met[n] else "NOT MET"
             remark = "active" if limits.met[n] and limits.active[n] else remark
@@ -256,12 +245,18 @@ def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
 
 def _verdict(found: Optimum) -> Iterator[str]:
     """Say how many limits are met, what prevents the others, and where the searches ended."""
-    limits, numbers, starts = found.limits, found.numbers, found.starts
-    count, missed = len(limits.name), int((~limits.met).sum())
+    limits = found.limits
+    numbers = found.numbers
+    starts = found.starts
+    count = len(limits.name)
+    missed = int((~limits.met).sum())
     said = [f"{count or 'no'} limit{'' if count == 1 else 's'}"]
-    if count:
-        said += [f"{missed} NOT MET" if missed else "all are met" if count != 1 else "met"]
-    said += [f"{len(found.unknown)} NOT KNOWN"] if found.unknown else []
+    if missed:
+        said.append(f"{missed} NOT MET")
+    elif count:
+        said.append("met" if count == 1 else "all are met")
+    if found.unknown:
+        said.append(f"{len(found.unknown)} NOT KNOWN")
     yield ", ".join([*said, found.checked])
     yield from found.remarks
     held = [name for name, by in zip(limits.name, limits.multiplier, strict=True) if by]
@@ -270,7 +265,8 @@ def _verdict(found: Optimum) -> Iterator[str]:
     if missed and held:
         yield f"what is not met is limited by {', '.join(held)}"
     if len(starts.place) > 1:
-        here, met = int((starts.place == 1).sum()), int((starts.after <= 1e-8).sum())
+        here = int((starts.place == 1).sum())
+        met = int((starts.after <= 1e-8).sum())
         others = "" if met == len(starts.place) else f"; {met} met all limits"
         yield f"{here} of {len(starts.place)} searches ended at this design{others}"
 

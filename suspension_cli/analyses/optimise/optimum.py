@@ -1,4 +1,4 @@
-"""Result of `pendsus optimise` as plain arrays, and its assembly from a design found."""
+"""Result of `pendsus optimise`: the design found, and its numbers, limits and modes as arrays."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
+from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
-from suspension_cli.files.declared import ATTRIBUTE, along, derived, in_unit, scale_of
+from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit, scale_of
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
-HERTZ, SI = in_unit("Hz"), in_unit("{unit}")
+    from suspension_cli.design.reader import Source
+
+HERTZ = in_unit("Hz")
+SI = in_unit("{unit}")
 EQUAL = 1e-6
 """Difference of logarithms, and of fractions of ranges, that count as equal."""
 
@@ -48,8 +53,8 @@ class Quantities:
     """Quantities that goals refer to, in both designs; NaN for an unstable mode.
 
     `mode` is the number of the mode in the optimised design, from 0; -1 for other quantities.
-    `weight` in the objective is positive to minimise, negative to maximise. `model` is that of
-    modes and responses; "" for loads of straight wires.
+    `weight` in the objective is positive to minimise, negative to maximise. `model` is that in
+    which the quantity is computed.
     """
 
     name: tuple[str, ...] = field(metadata=scale_of("quantity"))
@@ -65,17 +70,22 @@ class Quantities:
 class Limits:
     """Limits on the quantities, named like ``yaw 3 <= 5 Hz``.
 
-    `goal` is the number of the goal in its file, from 1, and `quantity` that of the quantity, from
-    0. `active` limits constrain the optimum; `multiplier` is the decrease of the objective per unit
-    by which the margin may shrink.
+    `group` names what is reported together, and `quantity` is the number of the quantity, from 0.
+    `before` and `value` are what the limit takes of both designs: a magnitude, or of two modes that
+    share a motion the worse one. Differences from the limit are relative to `scale`, and margins
+    logarithms if `logarithmic`. `active` limits constrain the optimum; `multiplier` is the decrease
+    of the objective per unit by which the margin may shrink.
     """
 
     name: tuple[str, ...] = field(metadata=scale_of("limit"))
-    goal: Int[np.ndarray, " limit"]
+    group: tuple[str, ...] = field(metadata=along("limit"))
     quantity: Int[np.ndarray, " limit"]
     sense: tuple[str, ...] = field(metadata=along("limit"))
     unit: tuple[str, ...] = field(metadata=along("limit"))
     asked: Float[np.ndarray, " limit"] = field(metadata=SI)
+    scale: Float[np.ndarray, " limit"] = field(metadata=SI)
+    logarithmic: Bool[np.ndarray, " limit"]
+    before: Float[np.ndarray, " limit"] = field(metadata=SI)
     value: Float[np.ndarray, " limit"] = field(metadata=SI)
     active: Bool[np.ndarray, " limit"]
     multiplier: Float[np.ndarray, " limit"]
@@ -83,10 +93,15 @@ class Limits:
     @property
     @derived()
     def margin(self) -> Float[np.ndarray, " limit"]:
-        """ln of value over limit, or of limit over value: negative if not met, or not equal."""
+        """ln of value over limit, or of limit over value: negative if not met, or not equal.
+
+        Of quantities with a sign the relative distance from the limit.
+        """
+        positive = np.where(self.logarithmic, self.value, 1.0)
+        limit = np.where(self.logarithmic, self.asked, 1.0)
         with np.errstate(divide="ignore"):
-            log = np.log(self.value) - np.log(self.asked)
-        return self._signed(log)
+            log = np.log(positive) - np.log(limit)
+        return self._signed(np.where(self.logarithmic, log, (self.value - self.asked) / self.scale))
 
     @property
     @derived()
@@ -102,11 +117,16 @@ class Limits:
     @property
     def room(self) -> Float[np.ndarray, " limit"]:
         """Relative distance of each value from its limit, negative if not met."""
-        return self.relative_room(self.value)
+        return self._relative_room(self.value)
 
-    def relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
+    @property
+    def room_before(self) -> Float[np.ndarray, " limit"]:
+        """Relative distance of each value of the starting design from its limit."""
+        return self._relative_room(self.before)
+
+    def _relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
         """Distances of values from the limits relative to these; of equalities at most 0."""
-        return self._signed(value / self.asked - 1) + 0.0  # -0.0 becomes 0.0
+        return self._signed((value - self.asked) / self.scale) + 0.0  # -0.0 becomes 0.0
 
     def _signed(self, above: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
         sense = np.array(self.sense, dtype=str)
@@ -145,15 +165,29 @@ class Starts:
     place: Int[np.ndarray, " start"]
 
 
-@dataclass(frozen=True)
-class Optimum:
+@dataclass(frozen=True, eq=False)
+class Found:
     """A design optimised to meet goals.
 
-    `unknown` are requested quantities that are unknown, with the keys that the design lacks;
-    `objective` describes what was minimised, `stationarity` is that of `solve.Search.multipliers`.
-    `fidelity`, `reason` and `error` are the model of the modes, why, and its estimated relative
-    error; `design` is the optimised design as TOML, `goals` the text of the file of goals;
-    `remarks` say which modes share a motion in it.
+    Attributes
+    ----------
+    numbers, quantities, limits, modes, starts
+        Tables: free and dependent numbers, quantities of goals, limits on them, all modes, and the
+        starts of the search.
+    unknown
+        Requested quantities that are unknown, with the keys that the design lacks.
+    objective
+        What was minimised, in words.
+    stationarity
+        That of `search.Search.multipliers`.
+    fidelity, reason, error
+        Model of search and check, why, and its estimated relative error.
+    toml
+        The optimised design.
+    goals
+        Text of the file of goals.
+    remarks
+        Which modes share a motion in the optimised design.
     """
 
     numbers: Numbers
@@ -167,7 +201,7 @@ class Optimum:
     fidelity: str
     reason: str
     error: float
-    design: str
+    toml: str = field(metadata=in_unit("", name="design"))
     goals: str = ""
     remarks: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE)
 
@@ -182,3 +216,21 @@ class Optimum:
         """Models with which the quantities were computed, in words."""
         levels = sorted({level for level in self.quantities.model if level} or {self.fidelity})
         return f"checked with the {' and '.join(levels)} model{'s' * (len(levels) > 1)}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimum(Record, Found):
+    """A design optimised to meet goals, and the run; `run.design` is where the search started.
+
+    Attributes
+    ----------
+    goals_file
+        Path of the file of goals.
+    """
+
+    goals_file: str = field(default="", metadata=ADDED)
+
+    @property
+    def design(self) -> Source:
+        """The design that was found."""
+        return reader.with_text(self.run.design, self.toml)

@@ -5,7 +5,7 @@ All panels are alike: a row each, marked before and after on the range that is a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -47,17 +47,25 @@ MIN_FRACTION = 1e-4
 
 def draw(found: Optimum, title: str) -> Figure:
     """Draw the figure of `pendsus optimise`; `title` names design and model."""
-    limits, before = found.limits, _room_before(found)
+    limits = found.limits
     others = np.flatnonzero(found.quantities.mode[limits.quantity] < 0)
     shown = [_modes(found), _numbers(found), *([_margins(found, others)] if len(others) else [])]
     heading = f"Optimised: {int(limits.met.sum())} of {len(limits.name)} limits met"
-    heading += f", {int((before >= -MET).sum())} before"
+    heading += f", {int((limits.room_before >= -MET).sum())} before"
     heading += f", {len(found.unknown)} unknown" if found.unknown else ""
-    return panels.draw(heading, title, shown)
+    return panels.draw(heading, title, shown, notes=list(_objectives(found)))
 
 
-def _room_before(found: Optimum) -> Float[np.ndarray, " limit"]:
-    return found.limits.relative_room(found.quantities.before[found.limits.quantity])
+def _objectives(found: Optimum) -> Iterator[str]:
+    """Say what quantities that were minimised or maximised are before and after."""
+    each = found.quantities
+    rows = zip(each.name, each.unit, each.before, each.after, each.weight, strict=True)
+    for name, unit, before, after, weight in rows:
+        if weight:
+            word = "minimised" if weight > 0 else "maximised"
+            shown = "" if unit == "1" else f" {unit}"
+            values = f"{format_raised(before, 4)} → {format_raised(after, 4)}"
+            yield f"{word}: {name}, {values}{shown}"
 
 
 def _rows(
@@ -114,9 +122,12 @@ def _limits_of_modes(
     found: Optimum, unit: str
 ) -> tuple[Float[np.ndarray, "side mode"], Bool[np.ndarray, "end mode"]]:
     """Range that limits on the quantity with this unit of each mode allow, and if it is missed."""
-    limits, quantities, before = found.limits, found.quantities, _room_before(found)
+    limits = found.limits
+    quantities = found.quantities
+    before = limits.room_before
     rows = len(found.modes.number)
-    allowed, missed = np.array([[0.0] * rows, [np.inf] * rows]), np.zeros((2, rows), dtype=bool)
+    allowed = np.array([[0.0] * rows, [np.inf] * rows])
+    missed = np.zeros((2, rows), dtype=bool)
     limited = np.zeros(rows, dtype=bool)
     for n, (k, sense) in enumerate(zip(limits.quantity, limits.sense, strict=True)):
         if quantities.unit[k] == unit:
@@ -132,9 +143,12 @@ def _limits_of_modes(
 
 def _numbers(found: Optimum) -> Panel:
     """Numbers of the design between their bounds; without one, between before and after."""
-    numbers, names, bounds = found.numbers, [], []
+    numbers = found.numbers
+    names: list[str] = []
+    bounds: list[str] = []
     ends = np.array([numbers.before, numbers.after])
-    low, high = np.fmin(ends.min(0), numbers.lower), np.fmax(ends.max(0), numbers.upper)
+    low = np.fmin(ends.min(0), numbers.lower)
+    high = np.fmax(ends.max(0), numbers.upper)
     place = (ends - low) / np.where(high > low, high - low, 1.0)
     for n, path in enumerate(numbers.name):
         unit, factor = displayed_unit(path, numbers.after[n])
@@ -156,10 +170,12 @@ def _numbers(found: Optimum) -> Panel:
 
 def _margins(found: Optimum, which: Int[np.ndarray, " row"]) -> Panel:
     """Room between values and limits, other than those on modes."""
-    limits, before = found.limits, _room_before(found)[which]
+    limits = found.limits
+    before = limits.room_before[which]
     after = 100 * np.nan_to_num(limits.room[which], nan=-1.0)
     ends = np.clip([100 * before, after], -MAX_ROOM, MAX_ROOM)
-    least, most = np.nanmin(ends, initial=0.0), np.nanmax(ends, initial=1.0)
+    least = np.nanmin(ends, initial=0.0)
+    most = np.nanmax(ends, initial=1.0)
     room = 0.05 * (most - least)
     across = Across("margin (% of the limit)", "linear", (least - room, most + room))
     allowed = np.tile([[0.0], [np.inf]], len(which))

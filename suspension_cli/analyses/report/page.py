@@ -81,7 +81,8 @@ def prose(answer: str, found: Sequence[Table], model: str = "") -> Iterator[Bloc
 
 def table(content: Table, caption: str = "") -> Grid:
     """Make a table: numbers aligned on the point as in the terminal, text on the left."""
-    heads, columns = [], []
+    heads = []
+    columns = []
     for (head, form), cells in zip(content.columns.items(), content.cells, strict=True):
         side = "n" if form else "t"
         name, _, unit = head.partition("\n")
@@ -110,9 +111,11 @@ def picture(figure: Figure, caption: str) -> Picture:
     """Embed a picture as SVG, or as PNG if that is too large."""
     from suspension_cli.drawing.style import encode
 
-    kind, data = "svg+xml", encode(figure, "svg")
+    kind = "svg+xml"
+    data = encode(figure, "svg")
     if len(data) > LARGEST:
-        kind, data = "png", encode(figure, "png")
+        kind = "png"
+        data = encode(figure, "png")
     across, up = (round(ACROSS / WIDTH * float(size)) for size in figure.get_size_inches())
     return Picture(f"data:image/{kind};base64,{encode_text(data)}", across, up, caption)
 

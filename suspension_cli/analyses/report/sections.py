@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.analyses import options, registry, settings, tables
+from suspension_cli.analyses import options, registry, settings, tables, verdicts
 from suspension_cli.analyses.analysis import RelayedLog, Result, Run
 from suspension_cli.analyses.options import default_values
 from suspension_cli.analyses.report import page
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.design.wires import Wire, WireSet
     from suspension_cli.models.registry import Choice
+    from suspension_cli.quantities.requirements import Verdict
     from suspension_cli.scene.scene import Scene
 
 SHARED = (options.FIDELITY, options.ACCURACY, *options.BEAM)
@@ -37,6 +38,10 @@ FLOW = (("x", ("x", "pitch")), ("y", ("y", "roll")), ("z", ("z",)), ("yaw", ("ya
 """Motions of the support and of the mirror in the default responses."""
 UNSTABLE = ", or give --allow-unstable"
 """End of messages that recommend an option that `report` lacks."""
+
+
+REQUIREMENTS = "Requirements"
+"""Title of the verdicts on the first page."""
 
 
 class Omitted(Exception):
@@ -57,7 +62,8 @@ class Composition:
     """State of a report during its composition.
 
     `request` is the run of the report itself, `scene` the design without imperfections; `folder` is
-    for analyses that write files, and `title` is that of the current section.
+    for analyses that write files, and `title` is that of the current section. `checked` is the
+    result of `check`, once computed.
     """
 
     request: Run
@@ -66,6 +72,7 @@ class Composition:
     folder: Path
     parts: list[Part] = field(default_factory=list)
     title: str = ""
+    checked: Result | None = None
 
     @property
     def source(self) -> Source:
@@ -81,7 +88,8 @@ class Composition:
         """Add an analysis of the current section to the parts."""
         model = left = ""
         if choice is not None:
-            model, left = choice.level, choice.neglected.partition(" (tolerance")[0]
+            model = choice.level
+            left = choice.neglected.partition(" (tolerance")[0]
         part = Part(self.title, command, model, left.removeprefix("neglected: ") or "-")
         self.parts.append(part)
 
@@ -92,7 +100,8 @@ class Composition:
 
     def run(self, name: str, *words: str, **given: object) -> Result:
         """Run an analysis, and list it with its settings as words of a command line (`words`)."""
-        analysis, own = registry.get(name), self.request.setting
+        analysis = registry.get(name)
+        own = self.request.setting
         names = {param.name for param in analysis.parameters}
         for key, default in default_values(SHARED).items():
             if key in names and (value := own[key]) != default:
@@ -105,6 +114,12 @@ class Composition:
             result = analysis.solve(one)
         self.list(command, result.choice if analysis.has_model else None)
         return result
+
+    def check(self) -> Result:
+        """Run `check`, once for the requirements on the first page and its own section."""
+        if self.checked is None:
+            self.checked = self.run("check")
+        return self.checked
 
     def answer(self, result: Result) -> Iterator[Block]:
         """Return the printed text of a result."""
@@ -121,11 +136,31 @@ class Composition:
             yield page.picture(figure, caption)
 
 
+def requirements(report: Composition) -> Iterator[Block]:
+    """Verdicts on the requirements of the design, as `check` prints them."""
+    found: Sequence[Verdict] = report.check().data.verdicts
+    if not found:
+        raise Omitted("Not judged: no model of the design is stable or valid.")
+    yield Paragraph([verdicts.summarise(found)], "verdict")
+    with tables.collecting() as tabulated:
+        verdicts.tabulate(found)
+    yield page.table(tabulated[0])
+    noted = [one.requirement for one in found if one.requirement.limits.note]
+    for one in noted:
+        yield Paragraph([f"{one.quantity.text}: {one.limits.note}"], "model")
+
+
+def check(report: Composition) -> Iterator[Block]:
+    """Loads, stability and requirements."""
+    yield from report.answer(report.check())
+
+
 def drawing(report: Composition) -> Iterator[Block]:
     """Drawing to scale."""
     from suspension_cli.drawing import draw
 
-    design, scene = report.source.design, report.scene
+    design = report.source.design
+    scene = report.scene
     mass = page.number(float(scene.bodies.mass.sum()), 4)
     caption = f"To scale, from the side and from the front: {mass} kg in all."
     if design.perturbation:
@@ -137,7 +172,7 @@ def drawing(report: Composition) -> Iterator[Block]:
 
 def numbers(report: Composition) -> Iterator[Block]:
     """Dimensions of the stages, in the tables of the drawing; materials of the wires."""
-    from suspension_cli.drawing import tables as drawn
+    from suspension_cli.drawing import dimension_tables as drawn
 
     for one in drawn.listed(report.source.design, report.scene):
         heads = [re.sub(r"^(.*?) \((.*)\)$", "\\1\n\\2", _symbol(head)) for head in one.heads]
@@ -173,14 +208,18 @@ def _diameter(part: WireSet | Wire) -> float | str | None:
     radii = [size for one in pieces for size in np.ravel(one.radius)]
     if not radii or None in radii:
         return None
-    low, high = 2e6 * min(radii), 2e6 * max(radii)
+    low = 2e6 * min(radii)
+    high = 2e6 * max(radii)
     return low if low == high else f"{low:.4g} to {high:.4g}"
 
 
 def response(report: Composition) -> Iterator[Block]:
     """Responses of the mirror to the support, with all loops closed."""
-    setting, design = report.request.setting, report.source.design
-    into, out, last = setting["inputs"], setting["outputs"], mirror(design)
+    setting = report.request.setting
+    design = report.source.design
+    into = setting["inputs"]
+    out = setting["outputs"]
+    last = mirror(design)
     chosen: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]
     if into or out:
         chosen = [(into or ("support.x",), out or (f"{last}.x",))]
@@ -188,10 +227,13 @@ def response(report: Composition) -> Iterator[Block]:
         chosen = [((), ())]  # the design chooses
     else:
         chosen = [((f"support.{i}",), tuple(f"{last}.{o}" for o in moved)) for i, moved in FLOW]
-    line, more, flags = "", {}, ()
+    line = ""
+    more = {}
+    flags = ()
     if design.control is not None:
         yield Paragraph(["The loops of the design's [control] table are closed."])
-        more, flags = {"closed_loop": True}, ("--closed-loop",)
+        more = {"closed_loop": True}
+        flags = ("--closed-loop",)
     for inputs, outputs in chosen:
         words = [word for name in inputs for word in ("--input", name)]
         words += [word for name in outputs for word in ("--output", name)]
@@ -203,11 +245,15 @@ def response(report: Composition) -> Iterator[Block]:
 
 
 def _describe_response(result: Result) -> str:
-    data, largest, words = result.data, result.data.largest, []
-    first, last = data.frequency[0], data.frequency[-1]
+    data = result.data
+    largest = result.data.largest
+    words = []
+    first = data.frequency[0]
+    last = data.frequency[-1]
     for o, out in enumerate(data.output):
         for i, into in enumerate(data.input):
-            size, unit = np.abs(data.value[:, o, i]), data.unit[o][i]
+            size = np.abs(data.value[:, o, i])
+            unit = data.unit[o][i]
             name = f"{out} per {into}"
             if not size.any():
                 words.append(f"{name} is 0")
@@ -226,7 +272,8 @@ def tolerance(report: Composition) -> Iterator[Block]:
     """Statistics of random builds, from a results file of this design or computed."""
     if report.source.design.tolerance is None:
         raise Omitted("Left out, as the design has no [tolerance] table.")
-    result, count = _stored(report, "tolerance"), report.request.setting["builds"]
+    result = _stored(report, "tolerance")
+    count = report.request.setting["builds"]
     if result is None:
         result = report.run("tolerance", "--builds", str(count), builds=count)
     else:
@@ -292,7 +339,7 @@ COUPLINGS = "Motion of the mirror per motion of the support."
 SECTIONS: dict[str, tuple[str, Build]] = {
     "drawing": ("Drawing", drawing),
     "numbers": ("Main numbers", numbers),
-    "check": ("Check", _printed("check", "")),
+    "check": ("Check", check),
     "modes": ("Modes", _printed("modes", SHAPES)),
     "response": ("Responses", response),
     "coupling": ("Couplings", _printed("xcouple", COUPLINGS, "--matrix", matrix=True)),
@@ -327,13 +374,18 @@ def compose(run: Run) -> str:
 
     from suspension_cli.equilibrium.nominal import expand, expand_nominal
 
-    wanted, log = parse_sections(run.setting["sections"]), run.log
+    wanted = parse_sections(run.setting["sections"])
+    log = run.log
     scene = expand_nominal(run.design)
     expand(run.design)
     _check_signals(run)
     sections = []
+    judged: list[Block] = []
     with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
         report = Composition(run, scene, RelayedLog(log), Path(folder))
+        if run.design.requirement:
+            report.title = REQUIREMENTS
+            judged = _contents(report, requirements)
         for number, name in enumerate(wanted):
             bar(number, len(wanted), 0.0)
             report.title, build = SECTIONS[name]
@@ -343,7 +395,7 @@ def compose(run: Run) -> str:
     text = _as_written(run.source)
     return page.environment().get_template("page.html").render(
         about=run.design.design, file=report.file, overrides=run.source.overrides,
-        version=__version__, sections=sections, parts=report.parts,
+        version=__version__, requirements=judged, sections=sections, parts=report.parts,
         text=escape(page.printable(text)),
         encoded=page.encode_text(text.encode()),
     )  # fmt: skip
@@ -368,7 +420,8 @@ def _contents(report: Composition, build: Build) -> list[Block]:
 
 def _check_signals(run: Run) -> None:
     """Raise `InputError` if a signal does not exist."""
-    inputs, outputs = run.setting["inputs"], run.setting["outputs"]
+    inputs = run.setting["inputs"]
+    outputs = run.setting["outputs"]
     if inputs or outputs:
         from suspension_cli.linear import signals
         from suspension_cli.models.registry import STRING

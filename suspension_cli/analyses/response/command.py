@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -13,7 +12,6 @@ from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
-    Result,
     Run,
     Settings,
     only_one,
@@ -25,7 +23,7 @@ from suspension_cli.grids import end_points
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.response.solve import ComparedResponse, Comparison
+    from suspension_cli.analyses.response.solve import Comparison, Response
     from suspension_cli.scene.arrays import Array
 
 FREQUENCY = "0.1:100:2000"
@@ -50,10 +48,9 @@ class ResponseAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `linear.response.Response`: `frequency` (f,) in Hz, `value`
-        (f, outputs, inputs), complex, in SI units. With `measured`, the attribute `measured` is a
-        tuple of `analyses.response.solve.Comparison`.
+    Response
+        With `frequency` (f,) in Hz and `value` (f, outputs, inputs), complex, in SI units. With
+        `measured`, the attribute `measured` is a tuple of `analyses.response.solve.Comparison`.
 
     Raises
     ------
@@ -70,7 +67,7 @@ class ResponseAnalysis(Analysis):
     """
 
     name = "response"
-    result_type = "analyses.response.solve.ComparedResponse"
+    result_type = "analyses.response.solve.Response"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals(
@@ -99,66 +96,26 @@ class ResponseAnalysis(Analysis):
     )
     drawn_with = (SCALE,)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Response:
         """Solve for every input at every frequency."""
-        from suspension_cli.analyses.response import solve as responses
-        from suspension_cli.linear.response import units
-        from suspension_cli.linear.solver import Solver
-        from suspension_cli.physics import model_choice, near_limits
-        from suspension_cli.physics.closed_loop import find_steady_poles
+        from suspension_cli.analyses.response import solve
 
-        setting = run.setting
-        ends = setting["inputs"], setting["outputs"]
-        items = responses.read_files(setting["measured"] or (), ends)
-        default = setting["frequency"] == FREQUENCY
-        about = {"setting": setting, "items": items, "design": run.design, "default": default}
-        request = partial(responses.request, **about)
-        unstable = setting["allow_unstable"]
-        choice, model = model_choice.choose(run.source, setting["fidelity"], request)
-        allowed = unstable or setting["closed_loop"]
-        model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
-        wanted, closed = request(model), None
-        solver = Solver(model)
-        near_limits.warn_of_tables(run.design, wanted.frequency, run.log)
-        if isinstance(wanted, responses.ClosedTransfer):
-            poles = find_steady_poles(
-                run.design, model, choice.model, "response", run.log, unstable
-            )
-            resonances, closed = poles.frequency, (wanted, poles)
-        else:
-            resonances = solver.constant.modes.frequency
-        found = responses.ComparedResponse(
-            wanted.frequency,
-            tuple(signal.text for signal in wanted.inputs),
-            tuple(signal.text for signal in wanted.outputs),
-            units(wanted.inputs, wanted.outputs),
-            wanted.values(solver, wanted.frequency),
-            closed_loop=closed is not None,
-        )
-        if not items:
-            largest = responses.find_peaks(found, partial(wanted.values, solver), resonances)
-            found = replace(found, largest=largest)
-            return Result(self, run.source, choice, found, command=run.command, linear_system=model)
-        found = replace(found, measured=responses.compare(model, items, found, closed))
-        for text in filter(None, map(responses.slip, found.measured)):
-            run.log.warn(text)
-        return Result(self, run.source, choice, found, command=run.command)
+        return solve.solve(self, run, default=run.setting["frequency"] == FREQUENCY)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Response) -> Document:
         """Return one response flat, several in a list."""
-        data: ComparedResponse = result.data
         pairs = [
-            {"input": into, "output": out, "unit": data.unit[o][i]}
-            | _real_and_imaginary(data.value[:, o, i])
-            for o, out in enumerate(data.output)
-            for i, into in enumerate(data.input)
+            {"input": into, "output": out, "unit": result.unit[o][i]}
+            | _real_and_imaginary(result.value[:, o, i])
+            for o, out in enumerate(result.output)
+            for i, into in enumerate(result.input)
         ]
-        closed = {"closed_loop": True} if data.closed_loop else {}
-        answer = closed | {"frequency_hz": data.frequency.tolist()} | only_one(pairs, "responses")
-        measured = [*map(_document, data.measured)]
+        closed = {"closed_loop": True} if result.closed_loop else {}
+        answer = closed | {"frequency_hz": result.frequency.tolist()} | only_one(pairs, "responses")
+        measured = [*map(_document, result.measured)]
         return answer | ({"measured": measured} if measured else {})
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Response) -> str:
         """Return the ends of every response, and its peak even between the points of the grid.
 
         Of a few frequencies all are returned. One that symmetry makes exactly 0 has a remark
@@ -166,22 +123,22 @@ class ResponseAnalysis(Analysis):
         """
         import numpy as np
 
-        data: ComparedResponse = result.data
-        if data.measured:
-            return f"{result.choice.line}\n\n{_table(data.measured)}"
-        lines, largest = [result.choice.line], data.largest
-        if data.closed_loop and result.given.design.control is not None:
-            names = ", ".join(loop.name for loop in result.given.design.control.loop)
+        if result.measured:
+            return f"{result.run.choice.line}\n\n{_table(result.measured)}"
+        lines = [result.run.choice.line]
+        largest = result.largest
+        if result.closed_loop and result.run.design.design.control is not None:
+            names = ", ".join(loop.name for loop in result.run.design.design.control.loop)
             lines.append(f"loops closed: {names}")
-        shown = end_points(data.frequency)
-        for o, out in enumerate(data.output):
-            for i, into in enumerate(data.input):
-                size = np.abs(data.value[:, o, i])
+        shown = end_points(result.frequency)
+        for o, out in enumerate(result.output):
+            for i, into in enumerate(result.input):
+                size = np.abs(result.value[:, o, i])
                 if not size.any():
                     lines.append(f"{into} -> {out}: 0 by symmetry")
                     continue
-                values = (f"{size[n]:.4g} at {data.frequency[n]:.4g} Hz" for n in shown)
-                line = f"{out} / {into} ({data.unit[o][i]}): {', '.join(values)}"
+                values = (f"{size[n]:.4g} at {result.frequency[n]:.4g} Hz" for n in shown)
+                line = f"{out} / {into} ({result.unit[o][i]}): {', '.join(values)}"
                 if largest is not None:
                     peak = largest.size[o, i]
                     top = f"{peak:.4g}" if np.isfinite(peak) else "infinite (no loss there)"
@@ -189,28 +146,18 @@ class ResponseAnalysis(Analysis):
                 lines.append(line)
         return "\n".join(lines)
 
-    def completed(self, result: Result) -> Result:
-        """Add the curve that resolves resonances."""
-        data: ComparedResponse = result.data
-        if data.measured or data.fine is not None:
-            return result
-        from suspension_cli.analyses.response import picture
-
-        curve = picture.refine(result)
-        data = replace(data, fine_frequency=curve.frequency, fine=curve.value)
-        return replace(result, data=data)
-
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw magnitude and phase, with the points that resolve resonances added."""
+    def figures(self, result: Response, setting: Settings) -> dict[str, Figure]:
+        """Draw magnitude and phase, at the frequencies that resolve resonances."""
         from suspension_cli.analyses.response import picture
 
         scale = setting.get("scale", "db")
-        stages = [stage.name for stage in result.given.design.stage]
-        data: ComparedResponse = result.data
-        if data.measured:
-            title = result.subtitle + ", loops closed" * data.closed_loop
-            return {"": picture.draw_measured(data.measured, title, scale, stages)}
-        return {"": picture.draw(picture.refine(result), result.subtitle, scale, stages)}
+        stages = [stage.name for stage in result.run.design.design.stage]
+        if result.measured:
+            title = result.subtitle + ", loops closed" * result.closed_loop
+            return {"": picture.draw_measured(result.measured, title, scale, stages)}
+        frequency, value = result.curve
+        drawn = replace(result, frequency=frequency, value=value)
+        return {"": picture.draw(drawn, result.subtitle, scale, stages)}
 
 
 def _document(one: Comparison) -> Document:

@@ -3,38 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.response.solve import make_transfer
 from suspension_cli.drawing import curves, panels
-from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import PALETTE, LineLook, stage_colours
-from suspension_cli.linear.response import Response
-from suspension_cli.linear.solver import Solver
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.analysis import Result
     from suspension_cli.analyses.response.solve import Comparison
-    from suspension_cli.drawing.added_points import Solve
+    from suspension_cli.linear.response import Response
     from suspension_cli.scene.arrays import Array
 
-PHASE = 1.1
-"""Height of a panel of phases, in."""
-MANY = 8
-"""Number of responses above which the frequencies of modes alone are added."""
 MANY_POINTS = 300
 """Number of measured points above which they are drawn small and without error bars."""
 MARKERS = ("o", "D", "^", "s", "v")
 """Markers of points of different functions."""
-TALL, ALL = 2.0, 6.0
+TALL = 2.0
+ALL = 6.0
 """Largest height of a panel of measured magnitudes, and of all of them together, in."""
-ZERO = "0 by symmetry at all frequencies"
 
 
 def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str] = ()) -> Figure:
@@ -44,20 +33,25 @@ def draw(response: Response, title: str, scale: str = "db", stages: Sequence[str
     value) or "absolute" (on a log axis).
     """
     pairs = [(o, i) for o in range(len(response.output)) for i in range(len(response.input))]
-    body, many = [_body_of(output) for output in response.output], len(pairs) > 1
+    body = [_body_of(output) for output in response.output]
+    many = len(pairs) > 1
     by_stage = stage_colours([*stages, *body])
     colours = [by_stage[body[o]] for o, _ in pairs]
-    lines, by_unit = list[Line](), dict[str, list[Line]]()
+    lines = list[Line]()
+    by_unit = dict[str, list[Line]]()
     for (o, i), colour, dashes in zip(pairs, colours, panels.dashes_of(colours), strict=True):
-        value, name = response.value[:, o, i], f"{response.output[o]} / {response.input[i]}"
+        value = response.value[:, o, i]
+        name = f"{response.output[o]} / {response.input[i]}"
         name += "" if value.any() else " = 0 by symmetry"
         lines.append(Line(response.frequency, value, name, colour, {"linestyle": dashes}))
         by_unit.setdefault(response.unit[o][i], []).append(lines[-1])
-    kind, shown = _scale(scale), []
+    kind = _scale(scale)
+    shown = []
     for unit, own in by_unit.items():
-        label, key = _label_magnitude(unit, kind), None if many else ()
-        shown.append(Panel(label, own, scale=kind, key=key, peaks="find", empty=ZERO))
-    shown.append(Panel("phase (degrees)", lines, PHASE, "phase", key=(), empty=" "))
+        label = _label_magnitude(unit, kind)
+        key = None if many else ()
+        shown.append(Panel(label, own, scale=kind, key=key, peaks="find", empty=panels.ZERO))
+    shown.append(Panel("phase (degrees)", lines, panels.PHASE, "phase", key=(), empty=" "))
     logarithmic = response.frequency[0] > 0 and len(response.frequency) > 1
     heading = "Transfer functions" if many else f"Transfer function {lines[0].name}"
     heading += ", loops closed" if response.closed_loop else ""
@@ -80,25 +74,6 @@ def _label_magnitude(unit: str, kind: Scale) -> str:
     return f"magnitude ({unit})" if unit else "magnitude"
 
 
-def refine(result: Result) -> Response:
-    """Take the frequencies that resolve resonances and zeros in addition, solving if need be."""
-    data: Response = result.data
-    if data.fine_frequency is not None and data.fine is not None:
-        return replace(data, frequency=data.fine_frequency, value=data.fine)
-
-    def build() -> tuple[Solve, Array]:
-        model = result.linear_system or result.choice.model.system(result.given.design)
-        names, closed = (data.input, data.output), data.closed_loop
-        wanted = make_transfer(result.given.design, model, names, data.frequency, closed=closed)
-        solver = Solver(model)
-        modes = np.empty(0) if closed else solver.constant.modes.frequency
-        return partial(wanted.values, solver), modes
-
-    few = data.value[0].size <= MANY
-    frequency, value = add_from_model(build, data.frequency, data.value, few=few)
-    return replace(data, frequency=frequency, value=value)
-
-
 def draw_measured(
     measured: Sequence[Comparison],
     title: str,
@@ -109,11 +84,13 @@ def draw_measured(
 
     Curves have the colours of the stages of their outputs, if these differ.
     """
-    kind, many = _scale(scale), len(measured) > 1
+    kind = _scale(scale)
+    many = len(measured) > 1
     both = [*zip(measured, _looks(measured, stages), strict=True)]
     models = [Line(one.curve_frequency, one.curve, "_model", look[0]) for one, look in both]
     points = [_points(one, look, one.data.value) for one, look in both]
-    units, shown = list(dict.fromkeys(one.data.unit for one in measured)), []
+    units = list(dict.fromkeys(one.data.unit for one in measured))
+    shown = []
     for unit in units:
         own = [n for n, one in enumerate(measured) if one.data.unit == unit]
         lines = [lines[n] for lines in (models, points) for n in own]
@@ -121,9 +98,10 @@ def draw_measured(
         limits = curves.limit_sizes(np.concatenate([_nearby(measured[n]) for n in own]), kind)
         peaks = [peak for n in own for peak in _peaks(measured[n], kind)]
         height = float(np.clip(ALL / len(units), 1.1, TALL))
-        label, key = _label_magnitude(unit, kind), key if many else ()
+        label = _label_magnitude(unit, kind)
+        key = key if many else ()
         shown.append(Panel(label, lines, height, kind, limits, key=key, peaks=peaks))
-    shown.append(Panel("phase (degrees)", [*models, *points], PHASE, "phase", key=()))
+    shown.append(Panel("phase (degrees)", [*models, *points], panels.PHASE, "phase", key=()))
     ratios = [_points(one, look, one.ratio) for one, look in both]
     clear = np.concatenate([np.ones(1), *(np.abs(one.ratio[one.clear]) for one in measured)])
     rule = Rule(0.0 if kind == "db" else 1.0, dashes="-")
@@ -159,7 +137,9 @@ def _points(one: Comparison, look: tuple[str, LineLook], value: Array) -> Line:
     """Points with error bars; of many points without these."""
     data = one.data
     good = (data.frequency > 0) & (data.value != 0)
-    at, value, sigma = data.frequency[good], value[good], data.uncertainty[good]
+    at = data.frequency[good]
+    value = value[good]
+    sigma = data.uncertainty[good]
     relative = np.where(np.isfinite(sigma), sigma / np.abs(data.value[good]), np.nan)
     how: LineLook = {**look[1], "linestyle": "none", "markersize": 2.4, "markeredgewidth": 0.0}
     if len(at) > MANY_POINTS:
@@ -170,5 +150,6 @@ def _points(one: Comparison, look: tuple[str, LineLook], value: Array) -> Line:
 
 def _nearby(one: Comparison) -> Array:
     """Sizes measured, and those of the model within the measured band."""
-    at, band = one.curve_frequency, one.data.frequency
+    at = one.curve_frequency
+    band = one.data.frequency
     return np.abs([*one.data.value, *one.curve[(at >= band[0]) & (at <= band[-1])]])

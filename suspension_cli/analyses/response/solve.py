@@ -1,4 +1,14 @@
-"""Responses with loops closed, their peaks, and measured ones: ratios, chi^2, shifts of peaks."""
+"""Responses with loops open or closed, their peaks, and measured ones beside them.
+
+>>> import suspension_cli as sus
+>>> found = sus.response(sus.example("double"), frequency=[1.0, 10.0], fidelity="string")
+>>> found.output, found.value.shape
+(('test.x',), (2, 1, 1))
+
+A measured response is compared with the modelled one by the ratio of both, chi^2, and the shifts of
+resonances. Near resonances and zeros the curve of the picture has more frequencies than are asked
+for (`Response.fine`).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +16,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,29 +24,34 @@ import numpy as np
 from scipy.optimize import elementwise, linear_sum_assignment
 
 from suspension_cli.analyses import readings
+from suspension_cli.analyses.record import Record
 from suspension_cli.design import measured as tables
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Measured
-from suspension_cli.drawing.added_points import NARROWEST, add_points
+from suspension_cli.drawing.added_points import NARROWEST, add_from_model, add_points
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import INLINE, in_unit
 from suspension_cli.grids import parse_frequencies
-from suspension_cli.linear import damped, signals
-from suspension_cli.linear.response import Peaks, Response
-from suspension_cli.linear.solver import Solvable
+from suspension_cli.linear import damped, response, signals
+from suspension_cli.linear.response import Peaks
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read, resonances
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
 from suspension_cli.models.choice import Transfer
-from suspension_cli.physics import local_control
+from suspension_cli.physics import local_control, model_choice, near_limits
+from suspension_cli.physics.closed_loop import find_steady_poles
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
+    from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.statespace import Poles
 
+MANY = 8
+"""Number of responses above which the frequencies of modes alone are added for the picture."""
 LOW = 0.1
 """Fraction of the largest magnitude on the grid from which a peak may be the largest."""
 NOISY = 1 / 3
@@ -76,7 +92,8 @@ def make_transfer(
     closed: bool,
 ) -> Transfer:
     """Responses between inputs and outputs given by name, with all loops closed or not."""
-    bodies, (inputs, outputs) = signals.bodies_with_signals(model), names
+    bodies = signals.bodies_with_signals(model)
+    inputs, outputs = names
     into = [signals.parse_input(text, bodies) for text in inputs]
     out = [signals.parse_output(text, bodies) for text in outputs]
     if closed:
@@ -160,11 +177,80 @@ class Comparison:
         return self.peak / self.pole - 1
 
 
-@dataclass(frozen=True)
-class ComparedResponse(Response):
-    """Responses with the measured transfer functions that they are compared with."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Response(Record, response.Response):
+    """Responses, and measured transfer functions that they are compared with.
+
+    Attributes
+    ----------
+    frequency
+        Hz.
+    input, output
+        Signals.
+    unit
+        Unit of each output over each input, [output][input].
+    value
+        Complex, SI.
+    closed_loop
+        Whether the loops of the design's local control are closed.
+    largest
+        Peaks within the band, also between the frequencies; None beside measured functions.
+    fine_frequency, fine
+        Values at more frequencies, which resolve resonances, for the picture; None beside measured
+        functions.
+    measured
+        Measured transfer functions, each with its prediction.
+    """
 
     measured: tuple[Comparison, ...] = ()
+
+    @property
+    def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency o i"]]:
+        """Frequencies (Hz) and values of the picture."""
+        if self.fine_frequency is None or self.fine is None:
+            return self.frequency, self.value
+        return self.fine_frequency, self.fine
+
+
+def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
+    """Solve for every input at every frequency; by `default` frequencies cover measurements."""
+    setting = run.setting
+    ends = setting["inputs"], setting["outputs"]
+    items = read_files(setting["measured"] or (), ends)
+    ask = partial(request, setting=setting, items=items, design=run.design, default=default)
+    unstable = setting["allow_unstable"]
+    choice, model = model_choice.choose(run.source, setting["fidelity"], ask)
+    allowed = unstable or setting["closed_loop"]
+    model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
+    wanted = ask(model)
+    near_limits.warn_of_tables(run.design, wanted.frequency, run.log)
+    solver = Solver(model)
+    closed = None
+    if isinstance(wanted, ClosedTransfer):
+        poles = find_steady_poles(run.design, solver, choice.model, "response", run.log, unstable)
+        closed = wanted, poles
+        resonances = poles.frequency
+    else:
+        resonances = solver.constant.modes.frequency
+    found = response.Response(
+        wanted.frequency,
+        tuple(signal.text for signal in wanted.inputs),
+        tuple(signal.text for signal in wanted.outputs),
+        response.units(wanted.inputs, wanted.outputs),
+        wanted.values(solver, wanted.frequency),
+        closed_loop=closed is not None,
+    )
+    measured = compare(model, items, found, closed) if items else ()
+    for text in filter(None, map(slip, measured)):
+        run.log.warn(text)
+    if not items:
+        at_all = partial(wanted.values, solver)
+        modes = np.empty(0) if closed else resonances
+        few = found.value[0].size <= MANY
+        curve = add_from_model(lambda: (at_all, modes), found.frequency, found.value, few=few)
+        largest = find_peaks(found, at_all, resonances)
+        found = replace(found, largest=largest, fine_frequency=curve[0], fine=curve[1])
+    return Response.extending(found, measured=measured, run=run.origin(analysis, choice))
 
 
 def read_files(files: Sequence[str], ends: Sequence[Sequence[str]]) -> tuple[Item, ...]:
@@ -217,10 +303,8 @@ def request(
     Signals are those of the setting, then those that the measurements refer to. By `default`
     frequencies cover all measurements, if there are any, and a little more.
     """
-    bodies, (outputs, inputs) = (
-        signals.bodies_with_signals(model),
-        ([*setting["outputs"]], [*setting["inputs"]]),
-    )
+    bodies = signals.bodies_with_signals(model)
+    outputs, inputs = ([*setting["outputs"]], [*setting["inputs"]])
     for item in items:
         _parse(item, bodies)
         outputs += item.channels.signal[0]
@@ -242,7 +326,7 @@ def request(
 
 
 def find_peaks(
-    answer: Response,
+    answer: response.Response,
     solve: Callable[[Array], Complex[np.ndarray, "frequency output input"]],
     modes: Array,
 ) -> Peaks:
@@ -260,7 +344,8 @@ def find_peaks(
     frequency = np.concatenate([frequency[~above], points[0]])
     value = np.concatenate([answer.value[order][~above], points[1]])
     size = np.abs(value).reshape(len(frequency), -1)
-    top, best = size.argmax(0), size.max(0)
+    top = size.argmax(0)
+    best = size.max(0)
     where = frequency[top]
     pair = np.flatnonzero((top > 0) & (top < len(frequency) - 1) & (best > 0))
     low, middle, high = (frequency[top[pair] + shift] for shift in (-1, 0, 1))
@@ -272,7 +357,10 @@ def find_peaks(
         return -np.abs(found).reshape(len(found), -1)[np.arange(len(found)), pair.ravel()]
 
     inside = np.isfinite(best[pair]) & (low > 0)
-    pair, low, middle, high = pair[inside], low[inside], middle[inside], high[inside]
+    pair = pair[inside]
+    low = low[inside]
+    middle = middle[inside]
+    high = high[inside]
     if len(pair):
         span = high - low
         found = elementwise.find_minimum(
@@ -291,7 +379,7 @@ def find_peaks(
 def compare(
     model: LinearSystem,
     items: Sequence[Item],
-    found: Response,
+    found: response.Response,
     closed: tuple[ClosedTransfer, Poles] | None = None,
 ) -> tuple[Comparison, ...]:
     """Compare measured transfer functions with the responses of a model.
@@ -306,7 +394,8 @@ def compare(
     squared = np.where(modes.frequency > 0, modes.omega_squared, np.inf)
     result = []
     for item in items:
-        channels, (out, into) = item.channels, _parse(item, known)
+        channels = item.channels
+        out, into = _parse(item, known)
         rows = [found.output.index(name) for name in channels.signal[0]]
         columns = [found.input.index(name) for name in channels.signal[1]]
         curves = channels.combine(found.value[:, rows][:, :, columns], found.frequency)
@@ -314,15 +403,18 @@ def compare(
         for data, own, (sensor, actuator) in zip(
             channels.function, static, channels.pairs, strict=True
         ):
-            at, transfer = data.frequency, Transfer([*into], [*out], data.frequency)
+            at = data.frequency
+            transfer = Transfer([*into], [*out], data.frequency)
             if closed is None:
                 poles = np.flatnonzero(own > RESIDUE * own.max(initial=0.0))
-                pole, label = modes.frequency[poles], [modes.label[n] for n in poles]
+                pole = modes.frequency[poles]
+                label = [modes.label[n] for n in poles]
                 q = modes.q[poles]
             else:
                 transfer = replace(closed[0], inputs=[*into], outputs=[*out])
                 resonant = np.abs(closed[1].q) > 0.5
-                pole, q = closed[1].frequency[resonant], np.abs(closed[1].q[resonant])
+                pole = closed[1].frequency[resonant]
+                q = np.abs(closed[1].q[resonant])
                 label = ["closed loop"] * len(pole)
             peaks = np.array([peak.frequency for peak in resonances.find_peaks(data)])
             paired = _pair(peaks, pole, pole * (MODEL_ERROR + 1 / (2 * q)))

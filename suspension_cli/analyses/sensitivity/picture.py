@@ -33,14 +33,22 @@ if TYPE_CHECKING:
 
 LEAST = 0.005
 """Change in % below which a cell is empty; empty rows are left out."""
-TICKS, LARGEST = (0.1, 1, 10), 100.0
-"""Changes in % at which the colour bar is labelled, and at which the colour scale ends."""
-MAX_ROWS, MAX_COLUMNS = 24, 17
-"""Most numbers and results shown."""
-CELL, WIDTH = 0.15, 1.87
-"""Height of a cell, and width of the table, in."""
-MAX_NAME, MAX_RESULT = 25, 28
-"""Longest names of a number and of a result, characters."""
+TICKS = (0.1, 1, 10)
+"""Changes in % at which the colour bar is labelled."""
+LARGEST = 100.0
+"""Change in % at which the colour scale ends."""
+MAX_ROWS = 24
+"""Most numbers shown."""
+MAX_COLUMNS = 17
+"""Most results shown."""
+CELL = 0.15
+"""Height of a cell, in."""
+WIDTH = 1.87
+"""Width of the table, in."""
+MAX_NAME = 25
+"""Longest name of a number, characters."""
+MAX_RESULT = 28
+"""Longest name of a result, characters."""
 
 
 def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] = ()) -> Figure:
@@ -48,12 +56,14 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
 
     A result of 0 has no change in %; a dot marks what changes it.
     """
-    change, relative = np.nan_to_num(found.per_step), found.nominal != 0
+    change = np.nan_to_num(found.per_step)
+    relative = found.nominal != 0
     percent = np.where(relative, change, 0.0)
     largest = np.abs(percent).max(1, initial=0.0)
     matters = (largest >= LEAST) | (change[:, ~relative] != 0).any(1)
     order = [n for n in np.argsort(-largest, kind="stable").tolist() if matters[n]]
-    rows, left_out = order[:MAX_ROWS], largest[order[MAX_ROWS:]]
+    rows = order[:MAX_ROWS]
+    left_out = largest[order[MAX_ROWS:]]
     columns = np.sort(np.argsort(-np.abs(change).max(0, initial=0.0), kind="stable")[:MAX_COLUMNS])
     cells = change[rows][:, columns]
     dots = np.argwhere(~relative[columns] & (cells != 0))
@@ -69,7 +79,8 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
         f"{format_signed(own)} per {found.step_unit[n]}" if own else "from 0"
         for n, own in zip(rows, most, strict=True)
     ]
-    left, right = max(0.16 + widest(names), 0.6), 0.1 + widest(["largest (%)", *beside])
+    left = max(0.16 + widest(names), 0.6)
+    right = 0.1 + widest(["largest (%)", *beside])
 
     def paint(axes: Axes) -> None:
         draw_table(axes, shown if len(rows) else np.full((1, len(columns)), np.nan), tints)

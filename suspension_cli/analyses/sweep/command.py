@@ -1,19 +1,20 @@
-"""`pendsus sweep`: modes, responses and couplings over any parameters of a design."""
+"""`pendsus sweep`: any quantities over any parameters of a design."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.sweep.solve import SweepResult
+    from suspension_cli.analyses.sweep.solve import ParameterSweep, Sweep
     from suspension_cli.studies.job import Axis
 
 ALIKE = 0.4
@@ -21,18 +22,19 @@ ALIKE = 0.4
 
 
 class SweepAnalysis(Analysis):
-    """Compute modes, responses and couplings over a grid of a design's parameters.
+    """Compute modes, or any quantities, over a grid of a design's parameters.
 
     One parameter gives lines, two give maps. Modes are followed through crossings by their shapes.
-    Writes DIR/NAME-sweep.h5 and .png.
+    Limits of requirements are drawn, and what share of the grid meets them is printed. Writes
+    DIR/NAME-sweep.h5 and .png.
 
     Example: pendsus sweep my.toml --vary stage.test.wires.d=1e-3:5e-3:41
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.sweep.solve.SweepResult`: `axes`, `result`, `value`
-        (axis 1, axis 2, ..., results).
+    Sweep
+        With `axes`, `result`, `value` (axis 1, axis 2, ..., results); `met`, whether each point
+        meets each requirement.
 
     Raises
     ------
@@ -50,7 +52,7 @@ class SweepAnalysis(Analysis):
     """
 
     name = "sweep"
-    result_type = "analyses.sweep.solve.SweepResult"
+    result_type = "analyses.sweep.solve.Sweep"
     fills_file = True
     draws_neglected = True
     arguments = (options.DESIGN,)
@@ -64,119 +66,155 @@ class SweepAnalysis(Analysis):
                 "  [required]"
             ),
         ),
-        options.RESULTS,
+        options.QUANTITIES,
+        option(
+            "--require",
+            multiple=True,
+            metavar="TEXT",
+            help=(
+                "A requirement beside those of the design: 'test pitch in 0.5:0.7',"
+                " 'thermal test.x:10 < 1e-19', SI units and Hz, margins in dB and degrees"
+                " (repeatable)."
+            ),
+        ),
+        options.EVERY_POINT,
         *options.SWEEP,
         options.ACCURACY,
         options.ALLOW_UNSTABLE,
         *options.WRITING,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Sweep:
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.sweep import solve as sweep
-        from suspension_cli.analyses.sweep.solve import ParameterSweep
-        from suspension_cli.linear import named_results
-        from suspension_cli.models import registry
+        from suspension_cli.analyses.sweep import sweep_models
+        from suspension_cli.analyses.sweep.point_errors import PointErrors
         from suspension_cli.physics import near_limits
-        from suspension_cli.studies import builds
 
-        setting, source = run.setting, run.source
-        over = axes(list(setting["vary"]))
-        unstable = setting["allow_unstable"]
-        simplest = registry.choose(source.design, setting["fidelity"])
-
-        def on(level: str, names: Sequence[str] = setting["results"]) -> ParameterSweep:
-            system = registry.by_name(level).system(source.design)
-            results = named_results.of_system(names, system)
-            return ParameterSweep(source.text, over, level, results, unstable)
-
-        try:
-            first = on(simplest.level)
-        except InputError:  # another model may have a mode of this label
-            if setting["fidelity"] != registry.AUTO:
-                raise
-            first = on(simplest.level, [])
-        follows = len(first.ratios) < len(first.results)
-        if follows and simplest.model.has_wire_mass:
-            remedy = "take beam, or ask for responses alone"
-            problem = "has no modes that could be followed"
-            raise InputError.of("--fidelity", problem, remedy, format_value(simplest.level))
+        asked = sweep_models.Asked.of(run.source, run.setting, axes(list(run.setting["vary"])))
+        wanted = asked.settle_model(run.setting["fidelity"], run.log.say)
+        first = asked.job(asked.simplest(wanted))
         first.check()
         study = sweeping.Study(
-            on,
-            [model for model in registry.MODELS if not (follows and model.has_wire_mass)],
-            sweep.result_change(first),
+            asked.job,
+            asked.usable(wanted),
+            PointErrors(first),
             sweep.first_points(first),
             sweep.extreme_points,
             sweep.write,
+            _warnings,
         )
-        choice = study.choose(source, setting)
+        chunk = run.setting["chunk"]
+        if first.is_slow:
+            chunk = min(chunk, sweep.TOGETHER)
+        run = replace(run, setting=run.setting | {"fidelity": wanted, "chunk": chunk})
+        choice = study.choose(run.source, run.setting)
         run.log.detail(f"{run.name}: {choice.line}")
         near_limits.warn_implausible(run.design, run.log)
-        result = sweeping.fill(run, self, study, choice)
-        found: SweepResult = result.data
-        for reason, count in found.failures.items():
-            impossible = reason == builds.STATUS[builds.IMPOSSIBLE]
-            fault = on(result.choice.level).first_fault(found.status) if impossible else ""
-            why = f"{reason} ({fault})" if fault else reason
-            run.log.warn(
-                f"{count} of {found.status.size} points have no result: {why}; narrow the range"
-                " of --vary"
-            )
-        if found.overlap < ALIKE:
-            run.log.warn(
-                "the shapes of a mode at two neighbouring points have an overlap of only"
-                f" {found.overlap:.2f} (1: equal), so modes may be mixed up there; take a finer"
-                " grid"
-            )
-        return result
+        return sweeping.fill(run, self, study, choice)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Sweep) -> Document:
         """Return axes and results, first axis first; null for an unstable mode or failed point."""
         from suspension_cli.analyses.sweep import sharing
 
-        answer: SweepResult = result.data
-        results = table(answer, "name=result unit nominal")
-        labelled = sharing.labelled(answer)
+        results = table(result, "name=result unit nominal")
+        labelled = sharing.labelled(result)
         for n, row in enumerate(results):
-            row["values"] = answer.value[..., n]
+            row["values"] = result.value[..., n]
             if n in labelled:
                 one = labelled[n]
                 row["fraction"] = one.content.fraction
-                row["other_values"], row["other_fraction"] = one.other, one.content.other_fraction
-        swept = table(answer.axes, "name values")
-        said = [*sharing.remarks(answer)]
-        return {"axes": swept, "results": results, "failures": answer.failures, "remarks": said}
+                row["other_values"] = one.other
+                row["other_fraction"] = one.content.other_fraction
+        document: Document = {
+            "axes": table(result.axes, "name values"),
+            "results": results,
+            "failures": result.failures,
+            "remarks": [*sharing.remarks(result)],
+        }
+        if result.margin is not None and result.met is not None and result.all_met is not None:
+            names = "requirement=required quantity=required_quantity unit=required_unit"
+            document["requirements"] = table(result, f"{names} at_least at_most")
+            for n, row in enumerate(document["requirements"]):
+                row["share"] = result.met[..., n].mean()
+                row["margin"] = result.margin[..., n]
+            document["all_requirements"] = {"share": result.all_met.mean(), "met": result.all_met}
+        if result.interpolation:
+            document["interpolation"] = result.interpolation
+        return document
 
-    def text(self, result: Result) -> str:
-        """Return smallest and largest value of every result, and where modes share a motion."""
-        import numpy as np
-
+    def text(self, result: Sweep) -> str:
+        """Return smallest and largest value of every result, requirements, and remarks."""
         from suspension_cli.analyses.sweep import sharing
 
-        answer: SweepResult = result.data
-        rows = []
-        for n, name in enumerate(answer.result):
-            value, where, ends = answer.value[..., n], "nowhere on the grid", (None, None)
-            if np.isfinite(value).any():
-                top = np.unravel_index(int(np.nanargmax(value)), value.shape)
-                at = zip(answer.axes, top, strict=True)
-                where = ", ".join(f"{axis.name} = {axis.values[k]:.4g}" for axis, k in at)
-                ends = np.nanmin(value), np.nanmax(value)
-            rows.append((answer.nominal[n], *ends, answer.unit[n], name, where))
-        columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
-        columns |= {"unit": "", "result": "", "where it is largest": ""}
-        found = sharing.remarks(answer)
-        said = ["", *found] if answer.labelled else []
-        return "\n".join([result.choice.line, "", tables.render(columns, rows), *said]).rstrip()
+        lines = (result.run.choice.line, result.interpolation)
+        head = "\n".join(line for line in lines if line)
+        parts = [head, _tabulate(result), _describe_requirements(result)]
+        parts.append("\n".join(sharing.remarks(result)))
+        return "\n\n".join(part for part in parts if part)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Sweep, setting: Settings) -> dict[str, Figure]:
         """Draw lines over one parameter, maps over two."""
         from suspension_cli.analyses.sweep import picture
 
-        stages = [stage.name for stage in result.given.design.stage]
-        return {"": picture.draw(result.data, result.subtitle, stages)}
+        stages = [stage.name for stage in result.run.design.design.stage]
+        return {"": picture.draw(result, result.subtitle, stages)}
+
+
+def _warnings(found: Sweep, job: ParameterSweep) -> Iterator[str]:
+    """Warn of points without results, and of a grid that is too coarse to follow modes."""
+    from suspension_cli.studies import builds
+
+    for reason, count in found.failures.items():
+        impossible = reason == builds.STATUS[builds.IMPOSSIBLE]
+        fault = job.first_fault(found.status) if impossible else ""
+        why = f"{reason} ({fault})" if fault else reason
+        yield (
+            f"{count} of {found.status.size} points have no result: {why}; narrow the range of"
+            " --vary"
+        )
+    if found.overlap < ALIKE:
+        yield (
+            "the shapes of a mode at two neighbouring points have an overlap of only"
+            f" {found.overlap:.2f} (1: equal), so modes may be mixed up there; take a finer grid"
+        )
+
+
+def _tabulate(result: Sweep) -> str:
+    """Return a table with the smallest and largest value of every result."""
+    import numpy as np
+
+    rows = []
+    for n, name in enumerate(result.result):
+        value = result.value[..., n]
+        ends: tuple[float | None, float | None] = (None, None)
+        where = "nowhere on the grid"
+        if np.isfinite(value).any():
+            known = np.where(np.isfinite(value), value, np.nan)
+            top = np.unravel_index(int(np.nanargmax(known)), value.shape)
+            at = zip(result.axes, top, strict=True)
+            where = ", ".join(f"{axis.name} = {axis.values[k]:.4g}" for axis, k in at)
+            ends = np.nanmin(known), np.nanmax(known)
+        rows.append((result.nominal[n], *ends, result.unit[n], name, where))
+    columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
+    columns |= {"unit": "", "result": "", "where it is largest": ""}
+    return tables.render(columns, rows)
+
+
+def _describe_requirements(result: Sweep) -> str:
+    """Say at how many points of the grid each requirement is met, and all; "" without any."""
+    if result.required is None or result.met is None or result.all_met is None:
+        return ""
+    shares = [(name, result.met[..., n]) for n, name in enumerate(result.required)]
+    if len(shares) > 1:
+        shares.append(("all of these", result.all_met))
+    count = result.status.size
+    lines = [
+        f"  {name}: met at {met.sum()} of {count} points ({100 * met.mean():.3g} %)"
+        for name, met in shares
+    ]
+    return "\n".join(["requirements", *lines])
 
 
 def axes(vary: list[str]) -> tuple[Axis, ...]:

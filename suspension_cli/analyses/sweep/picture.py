@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from suspension_cli.analyses.sweep import sharing
 from suspension_cli.analyses.sweep.sharing import Labelled
-from suspension_cli.analyses.sweep.solve import SweepResult
+from suspension_cli.analyses.sweep.solve import Sweep
 from suspension_cli.conventions import DOFS
 from suspension_cli.drawing import curves, labels, panels
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
 from suspension_cli.drawing.style import (
     INK,
+    RED,
     SMALL,
     LineLook,
     figure_of,
@@ -34,7 +35,8 @@ from suspension_cli.linear import mode_content
 from suspension_cli.studies.job import Axis
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Bool, Float
+    from matplotlib.typing import LineStyleType
 
 MAX_MAPS = 6
 """Maps in one figure at most: the results that change most."""
@@ -44,14 +46,34 @@ MOVES = 0.01
 """Relative change over the grid below which a mode is grey, if others change more."""
 STILL: LineLook = {"linewidth": 0.8, "zorder": 1.5}
 GREY = "#b4b9be"
-MEET, MIXED = 0.05, 0.05
-"""Relative distance in frequency of modes that meet, and the fraction of each other's motion from
-which they mix."""
+MEET = 0.05
+"""Relative distance in frequency of modes that meet."""
+MIXED = 0.05
+"""Fraction of each other's motion from which modes mix."""
 MOST_CROSSINGS = 5
 """Crossings marked at most."""
 PALE = 0.7
 """Place in the colour map above which contours are dark."""
 FREQUENCY = "frequency (Hz)"
+HIGH = 3.0
+"""Height of up to three panels of lines, in."""
+LOW = 1.8
+"""Height of each of more panels."""
+LIMIT = (0, (6, 2))
+"""Dashes of limits of requirements."""
+FAR = 10.0
+"""Margin up to which margins are told apart, where those of a map are drawn."""
+WORDS = {
+    "N": "force",
+    "Pa": "stress",
+    "m": "length",
+    "rad": "angle",
+    "s": "time",
+    "1/s": "decay rate",
+    "dB": "gain margin",
+    "deg": "phase margin",
+}
+"""What several quantities of one unit are, on their common axis."""
 FAILED = {
     1: ("#ecb999", "slack"),
     2: ("#bfc4c9", "no equilibrium"),
@@ -90,9 +112,11 @@ class Crossing:
         return f"{first} and {second} mix: {100 - part:.0f} % + {part:.0f} %"
 
 
-def find_crossings(swept: SweepResult) -> list[Crossing]:
+def find_crossings(swept: Sweep) -> list[Crossing]:
     """Find where modes of a sweep over one parameter meet, most mixed first."""
-    shape, rank, names = swept.shape, swept.rank, list(swept.mode or ())
+    shape = swept.shape
+    rank = swept.rank
+    names = list(swept.mode or ())
     if shape is None or rank is None or len(swept.axes) != 1 or len(swept.axes[0].values) < 3:
         return []
     by_label = swept.labelled or ()  # of the same motion at all points: they do not mix
@@ -103,23 +127,26 @@ def find_crossings(swept: SweepResult) -> list[Crossing]:
         with np.errstate(invalid="ignore", divide="ignore"):
             gap = np.where(np.isfinite(high / low), high / low - 1, np.inf)
         known = np.flatnonzero(np.isfinite(gap))
-        n, modes = int(gap.argmin()), (swept.result[pair[0]], swept.result[pair[1]])
-        if not len(known) or n in (0, len(gap) - 1, known[0], known[-1]):
+        closest = int(gap.argmin())
+        if not len(known) or closest in (0, len(gap) - 1, known[0], known[-1]):
             continue
-        ends, numbers = known[[0, -1]], [names.index(name) for name in modes]
+        modes = (swept.result[pair[0]], swept.result[pair[1]])
+        numbers = [names.index(name) for name in modes]
+        ends = known[[0, -1]]
         far = int(ends[np.argmax(gap[ends])])
-        here, pure = (shape[place][rank[place, numbers]].astype(float) for place in (n, far))
+        here, pure = (shape[place][rank[place, numbers]].astype(float) for place in (closest, far))
         part = (here @ pure.T) ** 2
         mixing = float((part[[0, 1], [1, 0]] / part.sum(1)).max())
         limit = MEET if mixing <= MIXED else 10 * MEET
-        if gap[n] <= min(limit, gap[ends].min() / 1.3) and gap[ends].min() > MEET / 5:
-            frequency = float((low[n] + high[n]) / 2)
-            found.append(Crossing(swept.axes[0].values[n], frequency, modes, mixing))
+        meet = gap[closest] <= min(limit, gap[ends].min() / 1.3)
+        if meet and gap[ends].min() > MEET / 5:
+            frequency = float((low[closest] + high[closest]) / 2)
+            found.append(Crossing(swept.axes[0].values[closest], frequency, modes, mixing))
     return sorted(found, key=lambda one: -one.mixing)
 
 
 def draw(
-    swept: SweepResult,
+    swept: Sweep,
     title: str,
     stages: Sequence[str] = (),
     crossings: Sequence[Crossing] | None = None,
@@ -131,8 +158,8 @@ def draw(
     """
     rest = swept.start[2:]
     value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
-    kinds = dict.fromkeys("mode frequencies" if u == "Hz" else "responses" for u in swept.unit)
-    heading = " and ".join(kinds).capitalize()
+    value = np.where(np.isfinite(value), value, np.nan)
+    heading = _heading(swept)
     if value.ndim == 2:
         heading += f" against {swept.axes[0].name.removeprefix('stage.')}"
         met = find_crossings(swept) if crossings is None else crossings
@@ -147,15 +174,43 @@ def draw(
     maps += [Panel(across=Across(""), right=0.88, paint=Axes.set_axis_off)] * (len(maps) % columns)
     rows = [tuple(maps[n : n + columns]) for n in range(0, len(maps), columns)]
     heading += " over two parameters"
-    touched = (one.touched for n, one in sharing.labelled(swept).items() if n in chosen)
-    notes = ["dots: two modes share the motion"] * any(some.any() for some in touched)
+    notes = []
+    if any(one.touched.any() for n, one in sharing.labelled(swept).items() if n in chosen):
+        notes.append("dots: two modes share the motion")
+    notes += _name_requirements(swept)
     subtitle = " · ".join([*kept, title])
     return panels.draw(heading, subtitle, rows, notes=notes, width=0.4 + 3.1 * columns)
 
 
+def _heading(swept: Sweep) -> str:
+    """What the picture is about: the kinds of results, or the only one."""
+    others = [
+        n
+        for n in range(len(swept.result))
+        if not (_is_frequency(swept, n) or _is_response(swept, n))
+    ]
+    if len(swept.result) == len(others) == 1:
+        [name] = swept.result
+        return name[0].upper() + name[1:]
+    if others:
+        return "Quantities"
+    frequencies = [_is_frequency(swept, n) for n in range(len(swept.result))]
+    kinds = {True: "mode frequencies", False: "responses"}
+    return " and ".join(dict.fromkeys(kinds[one] for one in frequencies)).capitalize()
+
+
+def _name_requirements(swept: Sweep) -> list[str]:
+    """Say what the zero line and the shade of maps mean."""
+    if swept.required is None:
+        return []
+    names = "; ".join(swept.required).replace("/Hz^0.5", "/√Hz")
+    return [f"pale: not met, red line: just met: {names}"]
+
+
 def _across(axis: Axis, most: int) -> Across:
     """Horizontal axis of a parameter; logarithmic if its values are geometric over a wide range."""
-    x, (unit, _) = axis.displayed, axis.displayed_unit
+    x = axis.displayed
+    unit, _ = axis.displayed_unit
     label = single_line(axis.name, most) + (f" ({unit})" if unit else "")
     wide = len(x) > 2 and x.min() > 0 and x.max() > LOG_RATIO * x.min()
     geometric = wide and np.allclose(x[1:] / x[:-1], x[1] / x[0], rtol=1e-6)
@@ -169,76 +224,180 @@ def _is_wide(values: Float[np.ndarray, "*shape"]) -> bool:
     return bool(known.size and known.min() > 0 and known.max() > LOG_RATIO * known.min())
 
 
-def _title(swept: SweepResult, n: int) -> str:
-    """Name of a result: the mode, or ``test.x / support.x at 10 Hz``."""
+def _is_frequency(swept: Sweep, n: int) -> bool:
+    """Whether a result is a frequency."""
+    return swept.unit[n] == "Hz"
+
+
+def _is_response(swept: Sweep, n: int) -> bool:
+    """Whether a result is the magnitude of a response at a frequency, or of a ratio of two."""
+    before, slash, _ = swept.result[n].partition("/")
+    return bool(slash) and " " not in before
+
+
+def _title(swept: Sweep, n: int) -> str:
+    """Name of a result; of a response ``test.x / support.x at 10 Hz``."""
     name = swept.result[n]
-    if swept.unit[n] == "Hz":
+    if not _is_response(swept, n):
         return name
     signals, _, frequency = name.rpartition(":")
     return f"{signals.replace('/', ' / ')} at {frequency} Hz"
 
 
-def _axis_label(swept: SweepResult, n: int) -> str:
-    """Label of the axis of a result; ratios of equal units are m/m or rad/rad."""
-    unit = swept.unit[n]
-    if unit == "1":
-        angle = swept.result[n].partition("/")[0].partition("@")[0].rpartition(".")[2] in DOFS[3:]
-        unit = "rad/rad" if angle else "m/m"
-    return FREQUENCY if unit == "Hz" else f"magnitude ({unit})"
+def _unit_label(swept: Sweep, n: int) -> str:
+    """Unit of a result as axes have it; ratios of equal units are m/m or rad/rad, others none."""
+    unit = swept.unit[n].replace("/Hz^0.5", "/√Hz")
+    if unit != "1":
+        return unit
+    if not _is_response(swept, n):
+        return ""
+    output = swept.result[n].partition("/")[0].partition("@")[0]
+    return "rad/rad" if output.rpartition(".")[2] in DOFS[3:] else "m/m"
+
+
+def _axis_label(swept: Sweep, n: int) -> str:
+    """Label of the axis that a result shares with others of its unit."""
+    if _is_frequency(swept, n):
+        return FREQUENCY
+    unit = _unit_label(swept, n)
+    if _is_response(swept, n):
+        return f"magnitude ({unit})"
+    word = "noise" if "√Hz" in unit else WORDS.get(unit, "value")
+    return f"{word} ({unit})" if unit else word
+
+
+def _own_label(swept: Sweep, n: int) -> str:
+    """Label of an axis that a result has for itself."""
+    if _is_frequency(swept, n) or _is_response(swept, n):
+        return _axis_label(swept, n)
+    unit = _unit_label(swept, n)
+    name = single_line(swept.result[n], 34)
+    return f"{name} ({unit})" if unit else name
+
+
+def _body(swept: Sweep, n: int, stages: Sequence[str]) -> str:
+    """Stage that a result is about; "" if its name has none."""
+    if swept.degree[n]:
+        return swept.degree[n].rpartition(".")[0]
+    output = swept.result[n].partition("/")[0].partition("@")[0]
+    words = output.replace(".", " ").split()
+    named = next((stage for stage in stages if stage in words), "")
+    return named or output.rpartition(".")[0]
 
 
 def _draw_lines(
-    swept: SweepResult,
+    swept: Sweep,
     value: Float[np.ndarray, "point result"],
     heading: str,
     title: str,
     stages: Sequence[str],
     crossings: Sequence[Crossing],
 ) -> Figure:
-    first, units = swept.axes[0], [_axis_label(swept, n) for n in range(len(swept.result))]
-    per = first.displayed_unit[1]
-    is_mode = np.array(swept.degree) != ""
-    still = is_mode & (swept.change < MOVES)
-    still &= not still[is_mode].all()
-    outputs = [name.partition("/")[0].partition("@")[0] for name in swept.result]
-    owners = zip(swept.degree, outputs, strict=True)
-    bodies = [(degree or output).rpartition(".")[0] for degree, output in owners]
-    by_stage = stage_colours([*stages, *bodies])
-    colours = [GREY if still[n] else by_stage[body] for n, body in enumerate(bodies)]
-    dashes = panels.dashes_of(colours)
-    drawn = {swept.result[n] for n in np.flatnonzero(~still)}
-    marked = [one for one in crossings if {*one.modes} & drawn][:MOST_CROSSINGS]
-    bands, swatches = _failed(swept)
+    first = swept.axes[0]
+    looks = _Looks.of(swept, stages)
+    shown_results = {swept.result[n] for n in np.flatnonzero(~looks.still)}
+    marked = [one for one in crossings if {*one.modes} & shown_results][:MOST_CROSSINGS]
     shares = {n: one for n, one in sharing.labelled(swept).items() if one.curves}
-    shown = []
-    for unit in dict.fromkeys(units):
-        own = [n for n, label in enumerate(units) if label == unit]
-        ends = unit == FREQUENCY and sum(~still[own]) > 1
-        lines = []
-        for n in sorted(own, key=lambda n: not still[n]):
-            look: LineLook = STILL if still[n] else {"linestyle": dashes[n], "linewidth": 1.4}
-            name = "_" if still[n] else swept.result[n] if ends else _title(swept, n)
-            if n in shares:
-                lines += _both_modes(swept, shares[n], colours[n])
-            x, y = _broken(first.displayed, value[:, n], shares.get(n))
-            lines.append(Line(x, y, name, colours[n], look))
-        rules, key = list(bands), [*swatches, *(() if ends else lines)]
-        if min(first.values) <= swept.drawn[0] <= max(first.values):
-            text = "" if shown else f"as designed: {first.describe(swept.drawn[0])}"
-            rules.append(Rule(swept.drawn[0] * per, text, vertical=True))
-        paint = partial(_mark, met=marked if unit == FREQUENCY else [], per=per)
-        scale: Scale = "log" if _is_wide(value[:, own]) else "linear"
-        shown.append(Panel(unit, lines, 3.0, scale, key=key, ends=ends, rules=rules, paint=paint))
+    labels_of_axes = [_axis_label(swept, n) for n in range(len(swept.result))]
+    shown: list[Panel] = []
+    distinct = dict.fromkeys(labels_of_axes)
+    height = HIGH if len(distinct) <= 3 else LOW
+    for label in distinct:
+        own = [n for n, one in enumerate(labels_of_axes) if one == label]
+        met = marked if label == FREQUENCY else []
+        panel = _line_panel(swept, value, own, looks, shares, met, is_first=not shown)
+        shown.append(replace(panel, height=height))
     notes = [f"{chr(ord('a') + n)}: {one}" for n, one in enumerate(marked)]
     if shares:
         names = " and ".join(one.name for one in shares.values())
         notes.append(f"thin: modes that share {names}, each followed by its shape")
-    if still.any():
+    if looks.still.any():
         notes.append(f"grey: modes that change by less than {100 * MOVES:g} %")
     return panels.draw(heading, title, shown, _across(first, 60), notes)
 
 
-def _both_modes(swept: SweepResult, one: Labelled, colour: str) -> list[Line]:
+@dataclass(frozen=True)
+class _Looks:
+    """Colours and dashes of the results; those that hardly change are grey."""
+
+    still: Bool[np.ndarray, " result"]
+    colours: list[str]
+    dashes: list[LineStyleType]
+
+    @staticmethod
+    def of(swept: Sweep, stages: Sequence[str]) -> _Looks:
+        is_mode = np.array(swept.degree) != ""
+        still = is_mode & (swept.change < MOVES)
+        still &= not still[is_mode].all()
+        bodies = [_body(swept, n, stages) for n in range(len(swept.result))]
+        by_stage = stage_colours([*stages, *bodies])
+        colours = [GREY if still[n] else by_stage[body] for n, body in enumerate(bodies)]
+        return _Looks(still, colours, panels.dashes_of(colours))
+
+
+def _line_panel(
+    swept: Sweep,
+    value: Float[np.ndarray, "point result"],
+    own: list[int],
+    looks: _Looks,
+    shares: dict[int, Labelled],
+    met: Sequence[Crossing],
+    *,
+    is_first: bool,
+) -> Panel:
+    """Draw results of one unit, by number, as lines over the parameter."""
+    first = swept.axes[0]
+    per = first.displayed_unit[1]
+    still = looks.still
+    label = _axis_label(swept, own[0]) if len(own) > 1 else _own_label(swept, own[0])
+    ends = label == FREQUENCY and sum(~still[own]) > 1
+    lines = []
+    for n in sorted(own, key=lambda n: not still[n]):
+        look: LineLook = {"linestyle": looks.dashes[n], "linewidth": 1.4}
+        name = swept.result[n] if ends else _title(swept, n)
+        if still[n]:
+            look = STILL
+            name = "_"
+        elif label.startswith(single_line(swept.result[n], 34)):
+            name = "_"
+        if n in shares:
+            lines += _both_modes(swept, shares[n], looks.colours[n])
+        x, y = _broken(first.displayed, value[:, n], shares.get(n))
+        lines.append(Line(x, y, name, looks.colours[n], look))
+    bands, swatches = _failed(swept)
+    rules = [*bands, *_limits(swept, own)]
+    if min(first.values) <= swept.drawn[0] <= max(first.values):
+        text = f"as designed: {first.describe(swept.drawn[0])}" if is_first else ""
+        rules.append(Rule(swept.drawn[0] * per, text, vertical=True))
+    key = [*swatches, *(() if ends else lines)]
+    paint = partial(_mark, met=met, per=per)
+    scale: Scale = "log" if _is_wide(value[:, own]) else "linear"
+    return Panel(label, lines, HIGH, scale, key=key, ends=ends, rules=rules, paint=paint)
+
+
+def _limits(swept: Sweep, own: list[int]) -> list[Rule]:
+    """Limit lines of the requirements on some results, by number."""
+    names = [swept.result[n] for n in own]
+    if swept.required_quantity is None or swept.at_least is None or swept.at_most is None:
+        return []
+    found = []
+    for n, name in enumerate(swept.required_quantity):
+        if name not in names:
+            continue
+        of_magnitude = swept.of_magnitude is not None and swept.of_magnitude[n]
+        prefix = f"{name} " if len(names) > 1 else ""
+        for words, limit in (("at least", swept.at_least[n]), ("at most", swept.at_most[n])):
+            if not np.isfinite(limit):
+                continue
+            text = f"{prefix}{words} {limit:.4g}"
+            found.append(Rule(float(limit), text, colour=RED, dashes=LIMIT))
+            signed = of_magnitude and (swept.value[..., own[names.index(name)]] < 0).any()
+            if signed:
+                found.append(Rule(-float(limit), "", colour=RED, dashes=LIMIT))
+    return found
+
+
+def _both_modes(swept: Sweep, one: Labelled, colour: str) -> list[Line]:
     """Draw the modes that share a motion, each followed by its shape, thin and without a name.
 
     Only where the mode that has most of it has a frequency.
@@ -263,9 +422,10 @@ def _broken(
     return np.insert(x, after, x[after]), np.insert(y, after, np.nan)
 
 
-def _failed(swept: SweepResult) -> tuple[list[Rule], list[Line]]:
+def _failed(swept: Sweep) -> tuple[list[Rule], list[Line]]:
     """Make shades of points without results, and their names."""
-    x, status = swept.axes[0].displayed, np.ravel(swept.status)
+    x = swept.axes[0].displayed
+    status = np.ravel(swept.status)
     edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
     starts = np.flatnonzero(np.diff(status, prepend=-1)) if len(x) > 1 else np.zeros(0, dtype=int)
     bands = [
@@ -292,10 +452,11 @@ def _mark(axes: Axes, met: Sequence[Crossing], per: float) -> None:
         )
 
 
-def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> Panel:
+def _map(swept: Sweep, value: Float[np.ndarray, "column row"], n: int) -> Panel:
     across, up = (_across(axis, 34) for axis in swept.axes[:2])
     x, y = (axis.displayed for axis in swept.axes[:2])
-    finite, wide = np.ma.masked_invalid(value.T), _is_wide(value)
+    finite = np.ma.masked_invalid(value.T)
+    wide = _is_wide(value)
     low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
     smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
     high = max(high, low + (abs(low) or 1.0) * 1e-9)
@@ -310,9 +471,10 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
         if smooth:
             _draw_contours(axes, x, y, finite, norm)
+        _draw_feasible(axes, x, y, swept)
         beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
         bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
-        bar.set_label(_axis_label(swept, n), fontsize=SMALL)
+        bar.set_label(_own_label(swept, n), fontsize=SMALL)
         bar.ax.tick_params(labelsize=SMALL)
         if wide:
             curves.label_plainly(bar.ax.yaxis)
@@ -332,9 +494,31 @@ def _map(swept: SweepResult, value: Float[np.ndarray, "column row"], n: int) -> 
     )  # fmt: skip
 
 
+def _draw_feasible(
+    axes: Axes, x: Float[np.ndarray, " column"], y: Float[np.ndarray, " row"], swept: Sweep
+) -> None:
+    """Shade points that do not meet all requirements, and draw where the worst one is just met."""
+    worst = swept.worst_margin
+    met = swept.all_met
+    if worst is None or met is None or min(len(x), len(y)) < 2:
+        return
+    margin = np.clip(worst[(..., *swept.start[2:])].T, -FAR, FAR)
+    unknown = np.isnan(margin)
+    pale = {"cmap": ListedColormap(["white"]), "alpha": 0.55, "rasterized": True}
+    if unknown.any():
+        none = np.ma.masked_where(~unknown, np.zeros(margin.shape))
+        axes.pcolormesh(x, y, none, shading="nearest", **pale)
+    known = np.ma.masked_invalid(margin)
+    if known.count() and known.min() < 0:
+        axes.contourf(x, y, known, levels=[-2 * FAR, 0.0], colors=["white"], alpha=0.55)
+        if known.max() > 0:
+            axes.contour(x, y, known, levels=[0.0], colors=[RED], linewidths=1.4)
+
+
 def _draw_contours(axes: Axes, x: Any, y: Any, finite: np.ndarray, norm: Normalize) -> None:
     """Draw contours at about six round numbers, labelled where there is room."""
-    low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
+    low = float(norm.vmin or 0.0)
+    high = float(norm.vmax or 1.0)
     digits = (1,) if high > 1e3 * low else (1, 2, 5)
     wide = isinstance(norm, LogNorm)
     locator = LogLocator(subs=digits) if wide else MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
@@ -345,7 +529,8 @@ def _draw_contours(axes: Axes, x: Any, y: Any, finite: np.ndarray, norm: Normali
     lines = axes.contour(x, y, finite, levels=levels, colors=inks, linewidths=0.6)
     paths = [np.reshape(path.vertices, (-1, 2)) for path in lines.get_paths() if len(path)]
     middles = [(path[(len(path) - 1) // 2] + path[len(path) // 2]) / 2 for path in paths]
-    write, frame = partial(format_raised, digits=4), np.reshape(axes.bbox.extents, (2, 2))
+    write = partial(format_raised, digits=4)
+    frame = np.reshape(axes.bbox.extents, (2, 2))
     for text in axes.clabel(lines, fontsize=SMALL, fmt=write, manual=middles):
         box = np.reshape(text.get_window_extent().extents, (2, 2))
         text.set_visible(bool((box[0] >= frame[0]).all() and (box[1] <= frame[1]).all()))

@@ -1,4 +1,4 @@
-"""Where modes asked for by their labels share a motion with another mode, or have no frequency."""
+"""Where modes asked for by labels share a motion with another mode; where results have no value."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.solve import SweepResult, has_modes
+from suspension_cli.analyses.sweep.solve import Sweep, has_modes
 from suspension_cli.linear import mode_content
 from suspension_cli.linear.mode_content import Content
+from suspension_cli.studies import builds
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -77,14 +78,17 @@ class Labelled:
         return result
 
 
-def labelled(swept: SweepResult) -> dict[int, Labelled]:
+def labelled(swept: Sweep) -> dict[int, Labelled]:
     """Results that are modes asked for by their labels, by their number."""
     found: dict[int, Labelled] = {}
+    rank = swept.rank
+    squared = swept.omega_squared
     for number, name in enumerate(swept.result):
-        content, rank, squared = swept.content(name), swept.rank, swept.omega_squared
+        content = swept.content(name)
         if content is None or rank is None or squared is None or swept.shape is None:
             continue
-        mode, other = content.mode.astype(np.intp), content.other.astype(np.intp)
+        mode = content.mode.astype(np.intp)
+        other = content.other.astype(np.intp)
         own = np.maximum(mode, 0)[..., None, None]
         found[number] = Labelled(
             name,
@@ -106,8 +110,11 @@ def _curve(
     return np.where((mode >= 0) & same.any(-1), same.argmax(-1), -1)
 
 
-def remarks(swept: SweepResult) -> Iterator[str]:
-    """Say where each mode shares its motion, passes to another mode, or has no frequency."""
+def remarks(swept: Sweep) -> Iterator[str]:
+    """Say where each mode shares its motion, passes to another mode, or has no frequency.
+
+    And at how many points that hang other results have no value.
+    """
     for one in labelled(swept).values():
         yield from _shares(swept, one)
         solved = has_modes(swept.status)
@@ -116,9 +123,26 @@ def remarks(swept: SweepResult) -> Iterator[str]:
         for places, why in ((grows, "its mode grows"), (without, "no mode is mostly this motion")):
             if places.any():
                 yield f"{one.name} has no frequency {_where(swept, places)}: {why}"
+    yield from _lacking(swept)
 
 
-def _shares(swept: SweepResult, one: Labelled) -> Iterator[str]:
+def _lacking(swept: Sweep) -> Iterator[str]:
+    """Say where quantities other than modes have no value, though the design is in a steady state.
+
+    Modes that are followed have none where they grow, which the status of a point says.
+    """
+    for n, name in enumerate(swept.result):
+        if swept.missing is None or swept.degree[n]:
+            continue
+        places = (swept.status == builds.GOOD) & np.isnan(swept.value[..., n])
+        infinite = np.isinf(swept.value[..., n])
+        if places.any():
+            yield f"{name} has no value {_where(swept, places)}: the design {swept.missing[n]}"
+        if infinite.any():
+            yield f"{name} is infinite {_where(swept, infinite)}"
+
+
+def _shares(swept: Sweep, one: Labelled) -> Iterator[str]:
     touched = one.touched
     if not touched.any():
         return
@@ -147,10 +171,10 @@ def _runs(touched: Bool[np.ndarray, " point"], one: Labelled) -> list[tuple[int,
     return [(int(run[0]), int(run[-1])) for run in np.split(numbers, starts)]
 
 
-def _both(swept: SweepResult, one: Labelled, at: tuple[int | np.intp, ...]) -> str:
+def _both(swept: Sweep, one: Labelled, at: tuple[int | np.intp, ...]) -> str:
     """Frequencies and fractions of both modes at a point."""
-    fractions = one.content.fraction[at], one.content.other_fraction[at]
-    first, second = (f"{100 * fraction:.0f}" for fraction in fractions)
+    first = f"{100 * one.content.fraction[at]:.0f}"
+    second = f"{100 * one.content.other_fraction[at]:.0f}"
     place = ", ".join(
         f"{axis.name} = {axis.values[k]:.4g}" for axis, k in zip(swept.axes, at, strict=True)
     )
@@ -160,20 +184,22 @@ def _both(swept: SweepResult, one: Labelled, at: tuple[int | np.intp, ...]) -> s
     )
 
 
-def _range(swept: SweepResult, first: int, last: int) -> str:
+def _range(swept: Sweep, first: int, last: int) -> str:
     axis = swept.axes[0]
-    low, high = axis.values[first], axis.values[last]
+    low = axis.values[first]
+    high = axis.values[last]
     if first == last:
         return f"at {axis.name} = {low:.4g}"
     return f"between {axis.name} = {low:.4g} and {high:.4g}"
 
 
-def _where(swept: SweepResult, places: Bool[np.ndarray, "*axes"]) -> str:
+def _where(swept: Sweep, places: Bool[np.ndarray, "*axes"]) -> str:
     """Ranges of the parameters at some points, and the number of these."""
     ranges = []
     for axis, numbers in zip(swept.axes, np.nonzero(places), strict=True):
         own = np.array(axis.values)[numbers]
-        low, high = own.min(), own.max()
+        low = own.min()
+        high = own.max()
         ranges.append(
             f"{axis.name} = {low:.4g}"
             if low == high

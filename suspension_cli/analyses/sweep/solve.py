@@ -1,15 +1,29 @@
-"""Modes, responses and couplings of a design over grids of any of its parameters."""
+"""Quantities of a design over grids of any of its parameters::
+
+    results = find_results(["test pitch", "thermal test.x:10"], names, source.text, "beam")
+    job = ParameterSweep(source.text, axes, "beam", results)
+    columns = job.compute(0, job.count)
+
+Each point of the grid is a design of its own. Designs of one topology are balanced together, and
+all quantities read what they need from this batch (`quantities.solved`). What a name means in each
+design does not depend on its neighbours, with one exception: modes of the design as drawn are
+followed from point to neighbouring point by their shapes once all points are known
+(`mode_pairing.follow`). Spectra and shapes of all points are kept for these, and for modes by
+label, whose motion may pass from one mode to another (`sharing`).
+"""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
+from suspension_cli.analyses.sweep.swept_results import ModeAsDrawn
 from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
@@ -17,60 +31,93 @@ from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
 from suspension_cli.files.hdf5 import Stored, add_dataset
-from suspension_cli.linear import batch_modes, eigenmodes, mode_content, mode_pairing
-from suspension_cli.linear.batch_modes import Spectrum
+from suspension_cli.linear import eigenmodes, mode_content, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_content import Content
-from suspension_cli.linear.mode_pairing import pair_bodies
-from suspension_cli.linear.named_results import Mode, Ratio, Scalar, labels
-from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.base import Model
-from suspension_cli.models.choice import Several, Systems
-from suspension_cli.studies import builds, variants
-from suspension_cli.studies.extremes import find_extremes
+from suspension_cli.quantities.kinds.modes import Frequency
+from suspension_cli.quantities.kinds.responses import Ratio
+from suspension_cli.quantities.needs import Needs
+from suspension_cli.quantities.quantity import Quantity
+from suspension_cli.quantities.requirements import Requirement
+from suspension_cli.quantities.solved import Solved, of_designs
+from suspension_cli.studies import builds, interpolated, variants
+from suspension_cli.studies.extremes import MOST, find_extremes
 from suspension_cli.studies.job import Axis, Grid, nominal_system
 from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
 
-    from suspension_cli.models.choice import Comparison
+    from suspension_cli.analyses.record import Origin
 
 OTHER_COORDINATES = len(builds.STATUS)
 STATUS = (*builds.STATUS, "the design has other coordinates than the one swept")
 """Meaning of the status of a point."""
 POINTS = 9
 """Largest number of points at which models are compared before the sweep."""
-ONE_MODEL_ONLY = "some points have an equilibrium in only one of the models"
+FEW = 3
+"""The same, if a quantity is computed design by design."""
+FEW_EXTREMES = 6
+"""Largest number of points at which models are compared after such a sweep."""
+TOGETHER = 16
+"""Points computed at once, if a quantity is computed design by design: progress is seen then."""
 
 
 @dataclass(frozen=True)
 class ParameterSweep(Grid):
     """Grid of designs, whose axes are named by dotted paths.
 
-    If `allow_unstable`, responses about an unstable equilibrium are valid.
+    If `allow_unstable`, an unstable equilibrium has all results. `requirements` are judged at each
+    point.
     """
 
     level: str
-    results: tuple[Scalar, ...]
+    results: tuple[Quantity, ...]
     allow_unstable: bool = False
+    requirements: tuple[Requirement, ...] = ()
+
+    @property
+    def identity(self) -> str:
+        """Text that differs between jobs of one design, with all numbers of its quantities."""
+        with np.printoptions(threshold=10**9, floatmode="unique"):
+            return super().identity
+
+    @cached_property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Results, and quantities of requirements, each once."""
+        required = [one.quantity for one in self.requirements]
+        return tuple(dict.fromkeys([*self.results, *required]))
+
+    @cached_property
+    def needs(self) -> Needs:
+        """What the quantities need."""
+        return Needs.of(self.quantities)
 
     @cached_property
     def ratios(self) -> tuple[Ratio, ...]:
         """Responses and couplings among the results."""
-        return tuple(result for result in self.results if isinstance(result, Ratio))
+        return tuple(one for one in self.results if isinstance(one, Ratio))
 
     @cached_property
-    def labelled(self) -> tuple[Mode, ...]:
+    def followed(self) -> tuple[ModeAsDrawn, ...]:
+        """Modes among the results that are followed by their shapes."""
+        return tuple(one for one in self.results if isinstance(one, ModeAsDrawn))
+
+    @cached_property
+    def labelled(self) -> tuple[Frequency, ...]:
         """Modes among the results that are asked for by their labels."""
-        modes = (one for one in self.results if isinstance(one, Mode))
-        return tuple(one for one in modes if one.motion is not None)
+        return tuple(one for one in self.results if isinstance(one, Frequency))
 
     @property
     def has_modes(self) -> bool:
-        """Whether modes are among the results."""
-        return len(self.ratios) < len(self.results)
+        """Whether modes are followed, or may share a motion."""
+        return bool(self.followed or self.labelled)
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether a quantity is computed design by design."""
+        return any(one.slow for one in self.quantities)
 
     @cached_property
     def nominal(self) -> Modes:
@@ -104,50 +151,127 @@ class ParameterSweep(Grid):
             return f"at {at}: {error.faults[0].line('')}"
         return ""
 
+    compared: ClassVar[tuple[str, ...]] = ("value",)
+    """Columns by which an interpolated map is compared with full solutions."""
+
+    @property
+    def is_analytic(self) -> bool:
+        """Whether `sample` gives functions from which all results follow."""
+        return all(isinstance(one, Ratio) for one in self.quantities)
+
+    def sample(
+        self, values: dict[str, Float[np.ndarray, " point"]]
+    ) -> Complex[np.ndarray, "point function"]:
+        """Numerators, then denominators of all responses and couplings.
+
+        Both are times the determinant of the dynamic stiffness, so analytic in the values where a
+        mode crosses the frequency. NaN where a design has no result.
+        """
+        asked = [one for one in self.quantities if isinstance(one, Ratio)]
+        count = len(next(iter(values.values())))
+        over = np.full((count, len(asked)), np.nan + 0j)
+        under = over.copy()
+        nominal = nominal_system(self.text, self.level)
+        designs = variants.designs_at(self.text, values)
+        for places, batch in of_designs(
+            designs, self.level, self.needs, allow_unstable=self.allow_unstable
+        ):
+            model = batch.found.model
+            if model.coordinate != nominal.coordinate:
+                continue
+            steady = batch.is_steady
+            for n, one in enumerate(asked):
+                own = interpolated.determinants(model, 2 * np.pi * one.frequency)
+                upper = own * batch.response(one.input, one.over, one.frequency)
+                lower = own
+                if one.under is not None:
+                    lower = own * batch.response(one.input, one.under, one.frequency)
+                over[places, n] = np.where(steady, upper, np.nan)
+                under[places, n] = np.where(steady, lower, np.nan)
+        return np.hstack([over, under])
+
+    def columns_of(self, functions: Complex[np.ndarray, "point function"]) -> Columns:
+        """Results that follow from the functions of `sample`."""
+        over, under = np.split(functions, 2, axis=1)
+        found = dict(zip(self.quantities, builds.divide(over, under).T, strict=True))
+        columns: Columns = {
+            "status": np.full(len(functions), builds.GOOD, dtype=np.uint8),
+            "value": np.stack([np.abs(found[one]) for one in self.results], axis=-1),
+            "response": np.stack([found[one] for one in self.ratios], axis=-1),
+        }
+        if self.requirements:
+            limited = [np.abs(found[one.quantity]) for one in self.requirements]
+            columns["limited"] = np.stack(limited, axis=-1)
+        return columns
+
     def compute(self, start: int, stop: int) -> Columns:
-        """Compute status, modes and responses of points start to stop - 1."""
+        """Compute status and quantities of points start to stop - 1."""
         designs = variants.designs_at(self.text, self.values(start, stop))
         return self.compute_designs(designs, stop - start)
 
     def compute_designs(self, designs: Iterable[Design | None], count: int) -> Columns:
-        """Compute status, modes in ascending order, and responses of `count` designs."""
-        columns: dict[str, tuple[str, tuple[int, ...]]] = {"status": ("u1", ())}
+        """Compute status, quantities, and modes in ascending order of `count` designs."""
+        result = builds.blank(count, **self._columns())
+        nominal = nominal_system(self.text, self.level)
+        for places, batch in of_designs(
+            designs, self.level, self.needs, allow_unstable=self.allow_unstable
+        ):
+            model = batch.found.model
+            alike = model.coordinate == nominal.coordinate
+            if not (alike and (model.massless == nominal.massless).all()):
+                result["status"][places] = OTHER_COORDINATES
+                continue
+            result["status"][places] = batch.found.status
+            for name, values in self._evaluate(batch).items():
+                result[name][places] = values
+        return result
+
+    def _columns(self) -> dict[str, tuple[str, tuple[int, ...]]]:
+        """Type and shape per point of each column."""
+        columns: dict[str, tuple[str, tuple[int, ...]]] = {
+            "status": ("u1", ()),
+            "value": ("f8", (len(self.results),)),
+        }
+        if self.requirements:
+            columns["limited"] = ("f8", (len(self.requirements),))
         if self.ratios:
             columns["response"] = ("c16", (len(self.ratios),))
         if self.has_modes:
             shape = self.nominal_shape.shape
-            columns |= {"omega_squared": ("f8", shape[:1]), "shape": ("f4", shape)}
+            columns["omega_squared"] = ("f8", shape[:1])
+            columns["shape"] = ("f4", shape)
         if self.labelled:
-            one = (len(self.labelled),)
-            columns |= {"label_mode": ("i2", one), "other_mode": ("i2", one)}
-            columns |= {"label_fraction": ("f8", one), "other_fraction": ("f8", one)}
-        result = builds.blank(count, **columns)
-        nominal, unstable = nominal_system(self.text, self.level), self.allow_unstable
-        for found, here in variants.balanced(designs, self.level, allow_unstable=unstable):
-            same = (
-                found.model.coordinate == nominal.coordinate
-                and (found.model.massless == nominal.massless).all()
-            )
-            result["status"][here] = found.status if same else OTHER_COORDINATES
-            if same and self.has_modes:
-                solvable = has_modes(found.status)
-                model = found.model.constant.select(np.flatnonzero(solvable))
-                solved = batch_modes.solve(model)
-                result["omega_squared"][here[solvable]] = solved.omega_squared
-                result["shape"][here[solvable]] = solved.shape
-                for name, values in self._find_labelled(model, solved).items():
-                    result[name][here[solvable]] = values
-            if same and self.ratios:
-                result["response"][here] = builds.responses(found, self.ratios)
-        return result
+            each = (len(self.labelled),)
+            columns["label_mode"] = ("i2", each)
+            columns["other_mode"] = ("i2", each)
+            columns["label_fraction"] = ("f8", each)
+            columns["other_fraction"] = ("f8", each)
+        return columns
 
-    def _find_labelled(self, model: LinearSystem, solved: Spectrum) -> dict[str, np.ndarray]:
+    def _evaluate(self, batch: Solved) -> dict[str, np.ndarray]:
+        """Evaluate all columns but the status; modes that are followed are NaN until they are."""
+        unknown = np.full(batch.count, np.nan)
+        known: dict[Quantity, np.ndarray] = dict.fromkeys(self.followed, unknown)
+        for one in self.quantities:
+            if one not in known:
+                known[one] = one.values(batch)
+        found = {"value": np.stack([known[one] for one in self.results], axis=-1)}
+        if self.requirements:
+            limited = [known[one.quantity] for one in self.requirements]
+            found["limited"] = np.stack(limited, axis=-1)
+        if self.ratios:
+            complex_values = np.stack([one.read(batch) for one in self.ratios], axis=-1)
+            found["response"] = np.where(batch.is_steady[:, None], complex_values, builds.NOTHING)
+        if self.has_modes:
+            found["omega_squared"] = batch.spectrum.omega_squared
+            found["shape"] = batch.spectrum.shape
+        return found | self._find_labelled(batch)
+
+    def _find_labelled(self, batch: Solved) -> dict[str, np.ndarray]:
         """Find the modes that labels mean at each point, and those that share their motions."""
         if not self.labelled:
             return {}
-        fractions = mode_content.of_spectrum(model, solved)
-        motions = [one.motion for one in self.labelled if one.motion is not None]
-        found = [mode_content.find(fractions, motion) for motion in motions]
+        found = [mode_content.find(batch.fractions, one.motion) for one in self.labelled]
         return {
             "label_mode": np.stack([one.mode for one in found], axis=-1),
             "other_mode": np.stack([one.other for one in found], axis=-1),
@@ -161,34 +285,8 @@ def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
     return (status == builds.GOOD) | (status == builds.UNSTABLE)
 
 
-def evaluate_results(
-    results: tuple[Scalar, ...],
-    omega_squared: Float[np.ndarray, "*point mode"] | None,
-    rank: Int[np.ndarray, "*point nominal"] | None,
-    response: Complex[np.ndarray, "*point response"] | None,
-    label_mode: Int[np.ndarray, "*point labelled"] | None = None,
-) -> Float[np.ndarray, "*point result"]:
-    """Evaluate results: frequencies in Hz and magnitudes of responses in SI units.
-
-    NaN for an unstable mode. `omega_squared`, (rad/s)^2, is ascending; `rank` is the position there
-    of each nominal mode, `label_mode` that of each mode asked for by its label, or -1. `response`
-    are the responses among the results. Both are in the order of the results.
-    """
-    sizes = iter(() if response is None else np.moveaxis(np.abs(response), -1, 0))
-    by_label = iter(() if label_mode is None else np.moveaxis(label_mode, -1, 0))
-    columns = []
-    for result in results:
-        if not isinstance(result, Mode):
-            columns.append(next(sizes))
-            continue
-        assert rank is not None and omega_squared is not None
-        place = rank[..., result.number] if result.motion is None else next(by_label)
-        columns.append(mode_content.frequencies(omega_squared, place.astype(np.intp)))
-    return np.stack(columns, axis=-1)
-
-
-@dataclass(frozen=True)
-class SweepResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Record):
     """A finished sweep.
 
     Attributes
@@ -202,7 +300,7 @@ class SweepResult:
     result, unit
         Names and units of the results; ``Hz`` for modes.
     degree
-        Dominant motion of each mode in the nominal design, ``test.pitch``; empty for responses.
+        Dominant motion of each mode in the nominal design, ``test.pitch``; empty for other results.
     nominal
         Results of the nominal design.
     value
@@ -212,6 +310,8 @@ class SweepResult:
     overlap
         Smallest overlap of shapes by which a mode among the results was followed from one point to
         the next; 1 without modes.
+    missing
+        Why a point that hangs may have no value of each result.
     mode, mode_number, coordinate
         Labels of the nominal modes, numbers of the modes of each point, and coordinates of shapes;
         None without modes.
@@ -229,6 +329,16 @@ class SweepResult:
         it; -1 where there is none.
     label_fraction, other_fraction
         Fractions of the kinetic energy of these two modes in the motion.
+    required, required_quantity, required_unit
+        Requirements that are judged at each point, in words, and the names and units of their
+        quantities; None without any.
+    at_least, at_most, of_magnitude
+        Their limits, infinite where there is none, and whether these are limits of the magnitude.
+    interpolation
+        At how many points a map was computed, and how well it was checked; None if at all.
+    margin, met
+        Distance of each point from the nearer limit (`requirements.Requirement.margin`), and
+        whether it meets it; points without a value do not.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -260,6 +370,20 @@ class SweepResult:
     other_mode: Int[np.ndarray, "*axes labelled"] | None = None
     label_fraction: Float[np.ndarray, "*axes labelled"] | None = None
     other_fraction: Float[np.ndarray, "*axes labelled"] | None = None
+    missing: tuple[str, ...] | None = field(default=None, metadata=along("result"))
+    required: tuple[str, ...] | None = None
+    required_quantity: tuple[str, ...] | None = field(default=None, metadata=along("required"))
+    required_unit: tuple[str, ...] | None = field(default=None, metadata=along("required"))
+    at_least: Float[np.ndarray, " required"] | None = field(
+        default=None, metadata=in_unit("{required_unit}")
+    )
+    at_most: Float[np.ndarray, " required"] | None = field(
+        default=None, metadata=in_unit("{required_unit}")
+    )
+    of_magnitude: Bool[np.ndarray, " required"] | None = None
+    margin: Float[np.ndarray, "*axes required"] | None = None
+    interpolation: str | None = field(default=None, metadata=ATTRIBUTE)
+    met: Bool[np.ndarray, "*axes required"] | None = None
 
     def content(self, name: str) -> Content | None:
         """Modes that a label means at the points; None for another result."""
@@ -278,11 +402,26 @@ class SweepResult:
     def change(self) -> Float[np.ndarray, " result"]:
         """Relative change of each result over the grid, largest over smallest less 1.
 
-        0 where a result has no value; the largest value where the smallest is 0.
+        0 where a result has no value; the largest value where the smallest is 0. The change of a
+        result that may be negative is relative to its largest magnitude.
         """
         flat = self.value.reshape(-1, len(self.result))
-        low, high = np.fmin.reduce(flat, axis=0), np.fmax.reduce(flat, axis=0)
-        return np.where(np.isfinite(low), (high - low) / np.where(low > 0, low, 1.0), 0.0)
+        flat = np.where(np.isfinite(flat), flat, np.nan)
+        low = np.fmin.reduce(flat, axis=0)
+        high = np.fmax.reduce(flat, axis=0)
+        size = np.where(low > 0, low, 1.0)
+        size = np.where(low < 0, np.fmax(np.abs(low), np.abs(high)), size)
+        return np.where(np.isfinite(low), (high - low) / size, 0.0)
+
+    @property
+    def all_met(self) -> Bool[np.ndarray, "*axes"] | None:
+        """Whether each point meets all requirements; None without any."""
+        return None if self.met is None else np.asarray(self.met.all(-1))
+
+    @property
+    def worst_margin(self) -> Float[np.ndarray, "*axes"] | None:
+        """Smallest margin at each point; NaN where one is unknown, None without requirements."""
+        return None if self.margin is None else np.asarray(self.margin.min(-1))
 
 
 def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
@@ -296,17 +435,16 @@ def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
 def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
     """Evaluate the results of the nominal design.
 
-    Without a steady state, responses are NaN unless the job allows it.
+    Without a steady state, only those that do not need one have values, unless the job allows it.
     """
-    modes, found = job.nominal, job.compute_designs([job.design], 1)
-    rank = np.arange(len(modes.omega_squared))
-    labelled = np.array([one.number for one in job.labelled], dtype=int)
-    return evaluate_results(
-        job.results, modes.omega_squared[None], rank[None], found.get("response"), labelled[None]
-    )[0]
+    found = job.compute_designs([job.design], 1)["value"][0]
+    for n, one in enumerate(job.results):
+        if isinstance(one, ModeAsDrawn):
+            found[n] = job.nominal.frequency[one.place]
+    return found
 
 
-def _follow(
+def follow(
     job: ParameterSweep, known: dict[str, Any]
 ) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
     """Follow the modes over the grid from the nominal design, see `mode_pairing.follow`."""
@@ -319,146 +457,104 @@ def _follow(
     )
 
 
-def write(group: Stored, columns: Columns, job: ParameterSweep) -> None:
-    """Follow the modes over the grid, evaluate the results, and write them."""
-    known, modes = job.on_grid(columns), job.nominal
+def complete(
+    job: ParameterSweep, known: dict[str, Any], rank: Int[np.ndarray, "*grid mode"] | None
+) -> Float[np.ndarray, "*grid result"]:
+    """Values of all results; those of followed modes by the places of these at each point."""
+    value = known["value"].copy()
+    for n, one in enumerate(job.results):
+        if isinstance(one, ModeAsDrawn):
+            assert rank is not None
+            place = rank[..., one.place].astype(np.intp)
+            value[..., n] = mode_content.frequencies(known["omega_squared"], place)
+    return value
+
+
+def write(group: Stored, columns: Columns, job: ParameterSweep, run: Origin) -> Sweep:
+    """Follow the modes over the grid, complete the results, and write them; return the record."""
+    known = job.on_grid(columns)
     described: dict[str, Any] = {}
-    rank, overlap, least, start = None, None, np.nan, nearest_point(job)
+    rank = None
+    overlap = None
+    least = 1.0
     if job.has_modes:
-        rank, overlap = _follow(job, known)
-        modes_asked = [one for one in job.results if isinstance(one, Mode)]
-        tracked = [one.number for one in modes_asked if one.motion is None]
-        least = float(np.fmin.reduce(overlap[..., tracked], axis=None, initial=np.nan))
-        described |= {
-            "mode": tuple(labels(modes)),
-            "mode_number": np.arange(1, len(modes.omega_squared) + 1),
-            "coordinate": modes.coordinate,
-        }
+        rank, overlap = follow(job, known)
+        if job.followed:
+            tracked = overlap[..., [one.place for one in job.followed]]
+            found = float(np.fmin.reduce(tracked, axis=None, initial=np.nan))
+            least = 1.0 if np.isnan(found) else found
+        described["mode"] = tuple(job.nominal.numbered_label)
+        described["mode_number"] = np.arange(1, len(job.nominal.omega_squared) + 1)
+        described["coordinate"] = job.nominal.coordinate
     if job.ratios:
-        described["response_name"] = tuple(item.text for item in job.ratios)
-        described["response_unit"] = tuple(item.unit for item in job.ratios)
+        described["response_name"] = tuple(one.text for one in job.ratios)
+        described["response_unit"] = tuple(one.unit for one in job.ratios)
     if job.labelled:
         described["labelled"] = tuple(one.text for one in job.labelled)
-    squared, response = known.get("omega_squared"), known.get("response")
-    homes = [modes.home[one.number] if isinstance(one, Mode) else () for one in job.results]
-    record = SweepResult(
+    if job.requirements:
+        described |= _judge(job, known.pop("limited"))
+    value = complete(job, known, rank)
+    del known["value"]
+    record = Sweep(
         axes=job.axes,
         drawn=job.drawn,
-        start=start,
-        result=tuple(item.text for item in job.results),
-        unit=tuple(item.unit for item in job.results),
-        degree=tuple(".".join(home) for home in homes),
+        start=nearest_point(job),
+        result=tuple(one.text for one in job.results),
+        unit=tuple(one.unit for one in job.results),
+        degree=tuple(_degree(job, one) for one in job.results),
         nominal=nominal_results(job),
-        value=evaluate_results(job.results, squared, rank, response, known.get("label_mode")),
-        overlap=1.0 if np.isnan(least) else least,
+        value=value,
+        overlap=least,
+        missing=tuple(one.missing for one in job.results),
         rank=rank,
         **described,
         **known,
+        run=run,
     )
     stored.write(group, record)
     if overlap is not None:
         scales = [group[dim_name(axis.name)] for axis in job.axes]
         add_dataset(group, "overlap", overlap, "1", *scales, group["mode"])
+    return record
+
+
+def _degree(job: ParameterSweep, quantity: Quantity) -> str:
+    """Dominant motion of a mode in the nominal design; "" for other quantities."""
+    number = -1
+    if isinstance(quantity, ModeAsDrawn):
+        number = quantity.place
+    elif isinstance(quantity, Frequency):
+        number = int(mode_content.find(job.nominal.fractions, quantity.motion).mode)
+    return "" if number < 0 else ".".join(job.nominal.home[number])
+
+
+def _judge(job: ParameterSweep, limited: Float[np.ndarray, "*grid required"]) -> dict[str, Any]:
+    """Judge the requirements at each point, from the values of their quantities."""
+    pairs = [(one, limited[..., n]) for n, one in enumerate(job.requirements)]
+    return {
+        "required": tuple(one.description for one in job.requirements),
+        "required_quantity": tuple(one.quantity.text for one in job.requirements),
+        "required_unit": tuple(one.quantity.unit for one in job.requirements),
+        "at_least": np.array([one.limits.low for one in job.requirements]),
+        "at_most": np.array([one.limits.high for one in job.requirements]),
+        "of_magnitude": np.array([one.limits_magnitude for one in job.requirements]),
+        "margin": np.stack([one.margin(values) for one, values in pairs], axis=-1),
+        "met": np.stack([one.is_met(values) for one, values in pairs], axis=-1),
+    }
 
 
 def first_points(job: ParameterSweep) -> Int[np.ndarray, " point"]:
     """Points at which models are compared before the sweep, at corners and middles of the grid."""
     corners = job.corners
-    return corners[np.unique(np.linspace(0, len(corners) - 1, POINTS).astype(int))]
+    most = FEW if job.is_slow else POINTS
+    return corners[np.unique(np.linspace(0, len(corners) - 1, most).astype(int))]
 
 
 def extreme_points(job: ParameterSweep, columns: Columns) -> Int[np.ndarray, " point"]:
     """Points at which the results of a finished sweep are extreme, or change fastest."""
     known = job.on_grid(columns)
     rank = None
-    if job.has_modes:
-        rank, _ = _follow(job, known)
-    return find_extremes(
-        evaluate_results(
-            job.results,
-            known.get("omega_squared"),
-            rank,
-            known.get("response"),
-            known.get("label_mode"),
-        )
-    )
-
-
-def result_change(job: ParameterSweep) -> Callable[[Int[np.ndarray, " point"]], Comparison]:
-    """The change of a sweep's results at some points, as `model_choice.for_builds` takes it.
-
-    Modes are paired by their shapes. The change is infinite where a point has an equilibrium, or
-    for responses a stable one, in only one of the models. The `job` is in the simplest model.
-    """
-    known: dict[int, Systems | None] = {}
-    stable = bool(job.ratios) and not job.allow_unstable
-
-    def at(points: Int[np.ndarray, " point"]) -> Comparison:
-        new = np.array([n for n in points.tolist() if n not in known], dtype=int)
-        designs = variants.designs_at(job.text, job.values_at(new))
-        known.update(
-            (n, one and Systems(one)) for n, one in zip(new.tolist(), designs, strict=True)
-        )
-        some = [systems for n in points.tolist() if (systems := known[n]) is not None]
-
-        def change(simple: Model, refined: Model) -> tuple[float, str]:
-            changes = [(0.0, "the results")]
-            for systems in some:
-                has = {_has_result(systems, model, stable=stable) for model in (simple, refined)}
-                if len(has) > 1:
-                    return float("inf"), ONE_MODEL_ONLY
-                if has == {True}:
-                    changes += _changes(job, systems, simple, refined)
-            return max(changes, key=lambda one: one[0])
-
-        return change
-
-    return at
-
-
-def _has_result(systems: Systems, model: Model, *, stable: bool) -> bool:
-    """Whether a design has an equilibrium in a model, and a stable one if that is needed."""
-    try:
-        system = systems(model)
-    except InputError:
-        return False
-    return not stable or eigenmodes.solve(system.constant).stable
-
-
-def _changes(
-    job: ParameterSweep, systems: Systems, simple: Model, refined: Model
-) -> list[tuple[float, str]]:
-    """Change of each result at one point.
-
-    Where frequencies meet, shapes mix differently in both models. So a mode's partner is the one of
-    most similar shape here or, if that changes it less, the one that the nominal mode becomes, or
-    that its label means in both.
-    """
-    old, new = systems(simple), systems(refined)
-    modes, partners = (eigenmodes.solve(system.constant) for system in (old, new))
-    here, there = (_numbers(job, one, system) for one, system in ((modes, old), (partners, new)))
-    known = [one for one in job.results if not isinstance(one, Mode) or here[one] >= 0]
-    items = tuple(Mode(one.text, here[one]) if isinstance(one, Mode) else one for one in known)
-    found = Several(items, modes).changes(old, new)
-    if refined.has_wire_mass:
-        return found
-    changes = []
-    for one, (change, text) in zip(known, found, strict=True):
-        direct = change
-        if isinstance(one, Mode) and there[one] >= 0:
-            before, after = modes.frequency[here[one]], partners.frequency[there[one]]
-            direct = float(np.abs(before / after - 1)) if before > 0 and after > 0 else change
-        changes.append((min(change, direct), text))
-    return changes
-
-
-def _numbers(job: ParameterSweep, modes: Modes, system: LinearSystem) -> dict[Scalar, int]:
-    """Number of each mode among the results in another design; -1 if it has none."""
-    paired = pair_bodies(job.nominal, modes, system)
-    return {
-        one: int(paired[one.number])
-        if one.motion is None
-        else int(mode_content.find(modes.fractions, one.motion).mode)
-        for one in job.results
-        if isinstance(one, Mode)
-    }
+    if job.followed:
+        rank, _ = follow(job, known)
+    most = FEW_EXTREMES if job.is_slow else MOST
+    return find_extremes(complete(job, known, rank), most)

@@ -8,23 +8,18 @@ from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import (
     Analysis,
     Document,
-    Result,
     Run,
     Settings,
     describe_mirrors,
     name_mirrors,
     only_one,
 )
-from suspension_cli.conventions import SUPPORT
-from suspension_cli.errors import InputError, format_value
-from suspension_cli.grids import decade_points, parse_frequencies, table_points
+from suspension_cli.grids import table_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.design.schema import Design
-    from suspension_cli.physics.thermal_noise import Thermal
-    from suspension_cli.scene.arrays import Array
+    from suspension_cli.analyses.thermal.solve import Thermal
 
 LEADING = 0.01
 """Fraction of the power from which a cause is named in the summary."""
@@ -43,9 +38,10 @@ class ThermalAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        Its `data` is a list of `physics.thermal_noise.Thermal`, one for each output, with
-        `amplitude` (f,) in m/sqrt(Hz) or rad/sqrt(Hz) and `parts` by cause.
+    Thermal
+        With `frequency` (f,) in Hz, `amplitude` (f, outputs) in m/sqrt(Hz) or rad/sqrt(Hz) and
+        `contribution` (f, outputs, sources); `motions` has an item per output, with `parts` by
+        source.
 
     Raises
     ------
@@ -56,12 +52,12 @@ class ThermalAnalysis(Analysis):
     --------
     >>> import suspension_cli as sus
     >>> found = sus.thermal(sus.example("geo-silica-triple"), frequency=[10.0, 100.0])
-    >>> found.data[0].amplitude.shape
-    (2,)
+    >>> found.amplitude.shape
+    (2, 1)
     """
 
     name = "thermal"
-    result_type = "physics.thermal_noise.Thermal"
+    result_type = "analyses.thermal.solve.Thermal"
     arguments = (options.DESIGN,)
     parameters = (
         options.signals("output", options.MOTIONS, "x of the mirror"),
@@ -72,86 +68,34 @@ class ThermalAnalysis(Analysis):
         *options.WRITING,
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Thermal:
         """Compute the noise of every output."""
-        from dataclasses import replace
+        from suspension_cli.analyses.thermal import solve
 
-        import numpy as np
+        return solve.solve(self, run)
 
-        from suspension_cli.analyses.check.missing_losses import state_missing_losses
-        from suspension_cli.design.derive import mirror
-        from suspension_cli.physics import model_choice, near_limits, thermal_noise
-        from suspension_cli.physics.lossless import describe_lossless, find_lossless
-
-        setting = run.setting
-        frequency, arm = np.array(parse_frequencies(setting["frequency"])), setting["arm"]
-        outputs = setting["outputs"] or (f"{mirror(run.design)}.x",)
-        choice, model = thermal_noise.choose(
-            run.source, setting["fidelity"], frequency, outputs, arm
-        )
-        model = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, model
-        )
-        motions = thermal_noise.parse_outputs(model, outputs, arm)
-        for signal in motions:
-            if signal.body == SUPPORT:
-                problem = "the support is at rest and has no thermal noise"
-                remedy = "name a stage, for example test.x"
-                raise InputError.of("--output", problem, remedy, format_value(signal.text))
-        noises = thermal_noise.solve(model, frequency, motions, run.design.constants.temperature)
-        for noise in noises:
-            if not noise.contribution.any():
-                problem = "nothing that moves with it dissipates, so it has no thermal noise"
-                remedy = (
-                    "give the materials of its wires a loss (--set materials.NAME.loss_angle=1e-4),"
-                    " or blades a loss_angle, [gas] or [stage.damping]"
-                )
-                raise InputError.of("--output", problem, remedy, format_value(noise.output))
-        root = setting["mirrors"] ** 0.5
-        noises = [replace(one, contribution=root * one.contribution) for one in noises]
-        lossless = find_lossless(run.design, choice.level)
-        few = frequency[decade_points(frequency)]
-
-        def compute(design: Design) -> tuple[Array, str]:
-            return thermal_noise.amplitudes(design, choice, few, outputs, arm)
-
-        lacking = state_missing_losses(run.design, choice, compute, setting["tolerance"])
-        choice = lacking.choice
-        for line in (
-            *(f"{run.name}: {line}" for line in describe_lossless(lossless, choice.level)),
-            *near_limits.describe_falsified_losses(run.design, choice.level),
-            *lacking.warnings,
-        ):
-            run.log.warn(line)
-        near_limits.warn_of_tables(run.design, noises[0].frequency, run.log)
-        extra: Document = {"without_loss": [part.part for part in lossless]}
-        extra["missing_losses"] = lacking.losses
-        extra |= describe_mirrors(run.setting)
-        return Result(
-            self, run.source, choice, noises, extra, command=run.command, linear_system=model
-        )
-
-    def document(self, result: Result) -> Document:
+    def document(self, result: Thermal) -> Document:
         """Return the noise of one output flat, that of several in a list."""
-        noises: list[Thermal] = result.data
         each = [
             {
                 "output": noise.output,
                 "unit": f"{noise.unit}/sqrt(Hz)",
                 "tilt_rad": noise.tilt,
-                "displacement_asd": noise.amplitude.tolist(),
-                "contributions": {source: part.tolist() for source, part in noise.parts.items()},
+                "displacement_asd": noise.amplitude,
+                "contributions": noise.parts,
             }
-            for noise in noises
+            for noise in result.motions
         ]
-        head = {"frequency_hz": noises[0].frequency.tolist()}
-        return head | only_one(each, "noises") | result.extra
+        head: Document = {"frequency_hz": result.frequency}
+        losses = {"without_loss": result.without_loss, "missing_losses": result.missing_losses}
+        mirrors = describe_mirrors(result.mirrors)
+        return head | only_one(each, "noises") | losses | mirrors
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Thermal) -> str:
         """Return the noise at a few frequencies, and its leading causes there."""
-        lines = [result.choice.line]
-        for noise in result.data:
-            lines.append(f"{noise.output}{name_mirrors(result, noise.tilt)}: thermal noise")
+        lines = [result.run.choice.line]
+        for noise in result.motions:
+            lines.append(f"{noise.output}{name_mirrors(result.mirrors, noise.tilt)}: thermal noise")
             rows = []
             for n in table_points(noise.frequency):
                 power = noise.density[:, n]
@@ -170,28 +114,13 @@ class ThermalAnalysis(Analysis):
             lines.append(tables.render(columns, rows))
         return "\n".join(lines)
 
-    def completed(self, result: Result) -> Result:
-        """Add the curves that resolve resonances."""
-        from dataclasses import replace
-
-        if result.data[0].fine is not None:
-            return result
+    def figures(self, result: Thermal, setting: Settings) -> dict[str, Figure]:
+        """Draw amplitude spectral densities, at the frequencies that resolve resonances."""
         from suspension_cli.analyses.thermal import picture
 
-        pairs = zip(result.data, picture.refine(result), strict=True)
-        data = [
-            replace(noise, fine_frequency=curve.frequency, fine=curve.contribution)
-            for noise, curve in pairs
-        ]
-        return replace(result, data=data)
-
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
-        """Draw amplitude spectral densities, with the points that resolve resonances added."""
-        from suspension_cli.analyses.thermal import picture
-
-        stages = [stage.name for stage in result.given.design.stage]
-        subtitle = result.subtitle + name_mirrors(result)
-        return {"": picture.draw(picture.refine(result), subtitle, stages)}
+        stages = [stage.name for stage in result.run.design.design.stage]
+        subtitle = result.subtitle + name_mirrors(result.mirrors)
+        return {"": picture.draw(result.curves, subtitle, stages)}
 
 
 def _percent(fraction: float) -> str:

@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.drawing import curves, panels
-from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.drawing.panels import Line, Panel
 from suspension_cli.drawing.style import INK, NOTE, LineLook, single_line, stage_colours
-from suspension_cli.linear.solver import Solver
-from suspension_cli.physics import thermal_noise
-from suspension_cli.physics.thermal_noise import Thermal
+from suspension_cli.physics.thermal_noise import MotionNoise
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-    from suspension_cli.analyses.analysis import Result
-    from suspension_cli.drawing.added_points import Solve
-    from suspension_cli.scene.arrays import Array
-
 LINES = 7
 """Largest number of lines in a panel: the sum, the largest parts, and the others together."""
-OTHER, SUPPORT = "other", "whole suspension"
+OTHER = "other"
+SUPPORT = "whole suspension"
 """Names of the sum of small parts, and of sources that belong to no stage."""
 SHADES = ("#332288", "#cc6677", "#117733", "#88ccee", "#999933", "#aa4499", "#44aa99", "#ddaa33")
 """Colours of causes, in their order, which are not those of stages (Tol 2021, muted)."""
 
 
-def draw(noises: list[Thermal], title: str, stages: Sequence[str] = ()) -> Figure:
+def draw(noises: Sequence[MotionNoise], title: str, stages: Sequence[str] = ()) -> Figure:
     """Draw two panels per motion: the sum with its parts by stage, and by cause."""
     groups = [(_by_stage, "by stage"), (_by_cause, "by cause")]
     every = [*dict.fromkeys(source for noise in noises for source in noise.source)]
@@ -63,7 +56,7 @@ def _by_cause(source: str) -> str:
 
 
 def sum_groups(
-    noise: Thermal, group: Callable[[str], str], order: Sequence[str] = ()
+    noise: MotionNoise, group: Callable[[str], str], order: Sequence[str] = ()
 ) -> dict[str, Float[np.ndarray, " frequency"]]:
     """Sum amplitudes (f,) of sources by group; beyond `LINES`, the smallest groups become one."""
     square: dict[str, Float[np.ndarray, " frequency"]] = {}
@@ -80,7 +73,7 @@ def sum_groups(
 
 
 def _panel(
-    noise: Thermal,
+    noise: MotionNoise,
     parts: dict[str, Float[np.ndarray, " frequency"]],
     colours: dict[str, str],
     what: str,
@@ -93,35 +86,3 @@ def _panel(
         lines.append(Line(noise.frequency, amplitude, name, colours[name], look))
     label = f"{single_line(noise.output, 30)} ({noise.unit}/√Hz)"
     return Panel(label, lines, scale="log", limits=curves.limit_spectrum(total), title=what)
-
-
-def refine(result: Result) -> list[Thermal]:
-    """Take the frequencies that resolve resonances in addition, solving if need be."""
-    noises: list[Thermal] = result.data
-    if all(noise.fine is not None for noise in noises):
-        return [
-            replace(noise, frequency=noise.fine_frequency, contribution=noise.fine)
-            for noise in noises
-        ]
-
-    def build() -> tuple[Solve, Array]:
-        model = result.linear_system or result.choice.model.system(result.given.design)
-        motions = [thermal_noise.parse_motion(model, noise.output, noise.tilt) for noise in noises]
-        warmth = result.given.design.constants.temperature
-        solver = Solver(model)
-        modes = solver.constant.modes.frequency
-        root = result.extra.get("mirrors", 1.0) ** 0.5
-
-        def solve(at: Array) -> Float[np.ndarray, "frequency motion source"]:
-            parts = [noise.parts for noise in thermal_noise.solve(solver, at, motions, warmth)]
-            every = [[own.get(name, 0 * at) for name in noises[0].source] for own in parts]
-            return root * np.moveaxis(np.array(every), -1, 0)
-
-        return solve, modes
-
-    value = np.stack([noise.contribution for noise in noises], axis=1)
-    frequency, value = add_from_model(build, noises[0].frequency, value, sums=True)
-    return [
-        replace(noise, frequency=frequency, contribution=value[:, n])
-        for n, noise in enumerate(noises)
-    ]

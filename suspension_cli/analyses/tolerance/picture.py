@@ -11,22 +11,27 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from suspension_cli.analyses.tolerance.solve import COUPLING, Requirement
-from suspension_cli.analyses.tolerance.summary import QUANTILES, Spread, Summary, strongest
+from suspension_cli.analyses.tolerance.build_statistics import strongest
+from suspension_cli.analyses.tolerance.summary import QUANTILES, Spread, Tolerance
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
-from suspension_cli.drawing.style import INK, PALE, PALETTE, LineLook, single_line
+from suspension_cli.drawing.style import INK, PALETTE, LineLook, single_line
+from suspension_cli.quantities.requirements import Band
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
-MET, MISSED, CAUSE = PALETTE[0], PALETTE[1], PALETTE[2]
+MET = PALETTE[0]
+MISSED = PALETTE[1]
+CAUSE = PALETTE[2]
 NAMES = 1.72
 """Width of the margin left of rows, in."""
 MAX_ROWS = 8, 6
 """Largest number of causes, and of modes or statics of one unit, shown."""
+LEAST_SHARE = 0.005
+"""Fraction of the variance below which a tolerance is not drawn."""
 LITTLE = 0.1
 """Spread over the largest below which a mode or static is not drawn."""
 BAR = 7.0
@@ -43,66 +48,83 @@ KEY = [
 ]
 
 
-def draw(summary: Summary, title: str) -> Figure:
+def draw(summary: Tolerance, title: str) -> Figure:
     """Draw the figure of `pendsus tolerance`."""
-    first, *rest = [*_requirements(summary), *_causes(summary), *_varying(summary)]
+    first, *rest = [
+        *_requirements(summary),
+        *_causes(summary),
+        *_shares(summary),
+        *_varying(summary),
+    ]
     first = replace(first, key=KEY, remarks=[*first.remarks, "in brackets: 95 % confidence"])
-    count, failed = summary.independent, summary.independent - summary.hanging
-    heading = f"{count:,} random builds"
+    failed = summary.builds - summary.good
+    heading = f"{summary.builds:,} random builds"
     if summary.joint is not None:
-        heading = f"{summary.joint.percent} of {count:,} builds meet all limits"
+        heading = f"{summary.joint.percent} of {summary.builds:,} builds meet all limits"
     if failed:
         remark = f"{failed:,} builds failed: they meet no limit, and no distribution has them"
         first = replace(first, remarks=[*first.remarks, remark])
     return panels.draw(heading, title, [first, *rest])
 
 
-def _requirements(summary: Summary) -> Iterator[Panel]:
-    """Make panels of quantities with requirements, and of the coupling."""
-    job, share = summary.job, summary.hanging / summary.independent
-    limits: dict[str, list[Requirement]] = {COUPLING: []}
-    lines: dict[str, list[str]] = {COUPLING: []}
-    for quantity, limit, met in zip(job.required, job.requirements, summary.yields, strict=True):
-        limits.setdefault(quantity.name, []).append(limit)
-        lines.setdefault(quantity.name, []).append(f"{met.percent}: {met.name}")
-    for one in summary.required:
-        if one.name != COUPLING:
-            label = f"{one.name} ({one.quantity.displayed[0] or 'ratio'})"
-            yield _histogram(one, share, limits[one.name], label, lines[one.name])
+def _requirements(summary: Tolerance) -> Iterator[Panel]:
+    """Make panels of quantities with requirements, of others asked for, and of the coupling."""
+    share = summary.good / summary.builds
+    coupling = summary.coupling.name
+    limits: dict[str, list[Band]] = {coupling: []}
+    lines: dict[str, list[str]] = {coupling: []}
+    rows = zip(summary.requirement_quantity or (), summary.bands, summary.yields, strict=True)
+    for name, band, met in rows:
+        limits.setdefault(name, []).append(band)
+        lines.setdefault(name, []).append(f"{met.percent}: {met.name}")
+    shown = {one.name: one for one in (*summary.required, *summary.others)}
+    shown.pop(coupling, None)
+    for name, one in shown.items():
+        label = f"{name} ({one.displayed[0] or 'ratio'})"
+        title = lines.get(name, [f"{name}: no limit"])
+        valued = (summary.good - one.missing - one.infinite) / summary.builds
+        yield _histogram(one, valued, limits.get(name, []), label, title)
     dashes: LineStyleType = "--"
-    if not limits[COUPLING]:  # without requirements the limit is one, else for comparison
-        limits[COUPLING].append(Requirement(COUPLING, -np.inf, summary.limit, magnitude=True))
+    if not limits[coupling]:  # without requirements the limit is one, else for comparison
+        limits[coupling].append(Band(-np.inf, summary.limit, of_magnitude=True, open=True))
         some = "" if share == 1 else " of those that hang"
-        line = f"{summary.under.percent}{some}: {COUPLING} < {summary.limit:g}"
-        if job.requirements:
-            line, dashes = f"for comparison: {line}", (0, (1, 2))
-        lines[COUPLING].append(line)
+        line = f"{summary.under.percent}{some}: {coupling} < {summary.limit:g}"
+        if summary.requirement:
+            line = f"for comparison: {line}"
+            dashes = (0, (1, 2))
+        lines[coupling].append(line)
     label = f"|{single_line(summary.ratio, 52)}| ({curves.unit_of_ratio(summary.ratio)})"
-    said = [f"{line} at {summary.frequency:g} Hz" for line in lines[COUPLING]]
-    yield _histogram(summary.coupling, share, limits[COUPLING], label, said, dashes)
+    said = [f"{line} at {summary.frequency:g} Hz" for line in lines[coupling]]
+    yield _histogram(
+        summary.coupling, share, limits[coupling], label, said, dashes, logarithmic=True
+    )
 
 
 def _histogram(
     one: Spread,
     share: float,
-    limits: Sequence[Requirement],
+    limits: Sequence[Band],
     label: str,
     lines: Sequence[str],
     dashes: LineStyleType = "--",
+    *,
+    logarithmic: bool = False,
 ) -> Panel:
     """Make the panel of the distribution of a quantity, with builds beyond limits on top.
 
-    `share` is the fraction of builds that hang, of which it is a distribution.
-    The coupling is drawn on a logarithmic axis; limits that are not dashed are no requirements.
+    `share` is the fraction of builds that have a value, of which it is a distribution. Limits that
+    are not dashed are no requirements.
     """
-    logarithmic, per, values = one.name == COUPLING, one.quantity.displayed[1], one.sample
-    values = values[np.isfinite(values) & ((values > 0) | (not logarithmic))]
-    met, shown = np.ones(len(values), dtype=bool), per * values
+    per = one.displayed[1]
+    known = one.sample[np.isfinite(one.sample)]
+    values = known[known > 0] if logarithmic else known
+    met = np.ones(len(values), dtype=bool)
+    shown = per * values
     ends: set[float] = set()
     for limit in limits:
-        met &= limit.is_met(values) | (dashes != "--")
+        met &= limit.contains(values) | (dashes != "--")
         ends |= {limit.low, limit.high}
-        if limit.magnitude and (values < 0).any():
+        if limit.of_magnitude and (values < 0).any():
             ends |= {-limit.low, -limit.high}
 
     def paint(axes: Axes) -> None:
@@ -115,7 +137,7 @@ def _histogram(
         axes.hist(
             [shown[met], shown[~met]],
             bins=spaced(first, last, BINS + 1).tolist(),
-            weights=[np.full(int(kind.sum()), 100 * share / len(shown)) for kind in (met, ~met)],
+            weights=[np.full(int(kind.sum()), 100 * share / len(known)) for kind in (met, ~met)],
             color=[MET, MISSED],
             stacked=True,
             histtype="stepfilled",
@@ -143,37 +165,50 @@ def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], lab
     )  # fmt: skip
 
 
-def _causes(summary: Summary) -> Iterator[Panel]:
-    """Make the panel of the coupling's significant rank correlations or Sobol indices."""
-    rank, most = summary.signed.rank, MAX_ROWS[0]
-    found = summary.indices_of(summary.coupling) if summary.indices else None
-    if found is not None:
-        total, first, error = (found[name] for name in ("total", "first", "total_error"))
-        top = strongest(np.maximum(total, 0.0), most, 0.005)
-        lines = panels.stems(0.0, total[top], PALE, BAR)
-        lines += panels.stems(0.0, np.maximum(first[top], 0.0), CAUSE, BAR / 2)
-        lines += panels.stems(total[top] - error[top], total[top] + error[top], INK, 0.6)
-        remark = "green: alone; grey: with others, and its standard error"
-        texts = ["Tolerances that cause the spread of the coupling", remark]
-        names = [summary.job.groups[n] for n in top]
-        yield _rows(names, lines, texts, "Sobol index (fraction of variance)")
-    elif every := strongest(rank, len(rank), summary.significant):
-        top, more = every[:most], len(every) - most
-        size = abs(rank[top[-1]]) if more > 0 else summary.significant
-        rest = f"{more} more are significant" if more > 0 else "no other is significant"
-        remark = f"{rest} (below {size:.2g} in size)"
-        texts = ["Deviations that the coupling depends on most, with their sign", remark]
-        names = [summary.job.factors[n].label for n in top]
-        lines = panels.stems(0.0, rank[top], CAUSE, BAR)
-        yield _rows(names, lines, texts, "rank correlation (−1 to 1)")
+def _causes(summary: Tolerance) -> Iterator[Panel]:
+    """Make the panel of the coupling's significant rank correlations."""
+    rank = summary.signed.rank
+    most = MAX_ROWS[0]
+    every = strongest(rank, len(rank), summary.significant)
+    if not every:
+        return
+    top = every[:most]
+    more = len(every) - most
+    size = abs(rank[top[-1]]) if more > 0 else summary.significant
+    rest = f"{more} more are significant" if more > 0 else "no other is significant"
+    remark = f"{rest} (below {size:.2g} in size)"
+    texts = ["Deviations that the coupling depends on most, with their sign", remark]
+    names = [summary.factor[n] for n in top]
+    lines = panels.stems(0.0, rank[top], CAUSE, BAR)
+    yield _rows(names, lines, texts, "rank correlation (−1 to 1)")
 
 
-def _varying(summary: Summary) -> Iterator[Panel]:
+def _shares(summary: Tolerance) -> Iterator[Panel]:
+    """Make the panel of the tolerances that cause the variance of the coupling."""
+    one = summary.signed
+    if not np.isfinite(one.r_squared):
+        return
+    significant = np.where(one.share > 2 * one.share_error, one.share, 0.0)
+    top = strongest(significant, MAX_ROWS[1], LEAST_SHARE)
+    if len(top) < 2:
+        return
+    share = one.share[top]
+    error = one.share_error[top]
+    lines = panels.stems(0.0, share, CAUSE, BAR)
+    lines += panels.stems(share - error, share + error, INK, 0.6)
+    texts = [
+        "Tolerances that cause the spread of the coupling",
+        f"black: standard error; a linear fit explains {100 * one.r_squared:.3g} % of the variance",
+    ]
+    yield _rows([summary.group[n] for n in top], lines, texts, "fraction of variance")
+
+
+def _varying(summary: Tolerance) -> Iterator[Panel]:
     """Make panels of the modes, static rotations and displacements that vary most."""
-    modes = summary.job.nominal
+    nominal = summary.nominal_frequency
     with np.errstate(all="ignore"):
-        change = 100 * (summary.quantiles / modes.frequency[:, None] - 1)
-    pairs = zip(summary.modes, modes.frequency, strict=True)
+        change = 100 * (summary.quantiles / nominal[:, None] - 1)
+    pairs = zip(summary.modes, nominal, strict=True)
     names = [f"{one.name}  {frequency:.3g} Hz" for one, frequency in pairs]
     yield from _spreads("Frequencies", names, change, "frequency from nominal", "%")
     for unit, what in (("rad", "rotation"), ("m", "displacement")):
@@ -195,7 +230,8 @@ def _spreads(
     top = order[reach[order] > least][: MAX_ROWS[1]]
     if not len(top):
         return
-    texts, rest = [f"{heading}: 5, 25, 50, 75 and 95 % of builds"], reach[order[len(top) :]]
+    texts = [f"{heading}: 5, 25, 50, 75 and 95 % of builds"]
+    rest = reach[order[len(top) :]]
     if len(rest):
         texts.append(f"{len(rest)} others: {rest.max():.2g} {unit} or less between 5 and 95 %")
     low, q1, middle, q3, high = quantiles[top][:, edges].T

@@ -1,522 +1,498 @@
-"""Statistics of random builds, and their results file."""
+"""Statistics of random builds, as a results file has them.
+
+Text, JSON and pictures follow from the file alone.
+"""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses.tolerance.solve import (
-    RATIO,
-    SIGNED,
-    STATIC,
-    Quantity,
-    RandomBuilds,
-    parse,
+from suspension_cli.analyses.record import Record
+from suspension_cli.analyses.tolerance.build_statistics import (
+    Yield,
+    slopes,
+    standard_error,
+    unit_ranks,
+    with_sign,
 )
-from suspension_cli.conventions import FRAME, GROUND, SUPPORT
+from suspension_cli.analyses.tolerance.solve import RandomBuilds
+from suspension_cli.analyses.tolerance.variance_shares import fit
 from suspension_cli.files import stored
-from suspension_cli.files.declared import ATTRIBUTE, along, in_unit
-from suspension_cli.linear import signals
-from suspension_cli.linear.named_results import labels, quotient_unit
-from suspension_cli.physics.couplings import CouplingRequest
-from suspension_cli.studies import builds
-from suspension_cli.studies.job import parse as parse_design
+from suspension_cli.files.declared import ATTRIBUTE, NOT_STORED, along, in_unit
+from suspension_cli.quantities.kinds.poses import STATIC
+from suspension_cli.quantities.requirements import Band, displayed_unit
+from suspension_cli.studies.builds import GOOD, STATUS
 from suspension_cli.studies.run import Columns
-from suspension_cli.studies.sampling import RANDOM
 
 if TYPE_CHECKING:
     import h5py
     from jaxtyping import Bool, Complex, Float, Int
 
+    from suspension_cli.analyses.record import Origin
+
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles that are reported."""
 RANKED = 20_000
-"""Number of first builds for rank correlations, whose error is then below 0.01."""
-LEVEL = 0.95
-"""Probability that an interval contains the true value."""
+"""Number of first builds for rank correlations and shares, whose errors are then below 0.01."""
 SIGNIFICANT = 3.0
 """Least significant correlation, in standard deviations 1/sqrt(N) of N uncorrelated builds."""
 MAX_POINTS = 4000
 """Most builds in figures."""
-STATIC_UNIT = in_unit("{static_unit}")
-
-
-@dataclass(frozen=True)
-class Yield:
-    """Fraction of builds that meet a requirement, or all, and its 95 % confidence interval."""
-
-    name: str
-    fraction: float
-    interval: tuple[float, float]
-
-    @property
-    def percent(self) -> str:
-        """Fraction and interval as text."""
-        low, high = self.interval
-        return f"{100 * self.fraction:.3g} % ({100 * low:.3g} to {100 * high:.3g})"
-
-
-def unit_ranks(values: Float[np.ndarray, "build column"]) -> Float[np.ndarray, "build column"]:
-    """Ranks in each column, less their mean, as unit vectors; 0 for a constant column.
-
-    Products of two such vectors are Spearman's rank correlations.
-    """
-    if not len(values):
-        return np.zeros(values.shape)
-    from scipy.stats import rankdata  # spearmanr is slower, as it tests significance
-
-    apart = rankdata(values, axis=0) - (len(values) + 1) / 2
-    size = np.sqrt((apart**2).sum(0))
-    return apart / np.where(size > 0, size, 1.0)
-
-
-def slopes(
-    a: Float[np.ndarray, " build"], b: Float[np.ndarray, "build factor"]
-) -> Float[np.ndarray, " factor"]:
-    """Slopes of the least-squares lines of values over the columns of b.
-
-    >>> slopes(np.array([1.0, 3.0, 5.0]), np.array([[0.0], [1.0], [2.0]]))
-    array([2.])
-    """
-    if not len(a):
-        return np.zeros(b.shape[1])
-    apart = b - b.mean(0)
-    square = (apart**2).sum(0)
-    return (a - a.mean()) @ apart / np.where(square > 0, square, 1.0)
-
-
-def strongest(
-    correlation: Float[np.ndarray, " factors"], count: int, least: float = 0.0
-) -> list[int]:
-    """Numbers of the strongest correlations above a least size, strongest first."""
-    order = np.argsort(-np.abs(correlation), kind="stable")[:count]
-    return [int(n) for n in order if abs(correlation[n]) > least]
-
-
-def confidence_interval(
-    met: Bool[np.ndarray, " build"], replicate: Int[np.ndarray, " build"] | None = None
-) -> tuple[float, float]:
-    """Estimate the confidence interval of a fraction of independent builds, or of replicates.
-
-    After Wilson, J. Am. Stat. Assoc. 22, 209 (1927); of replicates Student's t of their fractions,
-    unless all are 0 or 1.
-
-    >>> [round(end, 4) for end in confidence_interval(np.zeros(100, dtype=bool))]
-    [0.0, 0.037]
-    """
-    from scipy.stats import binomtest, sem, t
-
-    count, builds = int(met.sum()), len(met)
-    if builds == 0:
-        return np.nan, np.nan
-    parts = np.empty(0) if replicate is None else _means(met, replicate)
-    if len(parts) < 2 or count in (0, builds):
-        low, high = binomtest(count, builds).proportion_ci(LEVEL, method="wilson")
-    else:
-        low, high = t.interval(LEVEL, len(parts) - 1, count / builds, sem(parts))
-    return max(float(low), 0.0), min(float(high), 1.0)
-
-
-def standard_error(
-    values: Float[np.ndarray, " build"], replicate: Int[np.ndarray, " build"] | None = None
-) -> float:
-    """Estimate the standard error of a mean of independent values or replicates; NaN of one."""
-    parts = values if replicate is None else _means(values, replicate)
-    return float(parts.std(ddof=1) / np.sqrt(len(parts))) if len(parts) > 1 else np.nan
-
-
-def _means(values: np.ndarray, replicate: Int[np.ndarray, " build"]) -> np.ndarray:
-    """Compute the mean of the values of each replicate."""
-    return np.array([values[replicate == number].mean() for number in np.unique(replicate)])
-
-
-@dataclass(frozen=True)
-class SobolIndices:
-    """Sobol indices of results with respect to groups of numbers; NaN where a result does not vary.
-
-    The first-order one is the fraction of the variance that a group causes alone; the total one
-    that which it causes alone or together with others. Errors are standard errors.
-    """
-
-    first: Float[np.ndarray, "group result"]
-    total: Float[np.ndarray, "group result"]
-    first_error: Float[np.ndarray, "group result"]
-    total_error: Float[np.ndarray, "group result"]
-
-
-def sobol_indices(
-    values: Float[np.ndarray, "group+2 sample result"], replicate: Int[np.ndarray, " sample"]
-) -> SobolIndices:
-    """Estimate Sobol indices from the results by block, see `sampling.SamplePoints`.
-
-    V_i = <f(B) (f(A_B^i) - f(A))> (Saltelli et al., Comput. Phys. Commun. 181, 259 (2010), table 2
-    b) and V_Ti = <(f(A) - f(A_B^i))^2>/2 (Jansen, Comput. Phys. Commun. 117, 35 (1999)), over the
-    variance of f in A and B; f less its mean, which only reduces the scatter. Rows in which one of
-    the three failed (NaN) are left out. Errors are from the scatter of the replicates, NaN if one
-    of these has too few rows left.
-
-    >>> a, b = np.random.default_rng(1).random((2, 4096, 1))
-    >>> found = sobol_indices(np.stack([a, b, b]), np.arange(4096) // 512)
-    >>> found.first.round(1), found.total.round(1)
-    (array([[1.]]), array([[1.]]))
-    """
-    parts = [values, *(values[:, replicate == number] for number in np.unique(replicate))]
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing
-        (first, total), *scattered = map(_estimate, parts)
-        errors = np.std(scattered, axis=0, ddof=1) / np.sqrt(len(scattered))
-    return SobolIndices(first, total, *errors)
-
-
-def _estimate(values: Float[np.ndarray, "group+2 sample result"]) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate first-order and total indices."""
-    variance, scale = np.nanvar(values[:2], axis=(0, 1)), np.nanmax(np.abs(values[:2]), (0, 1))
-    # what rounding leaves is no variance
-    variance = np.where(variance > (1e-12 * scale) ** 2, variance, np.nan)
-    values = values - np.nanmean(values[:2], axis=(0, 1))
-    a, b, mixed = values[0], values[1], values[2:]
-    first = np.nanmean(b * (mixed - a), axis=1) / variance
-    return first, np.nanmean((a - mixed) ** 2 / 2, axis=1) / variance
+SIGNED = "coupling with its sign"
+"""Name of the part of the cross-coupling along the phase in which it varies most."""
+UNIT = in_unit("{result_unit}")
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Distribution of one quantity over the builds, in SI units; Hz for modes.
+    """Distribution of one quantity over the builds that have it, in SI units; Hz for modes.
 
-    Its mean, the standard error of that, standard deviation and quantiles (`QUANTILES`); rank
-    correlations with the deviations of numbers (of the coupling without sign, with their
-    magnitudes); slopes of the least-squares lines over these; and values of some builds.
+    Attributes
+    ----------
+    mean, error, deviation
+        Mean, its standard error, and standard deviation.
+    quantiles
+        At `QUANTILES`.
+    rank
+        Rank correlations with the deviations of numbers; of the coupling without sign, with their
+        magnitudes.
+    slope
+        Slopes of the least-squares lines over these.
+    share, share_error, r_squared
+        Fraction of the variance that each tolerance causes, its standard error, and that which the
+        linear fit explains (`variance_shares`).
+    missing, infinite
+        Numbers of builds that hang but have no value, and an infinite one.
+    reason
+        Why a build that hangs may have no value.
+    sample
+        Values of the first builds; NaN where one has none.
     """
 
-    quantity: Quantity
+    name: str
+    unit: str
     mean: float
     error: float
     deviation: float
     quantiles: Float[np.ndarray, " quantile"]
     rank: Float[np.ndarray, " factor"]
     slope: Float[np.ndarray, " factor"]
+    share: Float[np.ndarray, " group"]
+    share_error: Float[np.ndarray, " group"]
+    r_squared: float
+    missing: int
+    infinite: int
+    reason: str
     sample: Float[np.ndarray, " build"]
 
     @property
-    def name(self) -> str:
-        """Name of the quantity."""
-        return self.quantity.name
-
-    @property
-    def unit(self) -> str:
-        """Unit of the quantity."""
-        return self.quantity.unit
+    def displayed(self) -> tuple[str, float]:
+        """Unit in which values are shown, "" for ratios, and the factor from SI to it."""
+        return displayed_unit(self.unit)
 
 
-@dataclass(frozen=True)
-class Summary:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Tolerance(Record):
     """Statistics of random builds.
 
     Attributes
     ----------
-    job
-        The builds: numbers that vary, tolerances, requirements, sampling.
-    limit
-        Limit on the cross-coupling.
-    good
-        Number of builds with an equilibrium on taut wires.
-    hanging
-        Number of those among the `independent` ones, of which all but yields are statistics.
-    failures
-        Number of builds by reason of failure.
-    modes, coupling, static, required
-        Distributions of frequencies in Hz, of the magnitude of the cross-coupling, of displacements
-        (m) and rotations (rad) of the stages, and of quantities with requirements.
-    signed
-        That of the coupling with its sign.
+    seed, builds, good
+        Seed of the random numbers, number of builds, and of those that hang on taut wires.
+    factor, factor_unit, factor_group, group
+        Numbers that vary, and the tolerance that each belongs to.
+    coupling_frequency, input, over_signal, under_signal
+        The cross-coupling.
+    limit, fraction_under_limit, fraction_under_limit_interval
+        Limit on the cross-coupling, and the fraction of the builds that hang with a smaller one.
+    quantity
+        Names of the quantities of builds: modes, coupling, static poses, and others.
+    result
+        Those names, and the coupling with its sign.
+    missing, infinite, missing_reason
+        How many builds that hang have no value or an infinite one, and why they may have none.
+    result_mean, result_error, result_std, result_quantiles
+        Statistics over the builds with a finite value.
     ranked
-        Number of builds in the correlations.
-    under
-        Fraction of good builds with a coupling below the limit.
-    yields, joint
-        Of each requirement, and of all together.
-    sobol
-        Sobol indices of `job.quantities` for `job.groups`, if requested.
-    shared
-        Number of builds in which two modes share the motion of a mode that a requirement names.
+        Number of first builds in `rank`, `slope` and `share`.
+    requirement, requirement_name, requirement_quantity, low, high, of_magnitude, open
+        What is required: as for ``--require``, in usual units, of which quantity, and its limits.
+    yields, yield_interval, yield_of_all, yield_of_all_interval
+        Fractions of builds that meet each requirement, and all.
+    labelled, shared_count
+        Modes that are meant by their motion, and in how many builds another mode shares that.
+    sample
+        Quantities of the first builds, for histograms.
     """
 
-    job: RandomBuilds
-    limit: float
+    seed: str  # not every HDF5 tool can read seeds up to 2^64 - 1 as numbers
+    builds: int
     good: int
-    hanging: int
-    failures: dict[str, int]
-    modes: list[Spread]
-    coupling: Spread
-    static: list[Spread]
-    required: list[Spread]
-    signed: Spread
+    status_meaning: tuple[str, ...] = field(default=STATUS, metadata=ATTRIBUTE)
+    status_count: tuple[int, ...]
+    input: str
+    over_signal: str = field(metadata=in_unit("", name="over"))
+    under_signal: str = field(metadata=in_unit("", name="under"))
+    limit: float
+    fraction_under_limit: float
+    fraction_under_limit_interval: tuple[float, float]
     ranked: int
-    under: Yield
-    yields: tuple[Yield, ...]
-    joint: Yield | None
-    sobol: SobolIndices | None
-    shared: dict[str, int]
+    coupling_frequency: Float[np.ndarray, " coupling_frequency"] = field(metadata=in_unit("Hz"))
+    factor: tuple[str, ...]
+    factor_unit: tuple[str, ...] = field(metadata=along("factor"))
+    factor_group: tuple[str, ...] = field(metadata=along("factor"))
+    group: tuple[str, ...]
+    mode: Int[np.ndarray, " mode"]
+    mode_label: tuple[str, ...] = field(metadata=along("mode"))
+    nominal_frequency: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
+    stage: tuple[str, ...]
+    quantity: tuple[str, ...]
+    quantity_unit: tuple[str, ...] = field(metadata=along("quantity"))
+    result: tuple[str, ...]
+    result_unit: tuple[str, ...] = field(metadata=along("result"))
+    missing: Int[np.ndarray, " result"]
+    infinite: Int[np.ndarray, " result"]
+    missing_reason: tuple[str, ...] = field(metadata=along("result"))
+    quantile: Float[np.ndarray, " quantile"] = field(default_factory=lambda: np.array(QUANTILES))
+    result_mean: Float[np.ndarray, " result"] = field(metadata=UNIT)
+    result_error: Float[np.ndarray, " result"] = field(metadata=UNIT)
+    result_std: Float[np.ndarray, " result"] = field(metadata=UNIT)
+    result_quantiles: Float[np.ndarray, "result quantile"] = field(metadata=UNIT)
+    rank: Float[np.ndarray, "result factor"]
+    slope: Float[np.ndarray, "result factor"] = field(
+        metadata=in_unit("{result_unit}/{factor_unit}")
+    )
+    share: Float[np.ndarray, "result group"]
+    share_error: Float[np.ndarray, "result group"]
+    r_squared: Float[np.ndarray, " result"]
+    interval: tuple[str, ...] = ("low", "high")
+    requirement: tuple[str, ...] | None = None
+    requirement_name: tuple[str, ...] | None = field(default=None, metadata=along("requirement"))
+    requirement_quantity: tuple[str, ...] | None = field(
+        default=None, metadata=along("requirement")
+    )
+    low: Float[np.ndarray, " requirement"] | None = field(default=None, metadata=in_unit("SI"))
+    high: Float[np.ndarray, " requirement"] | None = field(default=None, metadata=in_unit("SI"))
+    of_magnitude: Bool[np.ndarray, " requirement"] | None = None
+    open: Bool[np.ndarray, " requirement"] | None = None
+    yield_: Float[np.ndarray, " requirement"] | None = field(
+        default=None, metadata=in_unit("", name="yield")
+    )
+    yield_interval: Float[np.ndarray, "requirement interval"] | None = None
+    yield_of_all: float | None = None
+    yield_of_all_interval: tuple[float, float] | None = None
+    labelled: tuple[str, ...] | None = None
+    shared_count: Int[np.ndarray, " labelled"] | None = None
+    sample: Float[np.ndarray, "build quantity"] | None = field(default=None, metadata=NOT_STORED)
 
     @property
-    def independent(self) -> int:
-        """Number of first builds in the statistics: all, or two blocks of those for indices."""
-        return self.job.points.independent
+    def failures(self) -> dict[str, int]:
+        """Number of builds by reason of failure."""
+        counts = zip(self.status_meaning, self.status_count, strict=True)
+        return {
+            reason: count
+            for number, (reason, count) in enumerate(counts)
+            if number != GOOD and count
+        }
+
+    @property
+    def modes(self) -> list[Spread]:
+        """Distributions of the frequencies of modes, Hz."""
+        return self._spreads(0, len(self.mode))
+
+    @property
+    def coupling(self) -> Spread:
+        """Distribution of the magnitude of the cross-coupling."""
+        return self.spread_of(self.quantity[len(self.mode)])
+
+    @property
+    def signed(self) -> Spread:
+        """Distribution of the cross-coupling with its sign."""
+        return self.spread_of(SIGNED)
+
+    @property
+    def static(self) -> list[Spread]:
+        """Distributions of static displacements (m) and rotations (rad) of the stages."""
+        start = len(self.mode) + 1
+        return self._spreads(start, start + len(STATIC) * len(self.stage))
+
+    @property
+    def others(self) -> list[Spread]:
+        """Distributions of the quantities that are asked for, beside all these."""
+        start = len(self.mode) + 1 + len(STATIC) * len(self.stage)
+        return self._spreads(start, len(self.quantity))
+
+    @property
+    def required(self) -> list[Spread]:
+        """Distributions of the quantities with requirements, each once."""
+        names = dict.fromkeys(self.requirement_quantity or ())
+        return [self.spread_of(name) for name in names]
+
+    @property
+    def bands(self) -> list[Band]:
+        """Values that meet each requirement."""
+        if self.low is None or self.high is None or self.of_magnitude is None or self.open is None:
+            return []
+        columns = self.low, self.high, self.of_magnitude, self.open
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        return [Band(*row) for row in rows]
+
+    @property
+    def under(self) -> Yield:
+        """Fraction of the builds that hang with a coupling below the limit."""
+        return Yield("", self.fraction_under_limit, self.fraction_under_limit_interval)
+
+    @property
+    def yields(self) -> tuple[Yield, ...]:
+        """Yield of each requirement."""
+        if self.yield_ is None or self.yield_interval is None or self.requirement_name is None:
+            return ()
+        columns = self.requirement_name, self.yield_.tolist(), self.yield_interval.tolist()
+        rows = zip(*columns, strict=True)
+        return tuple(Yield(name, share, (low, high)) for name, share, (low, high) in rows)
+
+    @property
+    def joint(self) -> Yield | None:
+        """Yield of all requirements together; None without requirements."""
+        if self.yield_of_all is None or self.yield_of_all_interval is None:
+            return None
+        return Yield("all together", self.yield_of_all, self.yield_of_all_interval)
+
+    @property
+    def shared(self) -> dict[str, int]:
+        """Number of builds in which another mode shares the motion of a mode, where any does."""
+        if self.labelled is None or self.shared_count is None:
+            return {}
+        pairs = zip(self.labelled, self.shared_count.tolist(), strict=True)
+        return {name: count for name, count in pairs if count}
 
     @property
     def mean(self) -> Float[np.ndarray, " mode"]:
         """Mean of each mode frequency, Hz."""
-        return np.array([one.mean for one in self.modes])
+        return self.result_mean[: len(self.mode)]
 
     @property
     def spread(self) -> Float[np.ndarray, " mode"]:
         """Standard deviation of each mode frequency, Hz."""
-        return np.array([one.deviation for one in self.modes])
+        return self.result_std[: len(self.mode)]
 
     @property
     def quantiles(self) -> Float[np.ndarray, "mode quantile"]:
         """Quantiles of each mode frequency at `QUANTILES`, Hz."""
-        return np.array([one.quantiles for one in self.modes])
-
-    @property
-    def indices(self) -> dict[str, Float[np.ndarray, "group result"]]:
-        """Sobol indices of `job.quantities` and their errors, by name; empty if not requested."""
-        return {} if self.sobol is None else dict(vars(self.sobol))
-
-    def indices_of(self, one: Spread) -> dict[str, Float[np.ndarray, " group"]] | None:
-        """Sobol indices of one quantity, 0 where it does not vary.
-
-        None if their errors are not known: so many builds failed that a replicate has none left.
-        """
-        n = self.job.quantities.index(one.quantity)
-        own = {name: values[:, n] for name, values in self.indices.items()}
-        varies = bool(one.deviation > 1e-12 * abs(one.mean)) or self.hanging < 2
-        if varies and not all(np.isfinite(values).all() for values in own.values()):
-            return None
-        return {name: np.nan_to_num(values) for name, values in own.items()}
+        return self.result_quantiles[: len(self.mode)]
 
     @property
     def ratio(self) -> str:
         """Name of the cross-coupling, ``test.x / test.z``."""
-        return f"{self.job.question.over.text} / {self.job.question.under.text}"
+        return f"{self.over_signal} / {self.under_signal}"
 
     @property
     def frequency(self) -> float:
         """Frequency of the cross-coupling, Hz."""
-        return self.job.question.frequency[-1]
+        return float(self.coupling_frequency[-1])
 
     @property
     def significant(self) -> float:
         """Least significant rank correlation, 3/sqrt(N) of N builds."""
         return SIGNIFICANT / np.sqrt(self.ranked) if self.ranked else np.inf
 
-
-def summarise(
-    columns: Mapping[str, Any], job: RandomBuilds, limit: float, ranked: int = RANKED
-) -> Summary:
-    """Compute the statistics of builds; correlations and slopes of the first `ranked` ones."""
-    points, rows = job.points, slice(0, job.points.independent)
-    status = columns["status"][:]
-    good = status[rows] == builds.GOOD
-    kept = np.flatnonzero(good[:ranked])
-    deviations = job.deviations(0, min(ranked, len(good)))[kept]
-    signed, sizes = ((some, unit_ranks(some)) for some in (deviations, np.abs(deviations)))
-    every = None if points.method == RANDOM else points.replicate(np.arange(len(good)))
-    replicate = None if every is None else every[good]
-
-    def describe(quantity: Quantity) -> Spread:
-        every = quantity.read(columns, rows)
-        values, own = every[good], every[kept]
-        moved, ranks = sizes if quantity == RATIO else signed
-        known = len(values) > 0
+    def spread_of(self, name: str) -> Spread:
+        """Distribution of one quantity by its name."""
+        n = self.result.index(name)
+        empty = np.zeros(0)
+        has_sample = self.sample is not None and n < len(self.quantity)
         return Spread(
-            quantity=quantity,
-            mean=values.mean() if known else np.nan,
-            error=standard_error(values, replicate),
-            deviation=values.std() if known else np.nan,
-            quantiles=np.quantile(values, QUANTILES) if known else np.full(len(QUANTILES), np.nan),
-            rank=unit_ranks(own[:, None])[:, 0] @ ranks,
-            slope=slopes(own, moved),
-            sample=values[:MAX_POINTS],
+            name=name,
+            unit=self.result_unit[n],
+            mean=float(self.result_mean[n]),
+            error=float(self.result_error[n]),
+            deviation=float(self.result_std[n]),
+            quantiles=self.result_quantiles[n],
+            rank=self.rank[n],
+            slope=self.slope[n],
+            share=self.share[n],
+            share_error=self.share_error[n],
+            r_squared=float(self.r_squared[n]),
+            missing=int(self.missing[n]),
+            infinite=int(self.infinite[n]),
+            reason=self.missing_reason[n],
+            sample=self.sample[:, n] if has_sample and self.sample is not None else empty,
         )
 
-    def fraction(name: str, met: np.ndarray, replicate: np.ndarray | None) -> Yield:
-        share = float(met.mean()) if len(met) else np.nan
-        return Yield(name, share, confidence_interval(met, replicate))
-
-    required = zip(job.requirements, job.required, strict=True)
-    met = [(one.describe(own), one.is_met(own.read(columns, rows))) for one, own in required]
-    together = np.all([one for _, one in met], axis=0) if met else None
-    spreads = {one: describe(one) for one in (*job.quantities, SIGNED)}
-    return Summary(
-        job=job,
-        limit=limit,
-        good=int((status == builds.GOOD).sum()),
-        hanging=int(good.sum()),
-        failures=builds.count_failures(status),
-        modes=[own for one, own in spreads.items() if one.column == "frequency"],
-        coupling=spreads[RATIO],
-        static=[own for one, own in spreads.items() if one.column == "static"],
-        required=[spreads[one] for one in dict.fromkeys(job.required)],
-        signed=spreads[SIGNED],
-        ranked=len(kept),
-        under=fraction("", RATIO.read(columns, rows)[good] < limit, replicate),
-        yields=tuple(fraction(name, one, every) for name, one in met),
-        joint=None if together is None else fraction("all together", together, every),
-        sobol=_indices(columns, job) if job.with_indices else None,
-        shared=_shared(columns, job),
-    )
+    def _spreads(self, start: int, stop: int) -> list[Spread]:
+        return [self.spread_of(name) for name in self.quantity[start:stop]]
 
 
-def _shared(columns: Mapping[str, Any], job: RandomBuilds) -> dict[str, int]:
-    """Count builds in which two modes share the motion of a mode that a requirement names."""
-    if "shared" not in columns:
-        return {}
-    counts, names = columns["shared"][:].sum(0), labels(job.nominal)
-    return {names[n]: int(counts[n]) for n in sorted(job.motions) if counts[n]}
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FileContents(Tolerance):
+    """What the results file has: statistics, and the builds themselves."""
 
-
-def _indices(columns: Mapping[str, Any], job: RandomBuilds) -> SobolIndices:
-    """Estimate the Sobol indices of all quantities."""
-    points, values = job.points, [one.read(columns) for one in job.quantities]
-    blocks = np.stack(values, axis=-1).reshape(points.blocks, points.rows, -1)
-    return sobol_indices(blocks, points.replicate(np.arange(points.rows)))
-
-
-@dataclass(frozen=True)
-class Request:
-    """What a results file has of the options, from which its job is made again.
-
-    The seed is a text, as not every HDF5 tool can read seeds up to 2^64 - 1 as numbers.
-    """
-
-    coupling_frequency: Float[np.ndarray, " coupling_frequency"] = field(metadata=in_unit("Hz"))
-    input: str
-    over: str
-    under: str
-    seed: str
-    limit: float
-    sampling: str
-    sobol_indices: bool
-    requirement: tuple[str, ...] | None = None
-    status_meaning: tuple[str, ...] = field(default=builds.STATUS, metadata=ATTRIBUTE)
-
-    def job(self, count: int, text: str, level: str) -> RandomBuilds:
-        """Make the job of so many builds of a design, in the model of that name."""
-        known = (SUPPORT, *(stage.name for stage in parse_design(text).stage), FRAME, GROUND)
-        drive, over, under = (
-            signals.parse(getattr(self, name), name, known) for name in ("input", "over", "under")
-        )
-        frequency = tuple(self.coupling_frequency.tolist())
-        return RandomBuilds(
-            text,
-            count,
-            int(self.seed),
-            CouplingRequest(0, 1, "", drive, over, under, frequency),
-            level=level,
-            requirements=tuple(map(parse, self.requirement or ())),
-            method=self.sampling,
-            with_indices=self.sobol_indices,
-        )
-
-
-def load(group: Any, text: str, level: str) -> Summary:
-    """Compute the statistics of a group, given its design and the name of its model."""
-    known = stored.read(group, Request)
-    return summarise(group, known.job(len(group["status"]), text, level), known.limit)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileContents(Request):
-    """What the results file has: options, what varies, the builds, and statistics."""
-
-    factor: tuple[str, ...]
-    factor_unit: tuple[str, ...] = field(metadata=along("factor"))
-    factor_group: tuple[str, ...] = field(metadata=along("factor"))
-    mode: Int[np.ndarray, " mode"]
-    mode_label: tuple[str, ...] = field(metadata=along("mode"))
-    nominal_frequency: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
-    stage: tuple[str, ...]
-    static_dof: tuple[str, ...] = tuple(STATIC)
-    static_unit: tuple[str, ...] = field(
-        default=tuple(STATIC.values()), metadata=along("static_dof")
-    )
-    response_name: tuple[str, ...] | None = None
-    response_unit: tuple[str, ...] | None = field(default=None, metadata=along("response_name"))
     build: Int[np.ndarray, " build"]
-    frequency: Float[np.ndarray, "build mode"] = field(metadata=in_unit("Hz"))
-    shared: Bool[np.ndarray, "build mode"] | None = None
-    ratio: Complex[np.ndarray, "build coupling_frequency"]
-    static: Float[np.ndarray, "build stage static_dof"] = field(metadata=STATIC_UNIT)
-    response: Complex[np.ndarray, "build response_name"] | None = field(
-        default=None, metadata=in_unit("{response_unit}")
+    value: Float[np.ndarray, "build quantity"] = field(metadata=in_unit("{quantity_unit}"))
+    complex_ratio: Complex[np.ndarray, "build coupling_frequency"] = field(
+        metadata=in_unit("", name="ratio")
+    )
+    shared_motion: Bool[np.ndarray, "build labelled"] | None = field(
+        default=None, metadata=in_unit("", name="shared")
     )
     residual: Float[np.ndarray, " build"]
     status: Int[np.ndarray, " build"]
     slack_wire: Int[np.ndarray, " build"]
-    quantile: Float[np.ndarray, " quantile"] = field(default_factory=lambda: np.array(QUANTILES))
-    interval: tuple[str, ...] = ("low", "high")
-    static_mean: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
-    static_mean_error: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
-    static_std: Float[np.ndarray, "stage static_dof"] = field(metadata=STATIC_UNIT)
-    static_quantiles: Float[np.ndarray, "stage static_dof quantile"] = field(metadata=STATIC_UNIT)
-    yields: Float[np.ndarray, " requirement"] | None = field(
-        default=None, metadata=in_unit("", name="yield")
-    )
-    yield_interval: Float[np.ndarray, "requirement interval"] | None = None
-    yield_of_all: float | None = None
-    yield_of_all_interval: tuple[float, float] | None = None
-    group: tuple[str, ...] | None = None
-    result: tuple[str, ...] | None = None
-    sobol: SobolIndices | None = None
 
 
-def write(group: h5py.Group, columns: Columns, job: RandomBuilds, limit: float) -> None:
-    """Write all builds and their statistics."""
-    question, nominal, factors = job.question, job.nominal, job.factors
-    found = summarise(columns, job, limit, ranked=0)
-    more: dict[str, Any] = {}
-    for name, kind in (("mean", "mean"), ("mean_error", "error"), ("std", "deviation")):
-        values = np.array([getattr(one, kind) for one in found.static])
-        more[f"static_{name}"] = values.reshape(-1, len(STATIC))
-    quantiles = np.array([one.quantiles for one in found.static])
-    if job.ratios:
-        more["response_name"] = tuple(one.text for one in job.ratios)
-        more["response_unit"] = tuple(one.unit for one in job.ratios)
-    if found.joint is not None:
-        more["requirement"] = tuple(one.text for one in job.requirements)
-        more["yields"] = np.array([one.fraction for one in found.yields])
-        more["yield_interval"] = np.array([one.interval for one in found.yields])
-        more["yield_of_all"] = found.joint.fraction
-        more["yield_of_all_interval"] = found.joint.interval
-    if found.sobol is not None:
-        more["group"] = job.groups
-        more["result"] = tuple(one.name for one in job.quantities)
-        more["sobol"] = found.sobol
+def load(group: Any, run: Origin) -> Tolerance:
+    """Read the statistics of a group, with the first builds for figures."""
+    sample = np.asarray(group["value"][:MAX_POINTS])
+    return stored.read(group, Tolerance, sample=sample, run=run)
+
+
+def write(
+    group: h5py.Group, columns: Columns, job: RandomBuilds, run: Origin, *, limit: float
+) -> Tolerance:
+    """Write all builds and their statistics, and return these."""
     record = FileContents(
-        coupling_frequency=np.array(question.frequency),
-        input=question.input.text,
-        over=question.over.text,
-        under=question.under.text,
-        seed=str(job.seed),
-        limit=limit,
-        sampling=job.method,
-        sobol_indices=job.with_indices,
-        factor=tuple(one.label for one in factors),
-        factor_unit=tuple(one.unit for one in factors),
-        factor_group=tuple(one.group for one in factors),
-        mode=np.arange(1, len(nominal.label) + 1),
-        mode_label=tuple(labels(nominal)),
-        nominal_frequency=nominal.frequency,
-        stage=tuple(job.scene.bodies.name),
+        **dict(_describe(job, limit)),
+        **dict(_summarise(columns, job, limit)),
+        **dict(_count_yields(columns, job)),
         build=np.arange(job.count, dtype=np.uint32),
-        static_quantiles=quantiles.reshape(-1, len(STATIC), len(QUANTILES)),
-        **more,
-        **columns,
+        value=columns["value"],
+        complex_ratio=columns["ratio"],
+        shared_motion=columns.get("shared"),
+        residual=columns["residual"],
+        status=columns["status"],
+        slack_wire=columns["slack_wire"],
+        run=run,
     )
     stored.write(group, record)
-    group["ratio"].attrs["units"] = quotient_unit(question.over, question.under)
+    group["ratio"].attrs["units"] = job.coupling.unit
+    return record
+
+
+def _describe(job: RandomBuilds, limit: float) -> Iterator[tuple[str, Any]]:
+    """Yield what a summary says of the builds before they are computed."""
+    question = job.question
+    quantities = job.quantities
+    yield "seed", str(job.seed)
+    yield "builds", job.count
+    yield "limit", limit
+    yield "input", question.input.text
+    yield "over_signal", question.over.text
+    yield "under_signal", question.under.text
+    yield "coupling_frequency", np.array(question.frequency)
+    yield "factor", tuple(one.label for one in job.factors)
+    yield "factor_unit", tuple(one.unit for one in job.factors)
+    yield "factor_group", tuple(one.group for one in job.factors)
+    yield "group", job.groups
+    yield "mode", np.arange(1, len(job.modes) + 1)
+    yield "mode_label", tuple(job.nominal.numbered_label)
+    yield "nominal_frequency", job.nominal.frequency
+    yield "stage", tuple(job.scene.bodies.name)
+    yield "quantity", tuple(one.text for one in quantities)
+    yield "quantity_unit", tuple(one.unit for one in quantities)
+    yield "result", (*(one.text for one in quantities), SIGNED)
+    yield "result_unit", (*(one.unit for one in quantities), job.coupling.unit)
+    yield "missing_reason", (*(one.missing for one in quantities), job.coupling.missing)
+
+
+def _summarise(
+    columns: Mapping[str, Any], job: RandomBuilds, limit: float
+) -> Iterator[tuple[str, Any]]:
+    """Yield the statistics of all quantities."""
+    status = columns["status"]
+    good = status == GOOD
+    yield "good", int(good.sum())
+    yield "status_count", tuple(int((status == code).sum()) for code in range(len(STATUS)))
+    coupling = columns["value"][good, job.quantities.index(job.coupling)]
+    under = Yield.of("", coupling < limit)
+    yield "fraction_under_limit", under.fraction
+    yield "fraction_under_limit_interval", under.interval
+    rows = []
+    first = []
+    signed = with_sign(columns["ratio"][:, -1])
+    for column in (*columns["value"].T, signed):  # one after another, as there may be many builds
+        rows.append(_describe_column(column[good]))
+        first.append(column[:RANKED])
+    names = (
+        *("missing", "infinite", "result_mean", "result_error", "result_std"),
+        "result_quantiles",
+    )
+    for name, values in zip(names, zip(*rows, strict=True), strict=True):
+        yield name, np.array(values)
+    kept = np.flatnonzero(good[:RANKED])
+    yield "ranked", len(kept)
+    value = np.stack(first, axis=1)[kept]
+    deviations = job.deviations(0, min(RANKED, job.count))[kept]
+    yield from _find_causes(value, deviations, job)
+
+
+def _describe_column(values: Float[np.ndarray, " build"]) -> tuple[Any, ...]:
+    """Count values that are missing and infinite; mean, its error, deviation and quantiles."""
+    known = values[np.isfinite(values)]
+    missing = int(np.isnan(values).sum())
+    infinite = int(np.isinf(values).sum())
+    if not len(known):
+        none = np.full(len(QUANTILES), np.nan)
+        return missing, infinite, np.nan, np.nan, np.nan, none
+    quantiles = np.quantile(known, QUANTILES)
+    return missing, infinite, known.mean(), standard_error(known), known.std(), quantiles
+
+
+def _find_causes(
+    value: Float[np.ndarray, "build result"],
+    deviations: Float[np.ndarray, "build factor"],
+    job: RandomBuilds,
+) -> Iterator[tuple[str, Any]]:
+    """Yield correlations, slopes and shares of all quantities with the numbers that vary."""
+    coupling = job.quantities.index(job.coupling)
+    rank = np.zeros((value.shape[1], deviations.shape[1]))
+    slope = np.zeros(rank.shape)
+    ranks: dict[tuple[bytes, bool], np.ndarray] = {}
+    for n, column in enumerate(value.T):
+        known = np.isfinite(column)
+        moved = np.abs(deviations[known]) if n == coupling else deviations[known]
+        key = known.tobytes(), n == coupling
+        if key not in ranks:
+            ranks[key] = unit_ranks(moved)
+        rank[n] = unit_ranks(column[known, None])[:, 0] @ ranks[key]
+        slope[n] = slopes(column[known], moved)
+    yield "rank", rank
+    yield "slope", slope
+    shares = fit(value, deviations, [job.groups.index(one.group) for one in job.factors])
+    yield "share", shares.share
+    yield "share_error", shares.error
+    yield "r_squared", shares.r_squared
+
+
+def _count_yields(columns: Mapping[str, Any], job: RandomBuilds) -> Iterator[tuple[str, Any]]:
+    """Yield the limits of requirements, and the fractions of builds that meet them."""
+    if job.labelled:
+        yield "labelled", tuple(one.text for one in job.labelled)
+        yield "shared_count", columns["shared"].sum(0)
+    if not job.requirements:
+        return
+    required = [
+        replace(one, quantity=quantity)
+        for one, quantity in zip(job.requirements, job.required, strict=True)
+    ]
+    bands = [one.band for one in required]
+    yield "requirement", tuple(one.limits.text for one in required)
+    yield "requirement_name", tuple(one.description for one in required)
+    yield "requirement_quantity", tuple(one.quantity.text for one in required)
+    yield "low", np.array([band.low for band in bands])
+    yield "high", np.array([band.high for band in bands])
+    yield "of_magnitude", np.array([band.of_magnitude for band in bands])
+    yield "open", np.array([band.open for band in bands])
+    places = [job.quantities.index(one.quantity) for one in required]
+    met = [
+        one.is_met(columns["value"][:, place]) for one, place in zip(required, places, strict=True)
+    ]
+    each = [Yield.of("", one) for one in met]
+    joint = Yield.of("", np.all(met, axis=0))
+    yield "yield_", np.array([one.fraction for one in each])
+    yield "yield_interval", np.array([one.interval for one in each])
+    yield "yield_of_all", joint.fraction
+    yield "yield_of_all_interval", joint.interval

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -24,14 +25,15 @@ class TradeoffAnalysis(Analysis):
 
     Asks for modes, responses, thermal noise and cross-coupling. The error of a model is its largest
     relative difference to the most complete one that is valid; times are processor times, measured
-    in turns. Prints which model to use for each question; writes DIR/NAME-tradeoff.h5 and .png.
+    in turns. Prints which model to use for each question, and which one `--fidelity auto` takes
+    and what that neglects; writes DIR/NAME-tradeoff.h5 and .png.
 
     Example: pendsus tradeoff my.toml --quantity modes
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.tradeoff.measure.Tradeoff`: `answers`, `entries`.
+    Tradeoff
+        With `answers`, `entries`, `choices`, `first_violin`.
 
     Raises
     ------
@@ -65,9 +67,9 @@ class TradeoffAnalysis(Analysis):
         *(one for one in options.WRITING if one is not options.FIDELITY),
     )
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Tradeoff:
         """Measure every model."""
-        from suspension_cli.analyses.tradeoff.measure import measure
+        from suspension_cli.analyses.tradeoff.measure import Tradeoff, measure
         from suspension_cli.models.registry import Choice
         from suspension_cli.physics import near_limits
 
@@ -80,13 +82,14 @@ class TradeoffAnalysis(Analysis):
             )
         near_limits.warn_implausible(run.design, run.log)
         choice = Choice("all", "every valid model is compared")
-        return Result(self, run.source, choice, found, command=run.command)
+        return Tradeoff.extending(found, run=run.origin(self, choice))
 
-    def document(self, result: Result) -> Document:
-        """Return times, errors and advice by question."""
-        found: Tradeoff = result.data
-        questions = [
-            {
+    def document(self, result: Tradeoff) -> Document:
+        """Return times, errors, advice and the choice of ``auto`` by question."""
+        questions = []
+        for answer in result.answers:
+            auto = answer.automatic
+            question: Document = {
                 "quantity": answer.entries[0].quantity,
                 "question": answer.question,
                 "reference": answer.reference or None,
@@ -94,36 +97,63 @@ class TradeoffAnalysis(Analysis):
                 "advice": answer.advice,
                 "models": table(answer.entries, "model time_s=time error where left_out"),
             }
-            for answer in found.answers
+            if auto is not None:
+                question["auto"] = {
+                    "fidelity": auto.model,
+                    "reason": auto.reason,
+                    "estimated_error": auto.error,
+                }
+            questions.append(question)
+        return {"first_violin_hz": result.first_violin, "questions": questions}
+
+    def text(self, result: Tradeoff) -> str:
+        """Return the advice for each question, all times and errors, and what ``auto`` takes."""
+        heads = {"question": "", f"fastest model {result.within}": ""}
+        advice = [(answer.question, answer.advice) for answer in result.answers]
+        reasons = (
+            f"{one.model} left out: {one.left_out}" for one in result.entries if one.left_out
+        )
+        parts = [
+            tables.render(heads, advice),
+            _times_and_errors(result),
+            "\n".join(dict.fromkeys(reasons)),
+            _choices(result),
         ]
-        return {"questions": questions}
+        return "\n\n".join(part for part in parts if part)
 
-    def text(self, result: Result) -> str:
-        """Return the advice for each question, and all times and errors."""
-        from suspension_cli.analyses.tradeoff.measure import format_time
-        from suspension_cli.models.choice import percent
-
-        found: Tradeoff = result.data
-        names = dict.fromkeys(one.model for answer in found.answers for one in answer.options)
-        rows = []
-        for answer in found.answers:
-            cells = dict.fromkeys(names, "-")
-            for one in answer.options:
-                error = "reference" if one.model == answer.reference else percent(one.error)
-                cells[one.model] = f"{format_time(one.time)}, {error}"
-            rows.append((answer.question, *cells.values()))
-        heads = {"question": "", f"fastest model {found.within}": ""}
-        advice = [(answer.question, answer.advice) for answer in found.answers]
-        times = tables.render(dict.fromkeys(("processor time and error", *names), ""), rows)
-        reasons = (f"{one.model} left out: {one.left_out}" for one in found.entries if one.left_out)
-        parts = tables.render(heads, advice), times, "\n".join(dict.fromkeys(reasons))
-        return "\n\n".join(parts).rstrip()
-
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Tradeoff, setting: Settings) -> dict[str, Figure]:
         """Draw error against time, a chart per question."""
         from suspension_cli.analyses.tradeoff import measure
 
-        return {"": measure.draw(result.data, result.given.title)}
+        return {"": measure.draw(result, result.run.title)}
+
+
+def _times_and_errors(found: Tradeoff) -> str:
+    """Return the table of all models, a row per question."""
+    from suspension_cli.analyses.tradeoff.measure import format_time
+    from suspension_cli.models.choice import percent
+
+    names = dict.fromkeys(one.model for answer in found.answers for one in answer.options)
+    rows = []
+    for answer in found.answers:
+        cells = dict.fromkeys(names, "-")
+        for one in answer.options:
+            error = "reference" if one.model == answer.reference else percent(one.error)
+            cells[one.model] = f"{format_time(one.time)}, {error}"
+        rows.append((answer.question, *cells.values()))
+    return tables.render(dict.fromkeys(("processor time and error", *names), ""), rows)
+
+
+def _choices(found: Tradeoff) -> str:
+    """Return the models that ``auto`` takes, and the lowest violin mode."""
+    lines = []
+    if found.choices:
+        lines.append("Models that --fidelity auto takes:")
+    for one in found.choices:
+        lines += [f"  {one.question}", f"    {one.line}"]
+    if math.isfinite(found.first_violin):
+        lines.append(f"lowest first violin mode: {found.first_violin:.4g} Hz")
+    return "\n".join(lines)
 
 
 ANALYSIS = TradeoffAnalysis()

@@ -17,35 +17,38 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses import settings
-from suspension_cli.analyses.modes.command import MOST
-from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.xcouple.command import axes
-from suspension_cli.analyses.xcouple.solve import ROUNDING, Sweep
+from suspension_cli.analyses.options import MOST_WIRE_MODES
+from suspension_cli.analyses.record import Record
 from suspension_cli.design.derive import mirror
+from suspension_cli.design.imperfections import swept
 from suspension_cli.design.reader import Source
 from suspension_cli.drawing import labels, panels
 from suspension_cli.drawing.panels import Across, Panel
 from suspension_cli.drawing.style import NOTE, PALE, PALETTE
+from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import INLINE, along, in_unit
-from suspension_cli.linear import response, signals
+from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
-from suspension_cli.linear.named_results import Mode
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.models.choice import TOLERANCE, percent, relative_change
-from suspension_cli.models.spectrum_error import largest_error
-from suspension_cli.physics import thermal_noise, wire_modes
-from suspension_cli.physics.couplings import parse_request
+from suspension_cli.models.choice import TOLERANCE, Transfer, percent, relative_change
+from suspension_cli.models.registry import AUTO, Choice
+from suspension_cli.models.spectrum_error import first_violin, largest_error
+from suspension_cli.physics import model_choice, thermal_noise, wire_modes
+from suspension_cli.physics.couplings import ROUNDING, couplings, parse_request
 from suspension_cli.physics.growth import find_growth
+from suspension_cli.quantities.needs import Needs
+from suspension_cli.quantities.solved import of_designs
 from suspension_cli.scene.arrays import Array
-from suspension_cli.studies.job import Axis
+from suspension_cli.studies import builds, sampling, variants
 
 if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.models.base import Model
+    from suspension_cli.scene.scene import Scene
 
 FREQUENCIES = 200
 """Number of frequencies of a response or noise."""
@@ -53,6 +56,10 @@ DESIGNS = 100
 """Number of designs of a sweep."""
 SPREAD = 0.01
 """Relative range of the mirror's mass in a sweep, to either side."""
+STIFFNESSES = np.linspace(0.6, 1.4, 41)
+OFFSETS = np.linspace(-2e-3, 2e-3, 5)
+"""Imperfections of builds: factors on the stiffness of one wire, and offsets of its upper end along
+x, m; the default grids of `pendsus xcouple`."""
 REPEAT = 7
 """Samples per time, fewer where they take longer than `BUDGET`."""
 BUDGET = 1.0
@@ -91,10 +98,32 @@ class Entry:
 
 
 @dataclass(frozen=True)
+class Automatic:
+    """The model that ``--fidelity auto`` takes for one question, why, and what it neglects.
+
+    `error` is what `auto` states, relative; NaN if unknown.
+    """
+
+    question: str
+    model: str
+    reason: str
+    error: float
+
+    @property
+    def line(self) -> str:
+        """The choice in one line, as the command prints it."""
+        return Choice(self.model, self.reason, self.error).line
+
+
+@dataclass(frozen=True)
 class Answer:
-    """All models on one question, from the simplest to the most complete."""
+    """All models on one question, from the simplest to the most complete.
+
+    `automatic` is the choice of ``--fidelity auto``; None where that compares many designs.
+    """
 
     entries: tuple[Entry, ...]
+    automatic: Automatic | None = None
 
     @property
     def question(self) -> str:
@@ -139,22 +168,37 @@ class Answer:
         return f"Use {best.model}: {why}."
 
 
-@dataclass(frozen=True)
-class Tradeoff:
-    """Times and errors of all models for all questions about a design."""
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Times and errors of all models for all questions about a design.
+
+    `choices` are those of ``--fidelity auto``. `first_violin` is the lowest first violin mode, Hz;
+    infinite if the design does not give the mass of wires.
+    """
 
     entries: tuple[Entry, ...] = field(metadata=along("entry") | INLINE)
+    choices: tuple[Automatic, ...] = field(default=(), metadata=along("choice"))
+    first_violin: float = field(default=math.inf, metadata=in_unit("Hz"))
 
     @cached_property
     def answers(self) -> list[Answer]:
         """The entries by question."""
-        return [Answer(tuple(part)) for _, part in groupby(self.entries, lambda e: e.question)]
+        chosen = {one.question: one for one in self.choices}
+        return [
+            Answer(tuple(part), chosen.get(question))
+            for question, part in groupby(self.entries, lambda entry: entry.question)
+        ]
 
     @property
     def within(self) -> str:
         """Tolerance and reference of the advice: ``within 0.1 % of violin``."""
         names = dict.fromkeys(answer.reference for answer in self.answers if answer.reference)
         return f"within {percent(TOLERANCE)} of {' or '.join(names)}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tradeoff(Record, Measured):
+    """Times and errors of all models for all questions about a design, and the run."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +208,7 @@ class Question:
     `solve` gives the result of a model, or raises `InputError` if it has none; `compare` gives the
     largest relative error of a result against the true one, and where it is. The time is that of
     `timed` (by default of `solve`), for one of the `count` designs or builds computed together.
+    `choose` makes the choice of ``--fidelity auto``; None where that compares many designs.
     """
 
     quantity: str
@@ -172,6 +217,7 @@ class Question:
     compare: Callable[[Any, Any], tuple[float, str]]
     timed: Callable[[Model], object] | None = None
     count: int = 1
+    choose: Callable[[], Choice] | None = None
 
 
 def ask(source: Source) -> tuple[Question, ...]:
@@ -189,57 +235,62 @@ def ask(source: Source) -> tuple[Question, ...]:
         worst = int(np.argmax(error))
         return float(error[worst]), true.label[here[worst]]
 
-    sweep, text = (
-        cache(partial(_sweep, source)),
-        f"mode frequencies in a sweep, each of {DESIGNS} designs",
-    )
+    def choose() -> Choice:
+        return model_choice.for_modes(source, AUTO, TOLERANCE)[0]
+
+    def sweep(model: Model) -> list[Array]:
+        if model.has_wire_mass:
+            raise InputError.of("", "a sweep follows the modes of wires without mass", "")
+        return [batch.frequency for _, batch in of_designs(designs(), model.name, Needs())]
+
+    designs = cache(partial(_sweep, source))
+    text = f"mode frequencies in a sweep, each of {DESIGNS} designs"
     return (
-        Question("modes", "mode frequencies", modes, compare),
-        Question("modes", text, modes, compare, lambda m: sweep(m).compute(0, DESIGNS), DESIGNS),
-        _spectrum(source.design, "response", "response", 0.1, 10.0),
-        _spectrum(source.design, "response", "response", 50.0, 1000.0),
-        _spectrum(source.design, "thermal", "thermal noise", 10.0, 100.0),
+        Question("modes", "mode frequencies", modes, compare, choose=choose),
+        Question("modes", text, modes, compare, sweep, DESIGNS),
+        _spectrum(source, "response", "response", 0.1, 10.0),
+        _spectrum(source, "response", "response", 50.0, 1000.0),
+        _spectrum(source, "thermal", "thermal noise", 10.0, 100.0),
         _coupling(source),
     )
 
 
 def _admit(number: int, top: float) -> None:
     """Refuse wires with mass of so many modes that all would take minutes."""
-    if number > MOST:
+    if number > MOST_WIRE_MODES:
         problem = f"its wires have {number:,} modes up to {top:.4g} Hz, which would take minutes"
         raise InputError.of("", problem, "")
 
 
-def _sweep(source: Source, model: Model) -> ParameterSweep:
-    """Prepare a sweep of the mirror's mass, as `pendsus sweep` computes it."""
-    if model.has_wire_mass:
-        raise InputError.of("", "a sweep follows the modes of wires without mass", "")
+def _sweep(source: Source) -> list[Design | None]:
+    """List the designs of a sweep of the mirror's mass; None where one is invalid."""
     name = mirror(source.design)
     body = next(stage.body for stage in source.design.stage if stage.name == name)
     key = "density" if body.mass is None else "mass"
     values = getattr(body, key) * np.linspace(1 - SPREAD, 1 + SPREAD, DESIGNS)
-    axis = Axis(f"stage.{name}.body.{key}", tuple(values.tolist()))
-    job = ParameterSweep(source.text, (axis,), model.name, (Mode("every", 0),))
-    job.check()
-    return job
+    return list(variants.designs_at(source.text, {f"stage.{name}.body.{key}": values}))
 
 
-def _spectrum(design: Design, quantity: str, words: str, low: float, high: float) -> Question:
+def _spectrum(source: Source, quantity: str, words: str, low: float, high: float) -> Question:
     """Response of the mirror to the support along x, or its thermal noise, over frequencies."""
-    frequency, observed = np.geomspace(low, high, FREQUENCIES), f"{mirror(design)}.x"
+    design = source.design
+    frequency = np.geomspace(low, high, FREQUENCIES)
+    observed = f"{mirror(design)}.x"
+
+    def transfer(system: LinearSystem) -> Transfer:
+        known = signals.bodies_with_signals(system)
+        into = signals.parse_input("support.x", known)
+        out = signals.parse_output(observed, known)
+        return Transfer([into], [out], frequency)
 
     def values(given: Solvable, at: Array) -> Array:
         solver = Solver.of(given)
         system = solver.system
         if quantity == "thermal":
-            motion, warmth = (
-                thermal_noise.parse_motion(system, observed),
-                design.constants.temperature,
-            )
-            return thermal_noise.solve(solver, at, [motion], warmth)[0].amplitude
-        known = signals.bodies_with_signals(system)
-        into, out = signals.parse_input("support.x", known), signals.parse_output(observed, known)
-        return response.solve(solver, at, [into], [out]).value[:, 0, 0]
+            motion = thermal_noise.parse_motion(system, observed)
+            temperature = design.constants.temperature
+            return thermal_noise.solve(solver, at, [motion], temperature)[0].amplitude
+        return transfer(system).values(solver, at)[:, 0, 0]
 
     def solve(model: Model) -> LinearSystem:
         if quantity == "thermal" and not model.bends_wires:
@@ -254,23 +305,41 @@ def _spectrum(design: Design, quantity: str, words: str, low: float, high: float
         error = largest_error(frequency, found, true, values)
         return error.value, f"at {error.frequency:.4g} Hz"
 
+    def choose() -> Choice:
+        if quantity == "thermal":
+            return thermal_noise.choose(source, AUTO, frequency, [observed])[0]
+        return model_choice.choose(source, AUTO, transfer)[0]
+
     text = f"{words} from {low:g} to {high:g} Hz, {FREQUENCIES} frequencies"
-    return Question(quantity, text, solve, compare)
+    return Question(quantity, text, solve, compare, choose=choose)
 
 
 def _coupling(source: Source) -> Question:
     """Cross-coupling of imperfect builds: wire, signals and frequency of `pendsus xcouple`."""
+    design = source.design
     setting = settings.merge(analyses.get("xcouple"), source, {})
-    asked = parse_request(registry.STRING.system(source.design), setting, mirror(source.design))
+    asked = parse_request(registry.STRING.system(design), setting, mirror(design))
     asked = replace(asked, frequency=asked.frequency[:1])
-    job = Sweep(source.text, axes("k,offset", {}), asked)
+    count = len(STIFFNESSES) * len(OFFSETS)
+
+    def imperfect() -> Scene:
+        known = swept()
+        stiffness, along_all = known["k"]
+        offset, along_x = known["offset"]
+        factors, moves = (values.ravel() for values in np.meshgrid(STIFFNESSES, OFFSETS))
+        deviations = (
+            (stiffness, asked.wire, asked.hold, along_all, factors - stiffness.neutral),
+            (offset, asked.wire, asked.hold, along_x, moves - offset.neutral),
+        )
+        return sampling.impose(expand(design), deviations)
 
     def solve(model: Model) -> Array:
         if not model.supports_builds:
             raise InputError.of("", "it has no imperfect builds", "")
-        if job.question.wire < 0:
+        if asked.wire < 0:
             raise InputError.of("", "the mirror hangs on no wire", "")
-        found = replace(job, level=model.name).compute(0, job.count)["ratio"]
+        balanced = builds.balance(imperfect(), design, level=model.name)
+        found = couplings(balanced, asked)["ratio"]
         if not np.isfinite(found).any():
             raise InputError.of("", "no imperfect build has a stable equilibrium on taut wires", "")
         if not np.nanmax(np.abs(found)) > ROUNDING:
@@ -283,15 +352,15 @@ def _coupling(source: Source) -> Question:
         return math.inf if math.isnan(change) else change, "of the largest"
 
     at = f"{asked.frequency[0]:.4g} Hz"
-    text = f"cross-coupling at {at}, each of {job.count} imperfect builds"
-    return Question("coupling", text, solve, compare, count=job.count)
+    text = f"cross-coupling at {at}, each of {count} imperfect builds"
+    return Question("coupling", text, solve, compare, count=count)
 
 
 def measure(
     source: Source,
     quantities: Sequence[str] = (),
     report: Callable[[int, int], None] = lambda *_: None,
-) -> Tradeoff:
+) -> Measured:
     """Measure all models for some quantities of a design (default: all).
 
     `report` is called with the numbers of answered and all questions. Raises `InputError` if the
@@ -300,16 +369,31 @@ def measure(
     invalid = {model: _explain_invalid(model, source.design) for model in registry.MODELS}
     questions = [one for one in ask(source) if not quantities or one.quantity in quantities]
     entries: list[Entry] = []
+    choices: list[Automatic] = []
     for number, question in enumerate(questions):
         report(number, len(questions))
         entries += _answer(question, invalid)
+        if question.choose is not None:
+            choices += _choose(question.text, question.choose)
     report(len(questions), len(questions))
-    return Tradeoff(tuple(entries))
+    complete = registry.most_complete(source.design).system(source.design)
+    return Measured(tuple(entries), tuple(choices), first_violin(complete))
+
+
+def _choose(question: str, choose: Callable[[], Choice]) -> list[Automatic]:
+    """Choose the model of one question as ``--fidelity auto`` does; none if no model is valid."""
+    try:
+        found = choose()
+    except InputError:
+        return []
+    return [Automatic(question, found.level, found.reason, found.error)]
 
 
 def _answer(question: Question, invalid: dict[Model, str]) -> list[Entry]:
     """Measure all models for one question; `invalid` gives why a model is not valid, or ""."""
-    reasons, results, works = dict(invalid), {}, {}
+    reasons = dict(invalid)
+    results: dict[Model, Any] = {}
+    works: dict[Model, Callable[[], object]] = {}
     for model in [model for model, reason in reasons.items() if not reason]:
         work = partial(question.timed or question.solve, model)
         try:
@@ -380,9 +464,10 @@ def format_time(seconds: float) -> str:
     return f"{float(f'{seconds / size:.2g}'):g} {unit}"
 
 
-def draw(found: Tradeoff, title: str) -> Figure:
+def draw(found: Measured, title: str) -> Figure:
     """Draw error against time of the models, a chart per question, with the advice."""
-    shown, notes = [], []
+    shown: list[Panel] = []
+    notes: list[str] = []
     for answer in found.answers:
         name = answer.question[0].upper() + answer.question[1:]
         if answer.options:

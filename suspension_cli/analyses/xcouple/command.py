@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Result, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import InputError, format_value
@@ -18,9 +19,8 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.solve import Coupling
+    from suspension_cli.analyses.xcouple.solve import Coupling, CouplingMatrix, Sweep
     from suspension_cli.design.schema import Design
-    from suspension_cli.linear.response import Response
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.physics.couplings import CouplingRequest
     from suspension_cli.studies.job import Axis
@@ -41,9 +41,9 @@ class CouplingAnalysis(Analysis):
 
     Returns
     -------
-    Result
-        With the attributes of `analyses.xcouple.solve.Coupling`: `axes`, `ratio` (axis 1, axis 2,
-        ..., f), complex.
+    Coupling or CouplingMatrix
+        With `axes`, `ratio` (axis 1, axis 2, ..., f), complex; with `matrix` a matrix `value`
+        (f, outputs, inputs).
 
     Raises
     ------
@@ -89,11 +89,18 @@ class CouplingAnalysis(Analysis):
             is_flag=True,
             help="The six-by-six table of couplings of this one design instead of a sweep.",
         ),
+        options.EVERY_POINT,
         *options.SWEEP,
         options.ACCURACY,
         options.ALLOW_UNSTABLE,
         *options.WRITING,
     )
+
+    def returned_type(self) -> Any:
+        """What the Python function returns: a sweep, or with `matrix` the matrix of one design."""
+        from suspension_cli.analyses.xcouple.solve import Coupling, CouplingMatrix
+
+        return Coupling | CouplingMatrix
 
     def swept_names(self) -> tuple[str, ...]:
         """Imperfections, whose grids may stand in `[analysis.xcouple]`."""
@@ -101,7 +108,7 @@ class CouplingAnalysis(Analysis):
 
         return tuple(PARAMETERS)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Coupling | CouplingMatrix:
         """Compute the coupling of all builds, or the matrix of one design."""
         from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.xcouple import solve
@@ -110,7 +117,9 @@ class CouplingAnalysis(Analysis):
         from suspension_cli.physics import model_choice
         from suspension_cli.physics.couplings import parse_request
 
-        setting, source, unstable = run.setting, run.source, run.setting["allow_unstable"]
+        setting = run.setting
+        source = run.source
+        unstable = setting["allow_unstable"]
         strings = registry.STRING.system(run.design)
         requested = parse_request(strings, setting, mirror(run.design))
         if setting["matrix"]:
@@ -125,68 +134,65 @@ class CouplingAnalysis(Analysis):
             solve.first_points(job),
             solve.extreme_points,
             solve.write,
+            _warnings,
         )
         choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, unstable, run.log, bends=True)
-        result = sweeping.fill(run, self, study, choice)
-        if failed := result.data.failures:
-            whys = "; ".join(
-                f"{count} of {job.count} builds failed: {why}" for why, count in failed.items()
-            )
-            run.log.warn(f"{whys}; they have no result: sweep smaller imperfections")
-        return result
+        return sweeping.fill(run, self, study, choice)
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: Coupling) -> Document:
         """Return axes and ratios, first axis first; null for a failed build."""
         import numpy as np
 
-        answer: Coupling = result.data
-        single = len(answer.frequency) == 1
-        ratio = answer.ratio[..., 0] if single else answer.ratio
-        names = "input", "over", "under", "hold", "failures"
+        single = len(result.frequency) == 1
+        ratio = result.ratio[..., 0] if single else result.ratio
         return {
-            "axes": table(answer.axes, "name values"),
+            "axes": table(result.axes, "name values"),
+            **({"interpolation": result.interpolation} if result.interpolation else {}),
             "ratio_real": np.real(ratio),
             "ratio_imag": np.imag(ratio),
-            "frequency_hz": answer.frequency[0] if single else answer.frequency.tolist(),
-            **{name: getattr(answer, name) for name in names},
+            "frequency_hz": result.frequency[0] if single else result.frequency.tolist(),
+            "input": result.input,
+            "over": result.over,
+            "under": result.under,
+            "hold": result.hold,
+            "failures": result.failures,
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: Coupling) -> str:
         """Return the largest coupling and where it is."""
         import numpy as np
 
-        answer: Coupling = result.data
-        if not (worst := answer.worst):
-            return f"{result.choice.line}\nno build has an equilibrium on taut wires"
-        size = np.abs(answer.ratio)
+        if not (worst := result.worst):
+            return f"{result.run.choice.line}\nno build has an equilibrium on taut wires"
+        size = np.abs(result.ratio)
         at = ", ".join(
             f"{axis.name} = {axis.values[n]:.6g} {axis.unit}".removesuffix(" 1")
-            for axis, n in zip(answer.axes, worst[:-1], strict=True)
+            for axis, n in zip(result.axes, worst[:-1], strict=True)
         )
-        kept = answer.hold.replace("-", " ")
-        of = f": wire {answer.wire} changes, its {kept} is kept" if answer.wire else ""
+        kept = result.hold.replace("-", " ")
+        of = f": wire {result.wire} changes, its {kept} is kept" if result.wire else ""
+        note = f"{result.interpolation}\n" if result.interpolation else ""
         return (
-            f"{result.choice.line}\n{answer.status.size} builds{of}\n"
-            f"|{answer.over} / {answer.under}| for {answer.input}: largest {size[worst]:.4g} at"
-            f" {at}, {answer.frequency[worst[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
+            f"{result.run.choice.line}\n{note}{result.status.size} builds{of}\n"
+            f"|{result.over} / {result.under}| for {result.input}: largest {size[worst]:.4g} at"
+            f" {at}, {result.frequency[worst[-1]]:.4g} Hz; median {np.nanmedian(size):.3g}"
         )
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: Coupling, setting: Settings) -> dict[str, Figure]:
         """Draw the coupling against the imperfections, or against frequency."""
         from suspension_cli.analyses.xcouple import picture
 
-        data: Coupling = result.data
-        over, under = (name.partition("@")[0][-2:] for name in (data.over, data.under))
-        limit = _limit(result.given.design) if (over, under) == (".x", ".z") else None
-        return {"": picture.draw(data, result.subtitle, limit)}
+        over, under = (name.partition("@")[0][-2:] for name in (result.over, result.under))
+        limit = _limit(result.run.design.design) if (over, under) == (".x", ".z") else None
+        return {"": picture.draw(result, result.subtitle, limit)}
 
 
 class MatrixAnalysis(Analysis):
     """Coupling of every motion of the support to every motion of one body."""
 
     name = "matrix"
-    result_type = "linear.response.Response"
+    result_type = "analyses.xcouple.solve.CouplingMatrix"
     draws_neglected = True
 
     @property
@@ -199,19 +205,21 @@ class MatrixAnalysis(Analysis):
         """End of the stem of the results file."""
         return "xcouple-matrix"
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> CouplingMatrix:
         """Refuse: the matrix is an option of `xcouple`."""
         raise NotImplementedError
 
-    def of(self, run: Run, requested: CouplingRequest) -> Result:
+    def of(self, run: Run, requested: CouplingRequest) -> CouplingMatrix:
         """Compute the matrix of one design, for the point that a request observes."""
         import numpy as np
 
+        from suspension_cli.analyses.xcouple.solve import CouplingMatrix
         from suspension_cli.linear import response, signals
         from suspension_cli.models.choice import Transfer
         from suspension_cli.physics import model_choice
 
-        setting, frequency = run.setting, np.array(requested.frequency)
+        setting = run.setting
+        frequency = np.array(requested.frequency)
         body, at, point = (setting["observe"] or requested.over.body).partition("@")
 
         def request(system: LinearSystem) -> Transfer:
@@ -227,27 +235,25 @@ class MatrixAnalysis(Analysis):
         )
         motions = request(model)
         found = response.solve(model, frequency, motions.inputs, motions.outputs)
-        return Result(self, run.source, choice, found, command=run.command)
+        return CouplingMatrix.extending(found, run=run.origin(self, choice))
 
-    def document(self, result: Result) -> Document:
+    def document(self, result: CouplingMatrix) -> Document:
         """Return a matrix for each frequency."""
         import numpy as np
 
-        answer: Response = result.data
         return {
-            "frequency_hz": answer.frequency.tolist(),
-            "input": answer.input,
-            "output": answer.output,
-            "matrix_real": np.real(answer.value).tolist(),
-            "matrix_imag": np.imag(answer.value).tolist(),
+            "frequency_hz": result.frequency.tolist(),
+            "input": result.input,
+            "output": result.output,
+            "matrix_real": np.real(result.value).tolist(),
+            "matrix_imag": np.imag(result.value).tolist(),
         }
 
-    def text(self, result: Result) -> str:
+    def text(self, result: CouplingMatrix) -> str:
         """Return a table for each frequency."""
-        answer: Response = result.data
-        body, _, point = answer.output[0].partition(".x")
-        lines = [result.choice.line]
-        for frequency, matrix in zip(answer.frequency, answer.value, strict=True):
+        body, _, point = result.output[0].partition(".x")
+        lines = [result.run.choice.line]
+        for frequency, matrix in zip(result.frequency, result.value, strict=True):
             rows = [
                 (dof, *("0" if value == 0 else abs(value) for value in row))
                 for dof, row in zip(DOFS, matrix, strict=True)
@@ -259,19 +265,23 @@ class MatrixAnalysis(Analysis):
             ]
         return "\n".join(lines)
 
-    def figures(self, result: Result, setting: Settings) -> dict[str, Figure]:
+    def figures(self, result: CouplingMatrix, setting: Settings) -> dict[str, Figure]:
         """Draw the table."""
         from suspension_cli.analyses.xcouple import picture
 
-        return {"": picture.draw_matrix(result.data, result.subtitle)}
+        return {"": picture.draw_matrix(result, result.subtitle)}
+
+
+def _warnings(found: Coupling, job: Sweep) -> Iterator[str]:
+    """Say how many builds failed, and why."""
+    failed = [f"{n} of {job.count} builds failed: {why}" for why, n in found.failures.items()]
+    if failed:
+        yield f"{'; '.join(failed)}; they have no result: sweep smaller imperfections"
 
 
 def _limit(design: Design) -> float:
-    """Limit on the coupling: that of the design's `[analysis.tolerance]`, or its default."""
-    from suspension_cli.analyses import registry, settings
-
-    analysis = registry.get("tolerance")
-    return float(settings.defaults(analysis, design.analysis.get("tolerance", {}))["limit"])
+    """Limit on the coupling: that of the design's `[analysis.tolerance]`, or the usual one."""
+    return float(design.analysis.get("tolerance", {}).get("limit", options.COUPLING_LIMIT))
 
 
 def axes(text: str, table: Document) -> tuple[Axis, ...]:
@@ -281,24 +291,29 @@ def axes(text: str, table: Document) -> tuple[Axis, ...]:
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.job import Axis, distinct
 
-    result, problem, remedy = [], "", ""
+    result = []
     for part in re.split(r",(?!\s*[-+.\d])", text):  # numbers are further values of a list
         name, equals, values = (piece.strip() for piece in part.partition("="))
         if name not in PARAMETERS and "." not in name:
-            problem = f"there is no imperfection {name!r}"
             remedy = suggest(name, list(PARAMETERS)) + " or a dotted path"
-        elif "." in name and not equals:
-            problem, remedy = f"{name} has no grid", f"write {name}=start:stop:count"
-        if problem:
+            problem = f"there is no imperfection {name!r}"
             raise InputError.of("--sweep", problem, remedy, format_value(text))
+        if "." in name and not equals:
+            remedy = f"write {name}=start:stop:count"
+            raise InputError.of("--sweep", f"{name} has no grid", remedy, format_value(text))
         factor = name in PARAMETERS and PARAMETERS[name][0].relative
-        default = DEFAULT_GRID.get(name, FACTOR_GRID if factor else OTHER_GRID)
-        kept = table.get(name, default)
-        given = values or (",".join(map(str, kept)) if isinstance(kept, list) else str(kept))
+        given = values or _default_grid(name, table, is_factor=factor)
         lowest = 1 / LARGEST if factor else -LARGEST
         grid = parse_grid(given, f"--sweep {name}", lowest=lowest, highest=LARGEST)
         result.append(Axis(name, tuple(grid)))
     return distinct(result, "--sweep", text)
+
+
+def _default_grid(name: str, table: Document, *, is_factor: bool) -> str:
+    """Grid of a parameter in the design's table, or the usual one, as text."""
+    usual = DEFAULT_GRID.get(name, FACTOR_GRID if is_factor else OTHER_GRID)
+    given = table.get(name, usual)
+    return ",".join(map(str, given)) if isinstance(given, list) else str(given)
 
 
 ANALYSIS = CouplingAnalysis()

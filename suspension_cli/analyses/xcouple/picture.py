@@ -31,6 +31,8 @@ FINE = 64
 """Points per interval of the first axis, interpolated, so that zeros are sharp."""
 COLOURS = "viridis"
 """Colour map of the second axis."""
+PEAKED = 100.0
+"""Ratio of the largest coupling to the median above which the scale is logarithmic."""
 RANGE = 1e8
 """Ratio of the largest coupling of a unit to the smallest with a colour."""
 DARK = 1e-3
@@ -45,7 +47,8 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     names the design and the model; `limit` is the largest ratio allowed.
     """
     several = len(coupling.frequency) > 1
-    size, worst = np.abs(coupling.ratio), coupling.worst
+    size = np.abs(coupling.ratio)
+    worst = coupling.worst
     most = float(size[worst]) if worst else np.nan
     rules = [Rule(limit, f"limit {limit:g}", colour=RED, dashes=(0, (6, 2)))] if limit else []
     said = [f"coupling: |{coupling.over} / {coupling.under}| for {coupling.input}"]
@@ -54,8 +57,11 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
     if coupling.failures:
         said.append("gaps: " + "; ".join(coupling.failures))
     remarks = [single_line("; ".join(said))]
+    peaked = False
     if several:
-        limits, across, lines = None, panels.FREQUENCY, _lines_over_frequency(coupling)
+        limits = None
+        across = panels.FREQUENCY
+        lines = _lines_over_frequency(coupling)
         if worst and coupling.status.size > 1:
             at = ", ".join(
                 f"{axis.name} = {_format_value(axis, n)}"
@@ -64,8 +70,13 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
             where = f"{coupling.frequency[worst[-1]]:.3g} Hz: {at}"
             remarks.append(single_line(f"{coupling.status.size} builds; largest at {where}"))
     else:
+        median = float(np.nanmedian(size)) if worst else np.nan
+        peaked = most > PEAKED * median > 0
         limits = (0.0, 1.05 * most) if most > 0 else (0.0, 1.0)
-        first, lines = coupling.axes[0], _lines_over_axes(coupling)
+        if peaked:
+            limits = (median / PEAKED, 2 * most)
+        first = coupling.axes[0]
+        lines = _lines_over_axes(coupling)
         across = Across(_label(first), "linear")
         if len(coupling.axes) > 1:
             remarks.append(f"lines: {_label(coupling.axes[1])}")
@@ -77,7 +88,7 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
         f"coupling ({curves.unit_of_ratio(f'{coupling.over} / {coupling.under}')})",
         lines,
         2.5,
-        "log" if several else "linear",
+        "log" if several or peaked else "linear",
         limits,
         remarks=remarks,
         ends=True,
@@ -92,7 +103,8 @@ def draw(coupling: Coupling, title: str, limit: float | None = None) -> Figure:
 def _lines_over_frequency(coupling: Coupling) -> list[Line]:
     """Largest and median ratio of the builds."""
     size = np.abs(coupling.ratio).reshape(-1, len(coupling.frequency))
-    size, at = size[np.isfinite(size).all(1)], coupling.frequency
+    size = size[np.isfinite(size).all(1)]
+    at = coupling.frequency
     if len(size) < 2:
         return [Line(at, one, "_only", PALETTE[1]) for one in size]
     largest = Line(at, size.max(axis=0), "largest", PALETTE[1])
@@ -101,16 +113,20 @@ def _lines_over_frequency(coupling: Coupling) -> list[Line]:
 
 def _lines_over_axes(coupling: Coupling) -> list[Line]:
     """A curve per value of the second axis."""
-    ratio, x = coupling.ratio[..., 0], coupling.axes[0].displayed
+    ratio = coupling.ratio[..., 0]
+    x = coupling.axes[0].displayed
     while ratio.ndim > 2:  # worst case over further axes
         ratio = np.nanmax(np.abs(ratio), axis=-1)
     if ratio.ndim == 1:
         return [Line(*interpolate(x, ratio), "_only", PALETTE[0], {"linewidth": 1.2})]
-    second, lines = coupling.axes[1], []
+    second = coupling.axes[1]
+    lines = []
     values = np.array(second.values)
     span = float(np.ptp(values)) or 1.0
-    shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values)))
-    for n in np.unique(shown.round().astype(int)).tolist():
+    shown = np.linspace(0, len(values) - 1, min(MOST_CURVES, len(values))).round().astype(int)
+    if coupling.worst:  # the curve that the heading is about
+        shown[np.argmin(np.abs(shown - coupling.worst[1]))] = coupling.worst[1]
+    for n in np.unique(shown).tolist():
         place = 0.88 * (values[n] - values.min()) / span  # the rest is too pale
         colour = to_hex(matplotlib.colormaps[COLOURS](place))
         curve = interpolate(x, ratio[:, n])
@@ -128,7 +144,8 @@ def interpolate(
     True
     """
     order = np.argsort(x, kind="stable")
-    x, ratio = np.asarray(x)[order], np.asarray(ratio)[order]
+    x = np.asarray(x)[order]
+    ratio = np.asarray(ratio)[order]
     weights = np.linspace(0, 1, FINE, endpoint=False)
     at = np.append((x[:-1, None] + np.diff(x)[:, None] * weights).ravel(), x[-1])
     return at, np.abs(np.interp(at, x, np.real(ratio)) + 1j * np.interp(at, x, np.imag(ratio)))
@@ -136,7 +153,8 @@ def interpolate(
 
 def _label(axis: Axis) -> str:
     """Describe an axis, with its unit."""
-    name, (unit, _) = single_line(axis.name, 50), axis.displayed_unit
+    name = single_line(axis.name, 50)
+    unit, _ = axis.displayed_unit
     if axis.name in PARAMETERS:
         item, number = PARAMETERS[axis.name]
         along = f" along {AXES[number]}" if number is not None and item.vector else ""
@@ -162,7 +180,8 @@ def draw_matrix(response: Response, title: str) -> Figure:
     over = [unit.partition("/")[0] for unit in units[:, 0]]
     rows = [f"{dof} ({unit})" for dof, unit in zip(DOFS, over, strict=True)]
     body, _, point = response.output[0].partition(".x")
-    across, shown = Across(" \n ", "linear"), []
+    across = Across(" \n ", "linear")
+    shown = []
     for value, at in zip(np.abs(response.value), response.frequency, strict=True):
         paint = partial(_draw_table, value=value, units=units, columns=columns)
         head = f"at {at:g} Hz, {body}{point} (rows) per support (columns)"
@@ -183,9 +202,11 @@ def _draw_table(
     part = value / largest
     draw_table(axes, np.where(value > 0, np.maximum(part, 1 / RANGE), np.nan), TINTS)
     for (row, column), size in np.ndenumerate(value):
-        colour = "white" if part[row, column] > DARK else INK if size else NOTE
-        text, look = format_raised(size), {"ha": "center", "va": "center", "fontsize": 7.5}
-        axes.text(column, row, text, color=colour, **look)
+        colour = INK if size else NOTE
+        if part[row, column] > DARK:
+            colour = "white"
+        look = {"ha": "center", "va": "center", "fontsize": 7.5}
+        axes.text(column, row, format_raised(size), color=colour, **look)
     axes.axhline(2.5, color="white", linewidth=4)
     axes.axvline(2.5, color="white", linewidth=4)
     axes.set_xticks(range(len(columns)), columns)

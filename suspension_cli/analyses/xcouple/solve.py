@@ -1,4 +1,8 @@
-"""Cross-coupling of imperfect builds (Husman et al. 2000, section 6).
+"""Cross-coupling of imperfect builds (Husman et al. 2000, section 6)::
+
+    axes = (Axis("k", (0.9, 1.0, 1.1)), Axis("offset", (-1e-3, 0.0, 1e-3)))
+    job = Sweep(source.text, axes, couplings.parse_request(system, setting, "test"))
+    ratio = job.compute(0, job.count)["ratio"]
 
 Cross-coupling is the ratio of two motions for one input, by default longitudinal over vertical
 motion for vertical motion of the support. It is computed on grids of any number of imperfections.
@@ -6,23 +10,27 @@ motion for vertical motion of the support. It is computed on grids of any number
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from suspension_cli.analyses.record import Record
 from suspension_cli.design.imperfections import swept
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
-from suspension_cli.linear import named_results
+from suspension_cli.linear import response
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
 from suspension_cli.models.choice import compare_builds
 from suspension_cli.physics.couplings import CouplingRequest, couplings
+from suspension_cli.quantities.kinds.responses import quotient_unit
 from suspension_cli.scene.scene import Scene
-from suspension_cli.studies import builds, sampling, variants
+from suspension_cli.studies import builds, interpolated, sampling, variants
+from suspension_cli.studies.builds import Builds
 from suspension_cli.studies.extremes import find_extremes
 from suspension_cli.studies.job import Axis, Grid
 from suspension_cli.studies.run import Columns
@@ -31,6 +39,7 @@ if TYPE_CHECKING:
     import h5py
     from jaxtyping import Complex, Float, Int
 
+    from suspension_cli.analyses.record import Origin
     from suspension_cli.models.choice import Comparison
 
 PARAMETERS = swept()
@@ -38,9 +47,6 @@ PARAMETERS = swept()
 
 FREQUENCIES = 12
 """Number of frequencies at which models are compared."""
-
-ROUNDING = 1e-17
-"""Ratio below which rounding dominates: rounded coordinates of attachments couple some 1e-19."""
 
 
 @dataclass(frozen=True)
@@ -69,24 +75,82 @@ class Sweep(Grid):
         """Compute the couplings of builds start to stop - 1, see `couplings`."""
         return self.compute_at(self.values(start, stop))
 
+    compared: ClassVar[tuple[str, ...]] = ("ratio",)
+    """Columns by which an interpolated map is compared with full solutions."""
+
+    @property
+    def is_analytic(self) -> bool:
+        """Couplings follow from the functions of `sample`."""
+        return True
+
+    def sample(
+        self, values: dict[str, Float[np.ndarray, " build"]]
+    ) -> Complex[np.ndarray, "build function"]:
+        """Both motions times the determinant of the dynamic stiffness, and that, by frequency.
+
+        Analytic in the values, also where they make a mode cross a frequency. NaN where a build has
+        no result.
+        """
+        count = len(self.question.frequency)
+        result = np.full((len(next(iter(values.values()))), 3 * count), np.nan + 0j)
+        for found, here in self._balanced(values):
+            motions = couplings(found, self.question)
+            good = found.status == builds.GOOD
+            for n, frequency in enumerate(self.question.frequency):
+                own = interpolated.determinants(found.model, 2 * np.pi * frequency)
+                for k, factor in enumerate((motions["over"][:, n], motions["under"][:, n], 1.0)):
+                    result[here, k * count + n] = np.where(good, own * factor, np.nan)
+        return result
+
+    def columns_of(self, functions: Complex[np.ndarray, "build function"]) -> Columns:
+        """Couplings and motions that follow from the functions of `sample`."""
+        over, under, determinant = np.split(functions, 3, axis=1)
+        number = len(functions)
+        with np.errstate(all="ignore"):
+            motions = {"over": over / determinant, "under": under / determinant}
+        return {
+            "ratio": builds.divide(over, under),
+            **motions,
+            "residual": np.full(number, np.nan),
+            "status": np.full(number, builds.GOOD, dtype=np.uint8),
+            "slack_wire": np.full(number, -1, dtype=np.int16),
+        }
+
     def compute_at(self, values: dict[str, Float[np.ndarray, " build"]]) -> Columns:
         """Compute the couplings of builds with these values of the parameters."""
         count = len(next(iter(values.values())))
-        paths = {name: value for name, value in values.items() if name not in PARAMETERS}
-        parts = [(self.scene, self.design, np.arange(count))]
-        spectrum, number = ("c16", (len(self.question.frequency),)), ("f8", ())
-        motions = {"ratio": spectrum, "over": spectrum, "under": spectrum}
-        outcome = {"residual": number, "status": ("u1", ()), "slack_wire": ("i2", ())}
-        result = builds.blank(count, **motions, **outcome)
-        for scene, design, here in (
-            variants.scenes(self.text, paths, self.level) if paths else parts
-        ):
-            swept = {name: own[here] for name, own in values.items() if name in PARAMETERS}
-            imperfect, unstable = impose(scene, swept, self.question), self.allow_unstable
-            found = builds.balance(imperfect, design, level=self.level, allow_unstable=unstable)
+        spectrum = ("c16", (len(self.question.frequency),))
+        result = builds.blank(
+            count,
+            ratio=spectrum,
+            over=spectrum,
+            under=spectrum,
+            residual=("f8", ()),
+            status=("u1", ()),
+            slack_wire=("i2", ()),
+        )
+        for found, here in self._balanced(values):
             for name, value in couplings(found, self.question).items():
                 result[name][here] = value
         return result
+
+    def _balanced(
+        self, values: dict[str, Float[np.ndarray, " build"]]
+    ) -> Iterator[tuple[Builds, Int[np.ndarray, " place"]]]:
+        """Balance builds with these values, in batches of one topology, with their places."""
+        paths = {name: value for name, value in values.items() if name not in PARAMETERS}
+        count = len(next(iter(values.values())))
+        alike: Iterable[Any] = [(self.scene, self.design, np.arange(count))]
+        if paths:
+            alike = variants.scenes(self.text, paths, self.level)
+        for scene, design, here in alike:
+            swept = {name: own[here] for name, own in values.items() if name in PARAMETERS}
+            imperfect = impose(scene, swept, self.question)
+            unstable = self.allow_unstable
+            yield (
+                builds.balance(imperfect, design, level=self.level, allow_unstable=unstable),
+                here,
+            )
 
 
 def impose(
@@ -102,8 +166,8 @@ def impose(
     return sampling.impose(scene, changes)
 
 
-@dataclass(frozen=True)
-class Coupling:
+@dataclass(frozen=True, eq=False, repr=False)
+class Coupling(Record):
     """Cross-coupling over imperfections.
 
     Attributes
@@ -119,7 +183,9 @@ class Coupling:
     over_input, under_input
         Both motions per `input`.
     residual, slack_wire
-        As in `studies.builds.Builds`.
+        As in `studies.builds.Builds`; the residual is NaN in interpolated maps.
+    interpolation
+        At how many points a map was computed, and how well it was checked; None if at all.
     """
 
     axes: tuple[Axis, ...] = field(metadata=AXES)
@@ -139,6 +205,7 @@ class Coupling:
         default=None, metadata=in_unit("", name="under")
     )
     residual: Float[np.ndarray, "*axes"] | None = None
+    interpolation: str | None = field(default=None, metadata=ATTRIBUTE)
     slack_wire: Int[np.ndarray, "*axes"] | None = None
 
     @property
@@ -155,9 +222,28 @@ class Coupling:
         return tuple(int(n) for n in np.unravel_index(np.nanargmax(size), size.shape))
 
 
-def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
-    """Write the couplings of all builds of a job."""
-    ask, wires, known = job.question, job.scene.wires, job.on_grid(columns)
+@dataclass(frozen=True, eq=False, repr=False)
+class CouplingMatrix(Record, response.Response):
+    """Couplings of every motion of the support to every motion of one body.
+
+    Attributes
+    ----------
+    frequency
+        Hz.
+    input, output
+        Motions of the support, and of the body.
+    unit
+        Unit of each output over each input, [output][input].
+    value
+        Complex, SI.
+    """
+
+
+def write(group: h5py.Group, columns: Columns, job: Sweep, run: Origin) -> Coupling:
+    """Write the couplings of all builds of a job, and return the record."""
+    ask = job.question
+    wires = job.scene.wires
+    known = job.on_grid(columns)
     motions = {f"{name}_input": known.pop(name) for name in ("over", "under")}
     record = Coupling(
         axes=job.axes,
@@ -169,12 +255,14 @@ def write(group: h5py.Group, columns: Columns, job: Sweep) -> None:
         under=ask.under.text,
         **motions,
         **known,
+        run=run,
     )
     stored.write(group, record)
     pairs = {"ratio": (ask.over, ask.under)}
     pairs |= {"over": (ask.over, ask.input), "under": (ask.under, ask.input)}
     for name, (over, under) in pairs.items():
-        group[name].attrs["units"] = named_results.quotient_unit(over, under)
+        group[name].attrs["units"] = quotient_unit(over, under)
+    return record
 
 
 def first_points(job: Sweep) -> Int[np.ndarray, "point 2"]:

@@ -21,6 +21,8 @@ from suspension_cli.quantities.kinds.responses import (
     parse_numbers,
     parse_paths,
     quotient_unit,
+    write_number,
+    write_paths,
 )
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
@@ -54,6 +56,7 @@ class OverBand(Quantity):
     high: float
 
     bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = "has no steady state, or an infinite response"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -127,7 +130,7 @@ def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
     paths, (low, high) = given
     over, under, drive = parse_paths(paths, names, option)
     unit = quotient_unit(over, under or drive)
-    name = f"{word} of {paths}:{low:g}:{high:g}"
+    name = f"{word} of {write_paths(paths)}:{write_number(low)}:{write_number(high)}"
     return [OverBand(name, unit, word, over, under, drive, low, high)]
 
 

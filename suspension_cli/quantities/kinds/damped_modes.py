@@ -39,6 +39,8 @@ class Decay(Quantity):
     motion: Motion | None
 
     bends: ClassVar[bool] = True
+    largest: ClassVar[float] = 1e15
+    slow: ClassVar[bool] = True
     missing = "has no such mode that oscillates and decays"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class Margin(Quantity):
     loop: int
     which: str
 
+    largest: ClassVar[float] = 1e3
+    slow: ClassVar[bool] = True
     missing = "has no margin: the closed loop is unstable"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

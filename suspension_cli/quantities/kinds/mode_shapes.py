@@ -1,19 +1,20 @@
-"""What the damping criterion of the paper uses: energy in the top mass; and distances of modes."""
+"""What the damping criterion of the paper uses: energy in the top mass; and distances of modes.
+
+Modes have any of the names of `kinds.modes`: ``test pitch``, ``lowest yaw``, ``yaw 3``, ``5``.
+"""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from suspension_cli.errors import InputError, format_value, suggest
-from suspension_cli.linear import mode_content
-from suspension_cli.linear.eigenmodes import find_top_masses
-from suspension_cli.linear.mode_content import Motion
+from suspension_cli.errors import InputError, format_value
 from suspension_cli.quantities.kind import Kind
-from suspension_cli.quantities.kinds.modes import find_motion, take
+from suspension_cli.quantities.kinds.modes import FrequencyOfMode, ends_of, parse_mode, take
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved
@@ -29,46 +30,82 @@ class TopFraction(Quantity):
     A mode can be damped from there if it couples (Husman et al. 2000, section 5a).
     """
 
-    motion: Motion
+    mode: FrequencyOfMode
 
     steady: ClassVar[bool] = False
+    undamped: ClassVar[bool] = True
     missing = "has no such mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Read it of each design."""
-        model = solved.found.model
-        bodies = len(model.body)
-        energy = solved.fractions[..., : 6 * bodies].reshape(solved.count, -1, bodies, 6)
-        flat = energy.reshape(-1, bodies, 6)
-        top = find_top_masses(np.nan_to_num(flat), model.top)
-        fraction = flat[np.arange(len(flat)), top].sum(-1).reshape(energy.shape[:2])
-        return take(fraction, mode_content.find(solved.fractions, self.motion).mode)
+        return take(solved.top_fraction, self.mode.number(solved))
+
+    def ends(
+        self, solved: Solved, *, smooth: bool
+    ) -> tuple[Float[np.ndarray, " design"], Float[np.ndarray, " design"]]:
+        """Smallest and largest fraction of the modes that share its motion."""
+        return ends_of(solved.top_fraction, self.mode.weights(solved, smooth=smooth))
 
 
 @dataclass(frozen=True)
-class Distance(Quantity):
-    """Relative distance of the frequencies of two modes, higher over lower less 1."""
+class _BetweenModes(Quantity):
+    """A distance of the frequencies of two modes."""
 
-    first: Motion
-    second: Motion
+    first: FrequencyOfMode
+    second: FrequencyOfMode
 
     steady: ClassVar[bool] = False
+    vanishes: ClassVar[bool] = True
+    undamped: ClassVar[bool] = True
     missing = "has no such modes, or one is unstable"
+
+    @abstractmethod
+    def apart(
+        self, one: Float[np.ndarray, "design *"], other: Float[np.ndarray, "design *"]
+    ) -> Float[np.ndarray, "design *"]:
+        """Distance of frequencies, Hz."""
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Read it of each design."""
-        one = take(solved.frequency, mode_content.find(solved.fractions, self.first).mode)
-        other = take(solved.frequency, mode_content.find(solved.fractions, self.second).mode)
+        one = take(solved.frequency, self.first.number(solved))
+        other = take(solved.frequency, self.second.number(solved))
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.maximum(one, other) / np.minimum(one, other) - 1
+            return self.apart(one, other)
+
+    def ends(
+        self, solved: Solved, *, smooth: bool
+    ) -> tuple[Float[np.ndarray, " design"], Float[np.ndarray, " design"]]:
+        """Smallest and largest distance of the modes that share the motions of both."""
+        first = self.first.weights(solved, smooth=smooth)
+        second = self.second.weights(solved, smooth=smooth)
+        size = np.abs(solved.frequency_or_growth)
+        # a mode has no distance from itself
+        one, other = np.nonzero(~np.eye(size.shape[1], dtype=bool))
+        weight = np.minimum(first[:, one], second[:, other])
+        most = weight.max(1, initial=0.0, keepdims=True)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            apart = self.apart(size[:, one], size[:, other])
+        return ends_of(apart, weight / np.where(most > 0, most, 1.0))
 
 
-def _demand(label: str, names: Names, option: str) -> Motion:
-    found = find_motion(label, names)
-    if found is None:
-        remedy = suggest(label, names.labels)
-        raise InputError.of(option, "is the label of no mode", remedy, format_value(label))
-    return found
+class Distance(_BetweenModes):
+    """Relative distance of the frequencies of two modes, higher over lower less 1."""
+
+    def apart(
+        self, one: Float[np.ndarray, "design *"], other: Float[np.ndarray, "design *"]
+    ) -> Float[np.ndarray, "design *"]:
+        """Ratio of the higher to the lower, less 1."""
+        return np.maximum(one, other) / np.minimum(one, other) - 1
+
+
+class Difference(_BetweenModes):
+    """Difference of the frequencies of two modes, Hz."""
+
+    def apart(
+        self, one: Float[np.ndarray, "design *"], other: Float[np.ndarray, "design *"]
+    ) -> Float[np.ndarray, "design *"]:
+        """The higher less the lower."""
+        return np.abs(one - other)
 
 
 def parse_top(text: str, names: Names, option: str) -> Sequence[Quantity]:
@@ -76,19 +113,26 @@ def parse_top(text: str, names: Names, option: str) -> Sequence[Quantity]:
     word, of, label = text.partition(" of ")
     if not of or word != "top fraction":
         return ()
-    return [TopFraction(text, "1", _demand(label, names, option))]
+    return [TopFraction(text, "1", parse_mode(label, names, option))]
 
 
 def parse_distance(text: str, names: Names, option: str) -> Sequence[Quantity]:
-    """Parse ``distance test pitch, test longitudinal``."""
-    if not text.startswith("distance "):
+    """Parse ``distance test pitch, test longitudinal``, and ``difference`` likewise."""
+    word, _, rest = text.partition(" ")
+    if word not in ("distance", "difference"):
         return ()
-    labels = [label.strip() for label in text.removeprefix("distance ").split(",")]
+    labels = [label.strip() for label in rest.split(",")]
     if len(labels) != 2:
-        remedy = "write distance MODE, MODE: distance test pitch, test longitudinal"
+        remedy = f"write {word} MODE, MODE: {word} test pitch, test longitudinal"
         raise InputError.of(option, "does not name two modes", remedy, format_value(text))
-    first, second = (_demand(label, names, option) for label in labels)
-    return [Distance(text, "1", first, second)]
+    first = parse_mode(labels[0], names, option)
+    second = parse_mode(labels[1], names, option)
+    if first == second:
+        remedy = "name two modes"
+        raise InputError.of(option, "names one mode twice", remedy, format_value(text))
+    if word == "distance":
+        return [Distance(text, "1", first, second)]
+    return [Difference(text, "Hz", first, second)]
 
 
 KINDS = (
@@ -104,6 +148,13 @@ KINDS = (
         "distance test pitch, test longitudinal",
         "1",
         "relative distance of two frequencies: higher over lower less 1",
+        parse_distance,
+    ),
+    Kind(
+        "difference MODE, MODE",
+        "difference test pitch, test longitudinal",
+        "Hz",
+        "difference of two frequencies, higher less lower",
         parse_distance,
     ),
 )

@@ -6,9 +6,10 @@ loops closed. What moves the support is that of `[analysis.budget]`.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.physics import closed_loop, local_control, noise_budget
-from suspension_cli.physics.noise_budget import Noises, Surroundings
+from suspension_cli.physics.noise_budget import MotionBudget, Noises, Surroundings
 from suspension_cli.quantities.kind import Kind
-from suspension_cli.quantities.kinds.responses import parse_numbers
+from suspension_cli.quantities.kinds.responses import parse_numbers, write_number
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved
@@ -40,7 +41,10 @@ class _FromBudget(Quantity):
     """A number of the noise budget of each design."""
 
     surroundings: Surroundings = field(compare=False)
+    motion: Signal
 
+    bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = UNSTABLE
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -59,32 +63,21 @@ class _FromBudget(Quantity):
             poles = found.value
         warm = None if registry.BEAM.unsuitable(design) else design.constants.temperature
         around = self.surroundings
-        noises = Noises(plant, list(self.motions), around.motion, warm, around.mirrors)
+        noises = Noises(plant, [self.motion], around.motion, warm, around.mirrors)
         return self.number(noises, poles)
 
-    needs_poles = False
+    needs_poles: ClassVar[bool] = False
 
-    @property
-    def motions(self) -> tuple[Signal, ...]:
-        """Motions whose budget is computed."""
-        return ()
-
+    @abstractmethod
     def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
         """Take the number from the noises of one design."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Noise(_FromBudget):
     """Amplitude spectral density of a motion by all causes at a frequency in Hz."""
 
-    motion: Signal
     frequency: float
-
-    @property
-    def motions(self) -> tuple[Signal, ...]:
-        """The motion."""
-        return (self.motion,)
 
     def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
         """Sum the densities of all causes."""
@@ -96,44 +89,34 @@ class Noise(_FromBudget):
 class Rms(_FromBudget):
     """RMS of a motion by all causes over a band, Hz."""
 
-    motion: Signal
     low: float
     high: float
 
     needs_poles = True
 
-    @property
-    def motions(self) -> tuple[Signal, ...]:
-        """The motion."""
-        return (self.motion,)
+    def budget(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> MotionBudget:
+        """Compute the budget of the motion over the band."""
+        grid = np.geomspace(self.low, self.high, POINTS)
+        [found] = noise_budget.solve(noises, grid, poles, {}, added=True)
+        return found
 
     def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
         """Integrate the densities over the band."""
-        grid = np.geomspace(self.low, self.high, POINTS)
-        [budget] = noise_budget.solve(noises, grid, poles, {}, added=True)
-        return float(budget.rms[0])
+        return float(self.budget(noises, poles).rms[0])
 
 
 @dataclass(frozen=True)
-class CoilRms(_FromBudget):
-    """RMS of the force that the loops demand of a coil over a band, Hz."""
+class CoilRms(Rms):
+    """RMS of the force that the loops demand of a coil over a band, Hz.
+
+    The motion is any one: a budget has at least one.
+    """
 
     coil: str
-    motion: Signal
-    low: float
-    high: float
-
-    needs_poles = True
-
-    @property
-    def motions(self) -> tuple[Signal, ...]:
-        """Some motion: a budget has at least one."""
-        return (self.motion,)
 
     def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
         """Take the drive of the coil."""
-        grid = np.geomspace(self.low, self.high, POINTS)
-        [budget] = noise_budget.solve(noises, grid, poles, {}, added=True)
+        budget = self.budget(noises, poles)
         drives = {drive.coil: drive.force for drive in budget.drive or ()}
         return drives[self.coil]
 
@@ -150,7 +133,7 @@ def parse_noise(text: str, names: Names, option: str) -> Sequence[Quantity]:
     motion = signals.parse_output(written, names.signals, option)
     return [
         Noise(
-            f"noise {written}:{frequency:g}",
+            f"noise {written}:{write_number(frequency)}",
             f"{motion.unit}/Hz^0.5",
             names.surroundings,
             motion,
@@ -169,7 +152,8 @@ def parse_rms(text: str, names: Names, option: str) -> Sequence[Quantity]:
     if not 0 < low < high < 1e9:
         remedy = "write rms MOTION:LOW:HIGH, in Hz: rms test.x:0.05:10"
         raise InputError.of(option, "has no band of frequencies", remedy, format_value(text))
-    name = f"rms {written}" + (f":{low:g}:{high:g}" if given else "")
+    band = f":{write_number(low)}:{write_number(high)}" if given else ""
+    name = f"rms {written}{band}"
     around = names.surroundings
     if written.startswith("coil "):
         coil = written.removeprefix("coil ")
@@ -179,7 +163,7 @@ def parse_rms(text: str, names: Names, option: str) -> Sequence[Quantity]:
             remedy = suggest(coil, known) if known else "give [[control.osem]] tables"
             raise InputError.of(option, "names no OSEM", remedy, format_value(text))
         motion = signals.parse_output(f"{names.stages[-1]}.x", names.signals, option)
-        return [CoilRms(name, "N", around, coil, motion, low, high)]
+        return [CoilRms(name, "N", around, motion, low, high, coil)]
     motion = signals.parse_output(written, names.signals, option)
     return [Rms(name, motion.unit, around, motion, low, high)]
 

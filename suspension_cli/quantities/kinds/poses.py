@@ -41,6 +41,15 @@ class StaticPose(Quantity):
         """Read it of all designs."""
         return solved.on_strings(lambda hung: hung.found.static[:, self.body, self.dof])
 
+    def scale(self, solved: Solved) -> float:
+        """Size of the largest displacement, or rotation, of all bodies of the batch.
+
+        A displacement that a symmetry forbids is a rounding error, whose own size means nothing.
+        """
+        alike = slice(0, 3) if self.dof < 3 else slice(3, 6)
+        every = solved.on_strings(lambda hung: hung.found.static[:, :, alike])
+        return float(np.fmax.reduce(np.abs(every[solved.hangs]), axis=None, initial=0.0))
+
 
 @dataclass(frozen=True)
 class Height(Quantity):

@@ -102,18 +102,33 @@ def parse_numbers(text: str, count: int) -> tuple[str, list[float]] | None:
     return (what.strip(), numbers) if all(map(math.isfinite, numbers)) else None
 
 
+def write_number(number: float) -> str:
+    """Write a number of a name, in full, so that no two quantities have one name.
+
+    >>> write_number(10.0), write_number(0.40111234567)
+    ('10', '0.40111234567')
+    """
+    short = f"{number:g}"
+    return short if float(short) == number else repr(number)
+
+
+def write_paths(paths: str) -> str:
+    """Write ``OUTPUT/INPUT`` or ``OVER/UNDER/INPUT`` without blanks."""
+    return "/".join(part.strip() for part in paths.split("/"))
+
+
 def parse_ratio(text: str, names: Names, option: str) -> Sequence[Quantity]:
     """Parse ``test.x/support.x:10`` and ``test.x/test.z/support.z:50``."""
-    if "/" not in text or " " in text.partition("/")[0]:
+    if "/" not in text or " " in text.partition("/")[0].strip():
         return ()
     given = parse_numbers(text, 1)
     if given is None or not 0 <= given[1][0] < 1e9:
         raise InputError.of(option, "is no response", SYNTAX, format_value(text))
     paths, [frequency] = given
     over, under, drive = parse_paths(paths, names, option)
-    written = "/".join(part.strip() for part in paths.split("/"))
+    name = f"{write_paths(paths)}:{write_number(frequency)}"
     unit = quotient_unit(over, under or drive)
-    return [Ratio(f"{written}:{frequency:g}", unit, over, under, drive, frequency)]
+    return [Ratio(name, unit, over, under, drive, frequency)]
 
 
 def parse_coupling(text: str, names: Names, option: str) -> Sequence[Quantity]:

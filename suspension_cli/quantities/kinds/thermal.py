@@ -19,7 +19,7 @@ from suspension_cli.linear.signals import FORCES, Signal, linear_form
 from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.quantities.kind import Kind
-from suspension_cli.quantities.kinds.responses import parse_numbers
+from suspension_cli.quantities.kinds.responses import parse_numbers, write_number
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity
@@ -41,6 +41,7 @@ class ThermalNoise(Quantity):
     frequency: float
 
     bends: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = "has no steady state, or a resonance without loss there"
 
     @property
@@ -53,26 +54,11 @@ class ThermalNoise(Quantity):
         return solved.with_bending(lambda bent: bent.thermal(self.motion, self.frequency))
 
 
-@dataclass(frozen=True)
-class ForceNoise(Quantity):
-    """Amplitude spectral density of the thermal force or torque on a body at a frequency in Hz."""
+class ForceNoise(ThermalNoise):
+    """Amplitude spectral density of the thermal force or torque on a body at a frequency in Hz.
 
-    force: Signal
-    frequency: float
-
-    bends: ClassVar[bool] = True
-    missing = "has no steady state, or a resonance without loss there"
-
-    @property
-    def motion(self) -> Signal:
-        """The motion that the force acts along."""
-        force = self.force
-        return Signal(force.text, force.body, force.dof, force.point, acts=False)
-
-    @property
-    def needs(self) -> Needs:
-        """The motion at its frequency."""
-        return Needs(warm_motions=(self.motion,), warm_frequency=(self.frequency,))
+    The `motion` is that along which the force acts.
+    """
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Divide the thermal motion by the motion per force."""
@@ -111,7 +97,8 @@ def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
         raise InputError.of(option, "is at rest", remedy, format_value(text))
     demand_losses(names, text, option)
     unit = f"{motion.unit}/Hz^0.5"
-    return [ThermalNoise(f"thermal {written}:{frequency:g}", unit, motion, frequency)]
+    name = f"thermal {written}:{write_number(frequency)}"
+    return [ThermalNoise(name, unit, motion, frequency)]
 
 
 def parse_force(text: str, names: Names, option: str) -> Sequence[Quantity]:
@@ -129,7 +116,9 @@ def parse_force(text: str, names: Names, option: str) -> Sequence[Quantity]:
         raise InputError.of(option, "is no force or torque", remedy, format_value(text))
     demand_losses(names, text, option)
     unit = f"{force.unit}/Hz^0.5"
-    return [ForceNoise(f"force noise {written}:{frequency:g}", unit, force, frequency)]
+    motion = Signal(force.text, force.body, force.dof, force.point, acts=False)
+    name = f"force noise {written}:{write_number(frequency)}"
+    return [ForceNoise(name, unit, motion, frequency)]
 
 
 KINDS = (

@@ -31,6 +31,7 @@ class ViolinMode(Quantity):
     order: int
 
     wire_mass: ClassVar[bool] = True
+    slow: ClassVar[bool] = True
     missing = "has no such violin mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

@@ -145,7 +145,7 @@ def test_files_and_pictures(file, tmp_path):
     assert "NOT met, exceeded by a factor of inf at 1 Hz" in text
     goal.write_text("1 1\n2 1\n")
     run("budget", *words, "--no-plot")
-    assert sus.load(out / "triple-budget.h5").data[0].requirement.exceeded == ()
+    assert sus.load(out / "triple-budget.h5").motions[0].requirement.exceeded == ()
 
 
 def test_the_grid_is_cut_to_the_table(file, tmp_path):

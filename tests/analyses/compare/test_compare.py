@@ -126,7 +126,7 @@ def test_stored_results_and_designs_on_one_grid(folder, tmp_path):
     value = np.array(ratio["real"]) + 1j * np.array(ratio["imag"])
     assert value == pytest.approx(at["b.toml"] / at["a.toml"], rel=1e-9)
     low = {
-        name: sus.thermal(sus.read(folder / name), frequency=f, fidelity="beam").data[0].amplitude
+        name: sus.thermal(sus.read(folder / name), frequency=f, fidelity="beam").amplitude[:, 0]
         for name in ("a.toml", "b.toml")
     }
     assert noise["curves"][1]["ratio"]["real"] == pytest.approx(low["b.toml"] / low["a.toml"])

@@ -226,7 +226,7 @@ def test_commands(tmp_path):
     answer = strict_json(result.stdout)
     assert [one["coil"] for one in answer["drive_rms"]] == ["F0", "F1", "F2", "F3"]
     assert {"sensor.F0", "sensor.F3"} < {*answer["contributions"]}
-    (drive, *_), [saved] = answer["drive_rms"], sus.load(tmp_path / "triple-budget.h5").data[:1]
+    (drive, *_), [saved] = answer["drive_rms"], sus.load(tmp_path / "triple-budget.h5").motions[:1]
     assert drive["force"] == saved.drive[0].force and drive["voltage"] is None
     assert "warning: coil F0: 4 times the RMS of its drive (an assumed crest factor) is" in (
         result.stderr

@@ -33,7 +33,7 @@ def solve_yaw(text, rate, sign=1.0):
     case = loops.Case("yaw", text, rate, sign)
     source = sus.parse(case.source)
     with warnings.catch_warnings(action="ignore"):
-        found = sus.damp(source, fidelity="string", frequency="0.5", duration=1.0).data.closed
+        found = sus.damp(source, fidelity="string", frequency="0.5", duration=1.0).closed
     own = [name == "test.yaw" or name.startswith("loop") for name in found.state]
     return found.value[own], loops.Reference(source, case).at
 
@@ -75,7 +75,7 @@ def test_poles_of_filters_that_the_state_space_misplaces():
 def test_a_closed_loop_without_damping_has_no_margin():
     """A pole on the imaginary axis: the sensitivity there is infinite."""
     case = loops.Case("x", 'gain(-6,"dB")', 0.0, -1.0)
-    found = sus.damp(sus.parse(case.source), fidelity="string", frequency="0.5", duration=1.0).data
+    found = sus.damp(sus.parse(case.source), fidelity="string", frequency="0.5", duration=1.0)
     assert found.closed.stable
     assert found.sensitivity.size > 1e9
     assert found.margin[0].distance < 1e-9

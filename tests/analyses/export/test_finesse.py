@@ -60,7 +60,7 @@ def written(tmp_path_factory):
 
 def test_written_module_has_the_responses_of_the_design(exported, written):
     """All motions of the mirror from its forces, those on other bodies, and the support."""
-    model, system = suspended(written), exported.data.system
+    model, system = suspended(written), exported.system
     names = {f"test.{ours}": f"etm.mech.{theirs}" for ours, theirs in NODES.items()}
     inputs = {name: names.get(name, f"sus.{name}") for name in system.input}
     outputs = {f"test.{dof}": names[f"test.{dof}"] for dof in MOTIONS}
@@ -74,7 +74,7 @@ def test_written_module_has_the_responses_of_the_design(exported, written):
 
 def test_motions_that_symmetry_separates_are_not_coupled(exported, written):
     """No edge where the state space is exactly 0."""
-    system = exported.data.system
+    system = exported.system
     zero = [(system.output.index("test.x"), system.input.index("support.yaw"))]
     zero.append((system.output.index("test.yaw"), system.input.index("upper.force_x")))
     made = suspended(written).sus

@@ -43,7 +43,7 @@ def folder(exported, tmp_path_factory):
 @pytest.fixture(scope="module")
 def frequency(exported):
     """Frequencies of the table, where nothing is interpolated."""
-    return exported.data.table["frequency"][::20]
+    return exported.table["frequency"][::20]
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def angle():
 
 def thermal(design, frequency, angle):
     """Thermal noise of four mirrors as gwinc counts them."""
-    level, upright = sus.thermal(design, outputs=["test.x", "test.z"], frequency=frequency).data
+    level, upright = sus.thermal(design, outputs=["test.x", "test.z"], frequency=frequency).motions
     return 4 * (level.amplitude**2 + (angle * upright.amplitude) ** 2)
 
 
@@ -134,7 +134,7 @@ def test_function_and_folder_agree(exported, trace, frequency):
 def test_other_interferometers_and_their_coupling():
     design = sus.example("geo-silica-triple")
     made = sus.export(design, format="gwinc", band="10:50", interferometer="CE1")
-    frequency = made.data.table["frequency"][::50]
+    frequency = made.table["frequency"][::50]
     trace = sus.gwinc(made, frequency).run()
     assert "Coating" in [part.name for part in trace.budget]
     from gwinc.ifo.noises import dhdl
@@ -268,4 +268,4 @@ def test_results_of_other_formats_are_refused(exported):
 
 def test_unknown_interferometer_is_named_by_gwinc(exported):
     with pytest.raises(RuntimeError, match="Unknown IFO 'aligo'"):
-        gwinc_budget.suspend(exported.data.table, "aligo")
+        gwinc_budget.suspend(exported.table, "aligo")

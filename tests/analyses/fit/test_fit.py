@@ -13,7 +13,7 @@ from scipy import stats
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Free, Measured, Mode
-from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tests.support.commandline import assert_refused, edited, run, strict_json, written
 from tests.support.faulty_designs import parse
@@ -33,7 +33,7 @@ FREE = [Free(name=name) for name in TRUTH]
 
 def frequencies(file, values):
     """Frequencies of a design with numbers put in, and the labels of the design as drawn."""
-    names = named_results.labels(eigenmodes.solve(registry.STRING.system(reader.read(file).design)))
+    names = eigenmodes.solve(registry.STRING.system(reader.read(file).design)).numbered_label
     design = reader.read(file, tuple(f"{path}={value!r}" for path, value in values.items())).design
     return eigenmodes.solve(registry.STRING.system(design)).frequency, names
 
@@ -199,7 +199,7 @@ def test_a_negative_stiffness_is_not_accepted_in_silence(tmp_path):
     design = tmp_path / "sprung.toml"
     design.write_text(CASE.read_text() + spring)
     stiff = eigenmodes.solve(registry.STRING.system(reader.read(design).design))
-    vertical = stiff.frequency[named_results.labels(stiff).index("test vertical")]
+    vertical = stiff.frequency[stiff.numbered_label.index("test vertical")]
     raw["mode"][0]["frequency"] = float(vertical) - 0.2
     words = ("--out", tmp_path, "--no-plot", "--quiet", "--fidelity", "string")
     result = run("fit", design, written(tmp_path, raw, "measured.toml"), *words)
@@ -220,7 +220,7 @@ def measured(exchange=(), **bounds):
     """Modes of a stiffer steel with 0.1 % noise, two of them under each other's labels."""
     found = eigenmodes.solve(registry.STRING.system(reader.read(CASE, (f"{E}=1.8e11",)).design))
     noise = np.random.default_rng(0).standard_normal(len(found.frequency))
-    labels = named_results.labels(found)
+    labels = found.numbered_label
     for first, second in [exchange] if exchange else []:
         i, j = labels.index(first), labels.index(second)
         labels[i], labels[j] = second, first

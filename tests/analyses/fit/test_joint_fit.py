@@ -12,7 +12,7 @@ import pytest
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Experiment, Free, Measured, Mode
-from suspension_cli.linear import eigenmodes, named_results
+from suspension_cli.linear import eigenmodes
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import parameters
 from tests.support.commandline import assert_refused, document, run, written
@@ -30,7 +30,7 @@ def seen(file, *values, share=0.001):
     found = eigenmodes.solve(registry.STRING.system(reader.read(file, values).design))
     return [
         Mode(frequency=float(f), uncertainty=share * float(f), label=name)
-        for f, name in zip(found.frequency, named_results.labels(found), strict=True)
+        for f, name in zip(found.frequency, found.numbered_label, strict=True)
     ]
 
 
@@ -60,7 +60,7 @@ def test_shared_and_own_numbers_are_found():
     assert found.parameters == (E, f"{FRAME} (e0)", f"{FRAME} (e1)")
     assert found.freedom == 9 and found.chi_squared < 1e-10
     assert [
-        tomllib.loads(text)["support"]["stiffness"]["z"] for text in found.design
+        tomllib.loads(text)["support"]["stiffness"]["z"] for text in found.toml
     ] == pytest.approx(truth[1:], rel=1e-7)
 
 

@@ -11,7 +11,6 @@ import pytest
 from scipy import stats
 
 import suspension_cli as sus
-from suspension_cli.analyses import registry as analyses
 from suspension_cli.analyses.fit import changes, findings, picture, search, start
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.analyses.fit.result import name_factor
@@ -22,7 +21,6 @@ from suspension_cli.design import measured as measured_file
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Transducer
 from suspension_cli.drawing.panels import COLUMN
-from suspension_cli.files.hdf5 import open_results
 from suspension_cli.linear import signals
 from suspension_cli.measurements import read as read_measured
 from suspension_cli.measurements.transfer_function import MeasuredResponse
@@ -359,8 +357,7 @@ def test_command(files, tmp_path):
     }
     assert len(document["transfer_functions"]) == 4 and document["resonances"]
     assert document["single_changes"] and document["measure_next"] and document["determined"]
-    with open_results(out / "double-fit.h5") as file:
-        loaded = analyses.get("fit").load(file)
+    loaded = sus.load(out / "double-fit.h5")
     assert loaded.responses is not None
     assert findings.document(loaded, [None])["single_changes"] == document["single_changes"]
     figures = picture.draw(loaded, "Made up"), picture.draw_responses(loaded.responses, "Made up")

@@ -30,7 +30,7 @@ def few():
 @pytest.fixture(scope="module")
 def moving():
     design = sus.read(SINGLE)
-    found = sus.modes(design, fidelity="string").data
+    found = sus.modes(design, fidelity="string")
     return picture.animate(found, 0, design.design, expand(design.design))
 
 
@@ -78,7 +78,7 @@ def test_modes_of_wires_are_refused():
 
 def test_many_modes_are_split_by_kind():
     design = sus.example("eight-stages").design
-    found = sus.modes(sus.example("eight-stages"), fidelity="string").data
+    found = sus.modes(sus.example("eight-stages"), fidelity="string")
     pages = picture.draw_pages(found, design, expand(design), "")
     numbers = sorted(n for page in pages for n in page.numbers)
     assert numbers == list(range(48))

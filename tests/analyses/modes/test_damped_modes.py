@@ -280,7 +280,7 @@ def test_the_command_lists_overdamped_modes(tmp_path):
         mode["frequency_hz"] for mode in answer["modes"] if mode["frequency_hz"] is not None
     ]
     assert frequency == sorted(frequency)
-    found = sus.load(tmp_path / "pair-modes.h5").data
+    found = sus.load(tmp_path / "pair-modes.h5")
     assert found.overdamped.sum() == 2
     assert found.decay_rate[found.overdamped].tolist() == [
         mode["decay_rate_per_s"] for mode in over

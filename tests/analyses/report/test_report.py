@@ -252,3 +252,51 @@ def test_opens_in_a_browser_without_network(page, written, tmp_path):
     assert found is not None, done.stderr[-2000:]
     assert found[1] == str(len(page.images))
     assert "CONSOLE" not in done.stderr
+
+
+REQUIRED = """
+[[requirement]]
+quantity = "lowest pitch"
+at_most = 0.9
+note = "design document, 4.2"
+[[requirement]]
+quantity = "tension test.1"
+at_most = 10.0
+"""
+
+
+def test_requirements_stand_on_the_first_page(tmp_path):
+    """Before the contents, with value, margin and limit as `check` prints them."""
+    file = tmp_path / "double.toml"
+    file.write_text((CONFIGS / "double.toml").read_text() + REQUIRED)
+    done = run("report", file, "--out", tmp_path, "--sections", "numbers", "-q")
+    assert done.exit_code == 0, done.stderr
+    text = (tmp_path / "double-report.html").read_text()
+    page = Page(text)
+    assert "requirements" in page.ids
+    assert text.index('id="requirements"') < text.index("<nav")
+    assert "1 of 2 requirements is NOT met." in page.text
+    for verdict in sus.check(sus.read(file)).verdicts:
+        assert verdict.requirement.description in page.text
+        unit, factor = verdict.requirement.displayed
+        assert f"{verdict.value * factor:.5g} {unit}" in page.text
+        assert pages.number(100 * verdict.margin) in page.text
+    assert "lowest pitch: design document, 4.2" in page.text
+
+
+def test_an_unknown_quantity_is_said_on_the_first_page(tmp_path):
+    file = tmp_path / "double.toml"
+    wrong = REQUIRED.replace("lowest pitch", "lowest pich")
+    file.write_text((CONFIGS / "double.toml").read_text() + wrong)
+    done = run("report", file, "--out", tmp_path, "--sections", "numbers", "-q")
+    assert done.exit_code == 0, done.stderr
+    page = Page((tmp_path / "double-report.html").read_text())
+    assert "Not computed: requirement.1.quantity" in page.text
+    assert "requirement.1.quantity" in refusal(file)
+
+
+def refusal(file):
+    """What `check` says of a design that it refuses."""
+    done = run("check", file)
+    assert done.exit_code == 2
+    return done.stderr

@@ -8,9 +8,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.sensitivity import solve as sensitivity
+import suspension_cli as sus
 from suspension_cli.design import reader
-from suspension_cli.linear import eigenmodes, named_results, signals
 from suspension_cli.models import closed_form, registry
 from suspension_cli.studies import parameters
 from tests.support.commandline import edited, run, strict_json, written
@@ -18,18 +17,13 @@ from tests.support.derivatives import STENCIL
 from tests.support.exchanging import SMALL, D
 from tests.support.golden import CONFIGS
 
+pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
+
 CASES = CONFIGS / "husman2000"
 
 
-def solved(text, *results):
-    design = reader.parse(text)
-    model = registry.STRING.system(design)
-    return sensitivity.solve(
-        text,
-        named_results.parse(
-            list(results) or ["modes"], eigenmodes.solve(model), signals.bodies_with_signals(model)
-        ),
-    )
+def solved(text, *results, level=registry.STRING.name):
+    return sus.sensitivity(sus.parse(text), results=results, fidelity=level, allow_unstable=True)
 
 
 def column(found, result):
@@ -280,3 +274,82 @@ def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
         row[0] for row in reported["derivative"]
     } == {None}
     assert any(row[1] for row in reported["derivative"])
+
+
+DAMPED = CONFIGS / "triple-damped.toml"
+ANY = {
+    "Q of test pitch": "stage.test.wires.d",
+    "settling of modes": "stage.test.body.mass",
+    "peak of test.x/support.x:0.2:5": "stage.test.wires.l",
+    "margin pitch.gain": "stage.upper.body.mass",
+    "noise test.x:3": "stage.test.wires.l",
+    "thermal test.x:10": "stage.test.wires.d",
+    "tension test.1": "stage.test.body.mass",
+    "test height": "stage.test.wires.l",
+    "top fraction of test pitch": "stage.test.wires.d",
+    "distance test pitch, test longitudinal": "stage.test.wires.d",
+    "test.x/support.x:0.6": "stage.test.wires.l",
+    "lowest pitch": "stage.test.wires.d",
+}
+"""Quantities of every kind, and a number that changes each."""
+
+
+@pytest.fixture(scope="module")
+def every():
+    """Derivatives of them all by these numbers."""
+    with pytest.MonkeyPatch.context() as patch:
+        numbers = [one for one in parameters.every(DAMPED.read_text(), "beam") if one.name in NAMED]
+        patch.setattr(parameters, "every", lambda *_: tuple(numbers))
+        return solved(DAMPED.read_text(), *ANY, level="beam")
+
+
+NAMED = set(ANY.values())
+
+
+@pytest.mark.parametrize("name", ANY)
+def test_any_quantity_against_differences_of_designs(name, every):
+    """Central differences between files with other numbers, by another step; the stated error
+    covers the difference but for the error of these."""
+    path = ANY[name]
+    design = sus.read(DAMPED)
+    number = every.parameter.index(path)
+    result = every.result.index(name)
+    value = float(every.value[number])
+    step = 1e-3 * max(value, 1e-3)
+    sides = []
+    for factor in (1, -1, 2, -2):
+        changed = design.replace({path: value + factor * step})
+        [verdict] = sus.check(
+            changed.replace({"requirement": [{"quantity": name, "at_least": -1e9}]})
+        ).verdicts
+        sides.append(verdict.value)
+    near = (sides[0] - sides[1]) / (2 * step)
+    far = (sides[2] - sides[3]) / (4 * step)
+    expected = (4 * near - far) / 3
+    found = every.derivative[number, result]
+    assert found == pytest.approx(expected, rel=1e-4)
+    exact = name in ("test.x/support.x:0.6", "lowest pitch")
+    error = every.derivative_error[number, result]
+    assert np.isnan(error) if exact else error < 1e-3 * abs(found)
+
+
+def test_errors_are_printed(tmp_path):
+    words = ["--result", "tension test.1", "--result", "test yaw", "--fidelity", "string"]
+    done = run("sensitivity", CONFIGS / "double.toml", *words, "--out", tmp_path, "--no-plot")
+    assert done.exit_code == 0, done.stderr
+    [first, second] = [line for line in done.stdout.splitlines() if line.startswith("  [")][:2]
+    assert "% of the largest change)" in first and "error" not in second
+
+
+def test_a_mode_that_the_design_lacks_has_no_derivatives():
+    """On wires that bend one mode alone of this design is mostly test pitch."""
+    names = ["test pitch#2", "test.x/support.x:10"]
+    found = sus.sensitivity(sus.example("quadruple"), results=names, fidelity="beam")
+    assert np.isnan(found.nominal[0]) and np.isnan(found.derivative[:, 0]).all()
+    assert found.nominal[1] > 0 and np.isfinite(found.derivative[:, 1]).any()
+
+
+def test_one_quantity_by_two_names_is_listed_once():
+    names = ["test.x/support.x:10", "test.x/support.x:10.0"]
+    found = sus.sensitivity(sus.example("double"), results=names, fidelity="string")
+    assert found.result == ("test.x/support.x:10",)

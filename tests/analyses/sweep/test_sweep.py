@@ -307,7 +307,7 @@ def test_slack_points_of_an_imperfect_design_leave_the_others_as_they_are():
     """Where only some of the points of a batch have modes, they are those of each point alone."""
     design, name = sus.example("imperfect"), "perturbation.2.length_change"
     both = sus.sweep(design, vary={name: "0,-0.002,0.0002"}, fidelity="string", workers=1)
-    assert both.data.status.tolist() == [0, 1, 0]
+    assert both.status.tolist() == [0, 1, 0]
     alone = sus.sweep(design, vary={name: "0,0.0002"}, fidelity="string", workers=1)
-    assert np.isnan(both.data.value[1]).all()
-    np.testing.assert_array_equal(both.data.value[[0, 2]], alone.data.value)
+    assert np.isnan(both.value[1]).all()
+    np.testing.assert_array_equal(both.value[[0, 2]], alone.value)

@@ -127,6 +127,26 @@ def test_words():
     assert [format_time(value) for value in (2.0, 0.0123, 83e-6)] == ["2 s", "12 ms", "83 µs"]
 
 
+def test_choices_of_auto_are_those_of_the_commands(found, answers):
+    """Model, reason and error as in the header of `modes` and `response`."""
+    design = sus.read(CASE)
+    modes = sus.modes(design)
+    low = np.geomspace(0.1, 10.0, 200)
+    into = {"inputs": "support.x", "outputs": "test.x"}
+    response = sus.response(design, **into, frequency=low)
+    for name, result in (("modes", modes), ("low", response)):
+        chosen = answers[name].automatic
+        assert (chosen.model, chosen.line) == (result.model, result.choice.line)
+        assert chosen.error == pytest.approx(result.estimated_error)
+        assert chosen.line in str(found)
+    assert answers["sweep"].automatic is None and answers["coupling"].automatic is None
+    document = found.document()
+    assert document["questions"][0]["auto"]["fidelity"] == modes.model
+    violin = sus.modes(design, fidelity="violin", max_frequency=1000.0)
+    lowest = violin.frequency[violin.order > 0].min()
+    assert document["first_violin_hz"] == pytest.approx(lowest, rel=0.02)
+
+
 # Text, files, pictures.
 
 

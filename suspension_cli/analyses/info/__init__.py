@@ -1,1 +1,0 @@
-"""Compute the errors of all models of a design, and which one it needs."""

@@ -1,0 +1,261 @@
+"""Goals of a design: quantities, the limits on them, and what is minimised.
+
+The tables `[[requirement]]` and `[[objective]]` of a file of goals, its short forms `[[goal]]`, and
+the design's own `[[requirement]]` become the same: limits on one side of a quantity, and weights.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import msgspec
+import numpy as np
+
+from suspension_cli.analyses.optimise import short_forms
+from suspension_cli.design import checks
+from suspension_cli.design.goals import Goals
+from suspension_cli.design.schema import Design, Perturbation
+from suspension_cli.errors import InputError, collect, join_errors
+from suspension_cli.quantities import requirements
+from suspension_cli.quantities.names import Names
+from suspension_cli.quantities.quantity import Quantity
+from suspension_cli.quantities.requirements import Limits, Requirement
+from suspension_cli.quantities.vocabulary import parse_one
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+Sense = Literal["at_least", "at_most", "equals"]
+SIGNS: dict[Sense, str] = {"at_least": ">=", "at_most": "<=", "equals": "="}
+
+
+@dataclass(frozen=True)
+class Target:
+    """A quantity of a design with some imperfections beside its own."""
+
+    quantity: Quantity
+    perturbation: tuple[Perturbation, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """Name, as printed."""
+        return f"{self.quantity.text}, imperfect" if self.perturbation else self.quantity.text
+
+
+@dataclass(frozen=True)
+class OneLimit:
+    """A limit on one side of a target, or its value.
+
+    Attributes
+    ----------
+    asked
+        SI.
+    of_magnitude
+        Whether the sign of the quantity does not matter.
+    group
+        Limits of one group are reported together.
+    key
+        Key that gives it, for error messages.
+    """
+
+    target: Target
+    sense: Sense
+    asked: float
+    of_magnitude: bool
+    group: str
+    key: str
+
+    @property
+    def text(self) -> str:
+        """The limit as printed: ``yaw 3 <= 5 Hz``."""
+        unit = "" if self.target.quantity.unit == "1" else self.target.quantity.unit
+        name = self.target.text
+        if self.of_magnitude and self.target.quantity.signed:
+            name = f"|{name}|"
+        return f"{name} {SIGNS[self.sense]} {self.asked:g} {unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Targets:
+    """All goals of a design.
+
+    Attributes
+    ----------
+    target
+        What limits and objectives refer to, each once.
+    limit
+        In the order in which they are met if not all can be.
+    weight
+        Of the logarithm of each target in what is minimised; negative to maximise it.
+    key
+        Key that names each target first, for error messages.
+    unknown
+        Requested stresses that are not known, and the keys that the design lacks.
+    """
+
+    target: tuple[Target, ...]
+    limit: tuple[OneLimit, ...]
+    weight: Float[np.ndarray, " target"]
+    key: tuple[str, ...]
+    unknown: tuple[str, ...]
+
+    @property
+    def place(self) -> list[int]:
+        """Number of the target of each limit."""
+        return [self.target.index(one.target) for one in self.limit]
+
+    def limits_on(self, target: Target) -> list[OneLimit]:
+        """List the limits on a target."""
+        return [one for one in self.limit if one.target == target]
+
+
+def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:
+    """Add imperfections to those of a design."""
+    return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
+
+
+def interpret(goals: Goals, names: Names, design_file: str) -> Targets:
+    """Look up the quantities of goals in a starting design.
+
+    Raises `InputError` with all that the design lacks; faults of its own requirements name its
+    file.
+    """
+    made = _Made(names, goals)
+    errors: list[InputError] = []
+    every = [
+        *((made.add_requirement, n) for n in range(len(goals.requirement))),
+        *((made.add_goal, n) for n in range(len(goals.goal))),
+        *((made.add_objective, n) for n in range(len(goals.objective))),
+    ]
+    collect(lambda one: one[0](one[1]), every, errors)
+    if errors:
+        raise join_errors(errors)
+    if goals.design_requirements:
+        own = requirements.of_design(names.design)
+        collect(made.add_own_requirement, own, errors)
+        if errors:
+            raise join_errors(errors).in_file(design_file)
+    if not made.weight:
+        problem = "nothing is limited, minimised or maximised, here or in the design"
+        remedy = "add [[requirement]] or [[objective]]"
+        if made.unknown:
+            problem = "no goal names a quantity that is known for this design"
+            remedy = f"give {next(iter(made.unknown.values()))}"
+        raise InputError.of("goal", problem, remedy)
+    unknown = tuple(f"{what}: {key} is not given" for what, key in made.unknown.items())
+    return Targets(
+        tuple(made.weight),
+        tuple(dict.fromkeys(made.limits)),
+        np.array([*made.weight.values()]),
+        tuple(made.key[target] for target in made.weight),
+        unknown,
+    )
+
+
+class _Made:
+    """Targets, limits and weights as they are read, one table after the other."""
+
+    def __init__(self, names: Names, goals: Goals) -> None:
+        self.names = names
+        self.goals = goals
+        self.weight: dict[Target, float] = {}
+        self.key: dict[Target, str] = {}
+        self.limits: list[OneLimit] = []
+        self.unknown: dict[str, str] = {}
+
+    def add_goal(self, number: int) -> None:
+        """Add the quantities that a short form stands for."""
+        goal = self.goals.goal[number]
+        key = f"goal.{number + 1}"
+        perturbation = self._imperfections(goal.perturbation, key)
+        meant = short_forms.expand(goal, self.names, key)
+        self.unknown |= meant.unknown
+        sign = int(goal.minimise) - int(goal.maximise)
+        for quantity in meant.quantities:
+            target = Target(quantity, perturbation)
+            self._add(target, key, sign * (goal.weight or 1.0))
+            limits = Limits(quantity.text, *meant.limits, key=key)
+            self._add_limits(target, limits, goal.name or goal.kind)
+
+    def add_requirement(self, number: int) -> None:
+        """Add a limit on one quantity."""
+        given = self.goals.requirement[number]
+        key = f"requirement.{number + 1}"
+        perturbation = self._imperfections(given.perturbation, key)
+        quantity = parse_one(given.quantity, self.names, f"{key}.quantity")
+        target = Target(quantity, perturbation)
+        self._add(target, key)
+        low = _first(given.at_least, given.equals, -math.inf)
+        high = _first(given.at_most, given.equals, math.inf)
+        limits = Limits(quantity.text, low, high, note=given.note, key=key)
+        self._add_limits(target, limits, given.note or target.text)
+
+    def add_objective(self, number: int) -> None:
+        """Add a quantity to minimise or maximise."""
+        given = self.goals.objective[number]
+        key = f"objective.{number + 1}"
+        word = "maximise" if given.minimise is None else "minimise"
+        perturbation = self._imperfections(given.perturbation, key)
+        quantity = parse_one(getattr(given, word), self.names, f"{key}.{word}")
+        sign = 1.0 if word == "minimise" else -1.0
+        self._add(Target(quantity, perturbation), key, sign * given.weight)
+
+    def add_own_requirement(self, limits: Limits) -> None:
+        """Add a requirement of the design itself."""
+        target = Target(parse_one(limits.quantity, self.names, limits.key))
+        self._add(target, limits.key)
+        self._add_limits(target, limits, limits.note or target.text)
+
+    def _add(self, target: Target, key: str, weight: float = 0.0) -> None:
+        self.weight[target] = self.weight.get(target, 0.0) + weight
+        self.key.setdefault(target, key)
+
+    def _add_limits(self, target: Target, limits: Limits, group: str) -> None:
+        known = {(one.target, one.sense, one.asked) for one in self.limits}
+        of_magnitude = Requirement(target.quantity, limits).limits_magnitude
+        for sense, asked in _sides(limits):
+            if (target, sense, asked) not in known:
+                one = OneLimit(target, sense, asked, of_magnitude, group, limits.key)
+                self.limits.append(one)
+
+    def _imperfections(
+        self, given: Sequence[Perturbation] | None, key: str
+    ) -> tuple[Perturbation, ...]:
+        """Check the imperfections of a goal; raises `InputError` if the design has no such part."""
+        if not given:
+            return ()
+        faults = checks.check_design(with_imperfections(self.names.design, given))
+        if faults:
+            before = len(self.names.design.perturbation)
+            raise InputError(
+                [replace(one, key=_renumbered(one.key, key, before)) for one in faults]
+            )
+        return tuple(given)
+
+
+def _sides(limits: Limits) -> Iterator[tuple[Sense, float]]:
+    """Sides of limits: one value, or each that is finite."""
+    if limits.low == limits.high:
+        yield "equals", limits.low
+        return
+    if math.isfinite(limits.low):
+        yield "at_least", limits.low
+    if math.isfinite(limits.high):
+        yield "at_most", limits.high
+
+
+def _first(*values: float | None) -> float:
+    """The first value that is given."""
+    return next(value for value in values if value is not None)
+
+
+def _renumbered(key: str, goal: str, before: int) -> str:
+    """Key of a fault of an imperfection in the table that gives it, after `before` others."""
+    head, _, rest = key.partition(".")
+    number, _, last = rest.partition(".")
+    if head == "perturbation" and number.isdigit() and int(number) > before:
+        return f"{goal}.perturbation.{int(number) - before}.{last}"
+    return f"{goal}.{key}"
