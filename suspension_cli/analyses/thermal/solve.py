@@ -23,6 +23,7 @@ from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit
 from suspension_cli.grids import decade_points, parse_frequencies
+from suspension_cli.linear.solver import Solver
 from suspension_cli.physics import model_choice, near_limits, thermal_noise
 from suspension_cli.physics.lossless import describe_lossless, find_lossless
 from suspension_cli.physics.missing_losses import Neglected, state_missing_losses
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.drawing.added_points import Solve
     from suspension_cli.linear.signals import Signal
-    from suspension_cli.linear.solver import Solver
     from suspension_cli.models.registry import Choice
 
 
