@@ -215,8 +215,8 @@ class Presented:
 
         A path that ends in .csv gets the numbers as CSV, as ``--csv`` writes them: a row per
         frequency, mode or point. Arrays with other rows go into files beside it, NAME-ROWS.csv.
-        The file of `export` has the format of its ending: .mat, .npz, .h5, .json (python-control);
-        a noise budget of gwinc is a folder.
+        The file of `export` has the format of its ending, see docs/handing-over.md; a noise budget
+        of gwinc is a folder.
 
         Raises
         ------

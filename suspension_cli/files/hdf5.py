@@ -248,19 +248,21 @@ def read_design(path: Path) -> str | None:
 
                 with np.load(path) as arrays:
                     found = arrays["design"]
-            case ".txt":
-                lines = path.read_text(encoding="utf-8").splitlines()
-                marked = (one.removeprefix(MARK) for one in lines if one.startswith(MARK))
-                found = json.loads("".join(marked))
-            case _:
+            case ".json":
                 found = json.loads(path.read_text(encoding="utf-8"))["design"]
+            case _:
+                lines = path.read_text(encoding="utf-8").splitlines()
+                found = json.loads("".join(one.partition(MARK)[2] for one in lines))
     except Exception:  # whatever the failure, it is not a result
         return None
     return str(found)
 
 
 def comment_design(text: str) -> list[str]:
-    """Write a design as lines of comment for a text file, which `read_design` reads."""
+    """Write a design as lines of comment for a text file, which `read_design` reads.
+
+    Where # starts no comment, put before each line what does.
+    """
     whole = json.dumps(text)
     return [MARK + whole[n : n + WIDTH] for n in range(0, len(whole), WIDTH)]
 
