@@ -18,11 +18,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from suspension_cli.analyses import registry
-from suspension_cli.analyses.analysis import Result
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
+from suspension_cli.analyses.record import Origin
 from suspension_cli.analyses.tradeoff.measure import (
     Entry,
     Measured,
+    Tradeoff,
     draw,
     format_time,
     measure,
@@ -208,13 +209,14 @@ def main() -> None:
         print(name, file=sys.stderr)
         found[name] = measure(source)
         if name in CHARTS:
-            result = Result(analysis, source, Choice("all", ""), found[name])
+            origin = Origin(analysis, source, Choice("all", ""))
+            result = Tradeoff.extending(found[name], run=origin)
             methods[name], text[name], titles[name] = (
                 compare_methods(source.design),
                 str(result),
-                result.title,
+                source.title,
             )
-            save(draw(found[name], result.title), folder / f"{CHARTS[name]}.png")
+            save(draw(found[name], source.title), folder / f"{CHARTS[name]}.png")
     save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
     write_bytes(folder / "tradeoff.md", document(found, methods, text).encode())
 

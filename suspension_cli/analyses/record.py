@@ -150,10 +150,44 @@ def _stamp(file: Path | None) -> tuple[int, ...]:
     return () if found is None else (found.st_ino, found.st_mtime_ns, found.st_size)
 
 
-class Presented:
-    """Forms of a result: text, JSON, pictures, files, labelled arrays."""
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """Result of an analysis: arrays and numbers with units, and the run that they come from.
 
-    run: Origin
+    A record is equal to itself alone; compare two by their arrays or by `document`.
+
+    Attributes
+    ----------
+    run : Origin
+        The design, the model with its error, the warnings, the command and the file.
+    """
+
+    run: Origin = dataclasses.field(kw_only=True, metadata=NOT_STORED)
+
+    @classmethod
+    def extending(cls, part: Any, **fields: Any) -> Self:
+        """Make a record from an object of the class that it extends, and its other fields."""
+        own = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
+        return cls(**(own | fields))
+
+    def in_file(self, file: Path) -> Self:
+        """The record with the results file that it was written to."""
+        return dataclasses.replace(self, run=dataclasses.replace(self.run, file=file))
+
+    @property
+    def design(self) -> Source:
+        """The design that was analysed."""
+        return self.run.design
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.run.model
+
+    @property
+    def estimated_error(self) -> float:
+        """Relative error of the model, estimated; NaN where it cannot be."""
+        return self.run.error
 
     @property
     def subtitle(self) -> str:
@@ -282,78 +316,6 @@ class Presented:
         import html
 
         return f"<pre>{html.escape(str(self))}</pre>"
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Record(Presented):
-    """Result of an analysis: arrays and numbers with units, and the run that they come from.
-
-    A record is equal to itself alone; compare two by their arrays or by `document`.
-
-    Attributes
-    ----------
-    run : Origin
-        The design, the model with its error, the warnings, the command and the file.
-    """
-
-    run: Origin = dataclasses.field(kw_only=True, metadata=NOT_STORED)
-
-    @classmethod
-    def extending(cls, part: Any, **fields: Any) -> Self:
-        """Make a record from an object of the class that it extends, and its other fields."""
-        own = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
-        return cls(**(own | fields))
-
-    def in_file(self, file: Path) -> Self:
-        """The record with the results file that it was written to."""
-        return dataclasses.replace(self, run=dataclasses.replace(self.run, file=file))
-
-    @property
-    def design(self) -> Source:
-        """The design that was analysed."""
-        return self.run.design
-
-    @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.run.model
-
-    @property
-    def estimated_error(self) -> float:
-        """Relative error of the model, estimated; NaN where it cannot be."""
-        return self.run.error
-
-    # names by which analyses that return a `Result` still call these; they go with it
-
-    @property
-    def analysis(self) -> Any:
-        """The analysis."""
-        return self.run.analysis
-
-    @property
-    def given(self) -> Source:
-        """The design that was analysed."""
-        return self.run.design
-
-    @property
-    def choice(self) -> Choice:
-        """The model."""
-        return self.run.choice
-
-    @property
-    def command(self) -> str:
-        """The command line, or the function, that computed it."""
-        return self.run.command
-
-    @property
-    def file(self) -> Path | None:
-        """The results file."""
-        return self.run.file
-
-    @property
-    def data(self) -> Any:
-        """The record itself."""
-        return self
 
 
 def table(source: Any, columns: str) -> list[Document]:

@@ -17,7 +17,7 @@ from suspension_cli.design import DETECTORS
 from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.record import Presented
+    from suspension_cli.analyses.record import Record
     from suspension_cli.design.reader import Source
 
 KINDS = ("single", "double", "triple", "quad", "blades")
@@ -242,7 +242,7 @@ def plot(
             terminal.tell(f"wrote {one}")
 
 
-def _compared(files: tuple[str, ...]) -> Presented:
+def _compared(files: tuple[str, ...]) -> Record:
     """Compare stored results."""
     from suspension_cli.analyses.analysis import Log, Run
 

@@ -107,11 +107,6 @@ class Thermal(Record):
             return self.motions
         return self._split(self.fine_frequency, self.fine)
 
-    @property
-    def data(self) -> list[MotionNoise]:
-        """The motions, as analyses that return a `Result` call them."""
-        return list(self.motions)
-
     def _split(self, frequency: Array, contribution: Array) -> tuple[MotionNoise, ...]:
         return tuple(
             MotionNoise(

@@ -87,7 +87,7 @@ def test_what_is_not_met_has_exit_code_1(tmp_path):
     assert f"what is not met is limited by the lower bound of {WIRES}.l" in result.stdout
     with open_results(tmp_path / "husman2000-table1-case1-optimise.h5") as file:
         loaded = registry.loaded(file, "")
-    assert f"{loaded}\n" == result.stdout and loaded.analysis.exit_code(loaded) == 1
+    assert f"{loaded}\n" == result.stdout and loaded.run.analysis.exit_code(loaded) == 1
     text = (tmp_path / "husman2000-table1-case1-optimised.toml").read_text()
     assert re.search(r"^# .* NOT MET +test longitudinal >= 3 Hz$", text, re.MULTILINE)
 
