@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from suspension_cli.analyses import options
 from suspension_cli.analyses.options import Input, Option, Settings
-from suspension_cli.analyses.record import Document as Document
 from suspension_cli.analyses.record import Origin
 from suspension_cli.analyses.record import only_one as only_one
 from suspension_cli.analyses.record import table as table
 from suspension_cli.errors import InputError, PendsusWarning, attribute_faults_to
+from suspension_cli.files.documents import Document as Document
 
 if TYPE_CHECKING:
     import click
@@ -186,8 +186,13 @@ class Analysis(ABC):
         """Compute the result; raises `InputError` for faults of the design or of a setting."""
 
     def document(self, result: Any) -> Document:
-        """JSON document without its head (command, design, model, estimated error)."""
-        return {}
+        """JSON document without its head (command, design, model, estimated error).
+
+        It follows from the fields of the record and its `in_json`; an analysis adds what is none.
+        """
+        from suspension_cli.files import documents
+
+        return documents.document(result)
 
     def text(self, result: Any) -> str:
         """Table or summary that the command prints; empty for a page or drawing."""
@@ -290,11 +295,6 @@ def _imported(path: str) -> Any:
     """Import a class by its path in the package."""
     module, _, name = path.rpartition(".")
     return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
-
-
-def describe_mirrors(mirrors: float) -> Document:
-    """JSON of the number of mirrors whose powers are added, unless it is 1."""
-    return {"mirrors": mirrors} if mirrors != 1 else {}
 
 
 def name_mirrors(mirrors: float, tilt: float = 0.0) -> str:

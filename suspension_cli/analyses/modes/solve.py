@@ -13,14 +13,15 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from suspension_cli.analyses.record import Record
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.files.declared import ADDED, ATTRIBUTE
+from suspension_cli.files.declared import ADDED, ATTRIBUTE, derived
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_band
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
@@ -32,6 +33,8 @@ from suspension_cli.physics.missing_losses import state_missing_losses
 from suspension_cli.physics.near_limits import describe_falsified_losses
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+
     from suspension_cli.analyses.analysis import Analysis, Run, Settings
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
@@ -52,7 +55,34 @@ class Modes(Record, eigenmodes.Modes):
         Parts that have no loss.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"mode": "modes"},
+        names={"top_fraction": "top_mass_fraction"},
+        without=(
+            "body coordinate omega_squared shape energy tip_energy block wire wire_energy order top"
+            " degree_of_freedom tip shape_unit damping_band damping_at"
+        ),
+        sparse="dilution growth_rate decay_rate",
+    )
     without_loss: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE | ADDED)
+
+    @property
+    @derived(along="mode")
+    def stage(self) -> tuple[str, ...]:
+        """Body (blade, wires) with most of each mode's kinetic energy in one degree of freedom."""
+        return tuple(body for body, _ in self.home)
+
+    @property
+    @derived(along="mode")
+    def dof(self) -> tuple[str, ...]:
+        """That degree of freedom."""
+        return tuple(dof for _, dof in self.home)
+
+    @property
+    @derived()
+    def fraction(self) -> Float[np.ndarray, " mode"]:
+        """Fraction of each mode's kinetic energy in it."""
+        return self.fractions.max(-1, initial=0.0)
 
 
 def solve(analysis: Analysis, run: Run, most: int) -> Modes:

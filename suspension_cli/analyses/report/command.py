@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.errors import InputError
 from suspension_cli.files.whole_files import write_bytes
 
@@ -113,6 +113,14 @@ class ReportAnalysis(Analysis):
         without = [one for one in result.sections if one.missing]
         lines += [f"{one.title}: {one.missing}" for one in without]
         return "\n".join(lines)
+
+    def document(self, result: Report) -> Document:
+        """Add the path of the page, and the verdicts as `check` gives them."""
+        from suspension_cli.analyses import verdicts
+
+        path = None if result.path is None else str(result.path)
+        judged = [verdicts.document(one) for one in result.verdicts]
+        return super().document(result) | {"path": path, "requirements": judged}
 
     def path(self, result: Report, folder: Path) -> Path:
         """Path of the page."""

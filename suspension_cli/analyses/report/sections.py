@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,7 +45,8 @@ class Omitted(Exception):
     """Raised by a section that does not apply, with the reason."""
 
 
-class Part(NamedTuple):
+@dataclass(frozen=True)
+class Part:
     """An analysis of a report: its section, command line, model, and what that neglects."""
 
     title: str

@@ -11,7 +11,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
 from suspension_cli.analyses.analysis import RelayedLog
 from suspension_cli.analyses.record import Record
@@ -31,6 +31,7 @@ from suspension_cli.analyses.report.sections import (
 from suspension_cli.design import reader
 from suspension_cli.drawing.panels import page_width
 from suspension_cli.errors import InputError
+from suspension_cli.files.documents import Layout
 from suspension_cli.quantities.requirements import Verdict
 from suspension_cli.version import __version__
 
@@ -39,7 +40,8 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
 
 
-class Section(NamedTuple):
+@dataclass(frozen=True)
+class Section:
     """A section of a report: its name, as of `sections`, its title, and why it has no results.
 
     `missing` is empty where it has some.
@@ -66,6 +68,7 @@ class Report(Record):
         Values of what `[[requirement]]` limits, as the page begins with them.
     """
 
+    in_json: ClassVar = Layout(without="page verdicts")
     page: str
     sections: tuple[Section, ...]
     parts: tuple[Part, ...]

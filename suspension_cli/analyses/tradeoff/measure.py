@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,6 +28,7 @@ from suspension_cli.drawing.style import NOTE, PALE, PALETTE
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import INLINE, along, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
@@ -82,6 +83,7 @@ class Entry:
     own is 0; NaN without a result), `where` its mode or frequency.
     """
 
+    in_json: ClassVar = Layout(without="quantity question")
     quantity: str
     question: str
     model: str
@@ -103,6 +105,9 @@ class Automatic:
     `error` is what `auto` states, relative; NaN if unknown.
     """
 
+    in_json: ClassVar = Layout(
+        names={"model": "fidelity", "error": "estimated_error"}, without="question"
+    )
     question: str
     model: str
     reason: str

@@ -196,6 +196,9 @@ def test_record_says_what_is_in_the_page(tmp_path):
     assert [one.met for one in made.verdicts] == [False, True]
     text = "1 of 2 requirements is NOT met.\nTolerances: Left out, as the design has no"
     assert str(made).startswith(text)
+    document = made.document()
+    assert [one["met"] for one in document["requirements"]] == [False, True]
+    assert [one["name"] for one in document["sections"]] == sections and len(document["parts"]) == 2
     with pytest.raises(sus.InputError, match="a report has no labelled arrays"):
         made.to_xarray()
 
