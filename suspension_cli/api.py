@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import options, registry, settings
+from suspension_cli.analyses import known_analyses, options, settings
 from suspension_cli.analyses.analysis import Analysis, Log, Run, Settings
 from suspension_cli.analyses.python_functions import demand_known_arguments, describe, python_names
 from suspension_cli.analyses.record import Record
@@ -360,7 +360,7 @@ def load(file: PathLike) -> Any:
     from suspension_cli.files.hdf5 import open_results
 
     with python_names(), open_results(options.path(file, "file")) as results:
-        return registry.loaded(results, str(file), Design)
+        return known_analyses.loaded(results, str(file), Design)
 
 
 def animate(result: Record, mode: int | str, path: PathLike) -> Path:
@@ -573,7 +573,7 @@ def _design(value: object) -> Source:
 
 def _function(name: str) -> Callable[..., Any]:
     """Make the function of an analysis from the record of its command."""
-    analysis = registry.get(name)
+    analysis = known_analyses.get(name)
 
     def call(*positional: Any, **named: Any) -> Any:
         demand_known_arguments(analysis, inspect.signature(call).parameters, named)

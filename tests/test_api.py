@@ -19,7 +19,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli import api
-from suspension_cli.analyses import python_functions, registry
+from suspension_cli.analyses import known_analyses, python_functions
 from suspension_cli.analyses.modes import picture
 from suspension_cli.conventions import ANALYSES
 from tests.support.paths import CONFIGS, ROOT
@@ -58,7 +58,7 @@ def test_every_option_has_its_argument_or_a_reason(name):
     """Options without an argument are listed in docs/api.md."""
     page = (ROOT / "docs" / "api.md").read_text()
     arguments = inspect.signature(getattr(sus, name)).parameters
-    for param in registry.get(name).parameters:
+    for param in known_analyses.get(name).parameters:
         assert param.name in arguments or f"`{param.opts[-1]}`" in page, param.opts
 
 

@@ -17,7 +17,7 @@ import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses import registry
+from suspension_cli.analyses import known_analyses
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
 from suspension_cli.analyses.record import Origin
 from suspension_cli.analyses.tradeoff.measure import (
@@ -202,7 +202,7 @@ def document(found: dict[str, Measured], methods: Any, text: dict[str, str]) -> 
 def main() -> None:
     """Measure all designs."""
     found, methods, text, titles = {}, {}, {}, {}
-    folder, analysis = ROOT / "results", registry.get("tradeoff")
+    folder, analysis = ROOT / "results", known_analyses.get("tradeoff")
     for file in DESIGNS:
         source = read(file)
         name = source.design.design.name

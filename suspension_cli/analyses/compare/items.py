@@ -152,7 +152,7 @@ def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
 def _read(ask: Callable[..., Run], given: Given) -> Item:
     import h5py
 
-    from suspension_cli.analyses import registry
+    from suspension_cli.analyses import known_analyses
     from suspension_cli.analyses.record import Record
     from suspension_cli.design import measured, reader
     from suspension_cli.files.hdf5 import is_results_file, open_results
@@ -173,7 +173,7 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
     is_data = h5py.is_hdf5(path) and not is_results_file(path)
     if ending in RESULT and os.path.isfile(path) and not is_data:
         with open_results(path) as stored:  # reports what is not HDF5
-            return _of_result(registry.loaded(stored, file), file)
+            return _of_result(known_analyses.loaded(stored, file), file)
     if ending in MEASUREMENT:
         return Item(path.stem, curves=_measured(read_bare(path)), file=file)
     raw = reader.read_toml(path)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from suspension_cli.analyses import registry, settings
+from suspension_cli.analyses import known_analyses, settings
 from suspension_cli.analyses.analysis import Analysis, RelayedLog, Run
 from suspension_cli.analyses.compare import compared_quantities
 from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
@@ -153,7 +153,7 @@ class _Analyses:
 
     def compute(self, name: str, **given: object) -> dict[int, Any]:
         """Run an analysis for all designs with the most complete model that one needs."""
-        analysis = registry.get(name)
+        analysis = known_analyses.get(name)
 
         def one(run: Run, level: str) -> Any:
             own = dict(fidelity=level, tolerance=self.setting["tolerance"], as_json=True, **given)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses import options, registry, settings, tables, verdicts
+from suspension_cli.analyses import known_analyses, options, settings, tables, verdicts
 from suspension_cli.analyses.analysis import RelayedLog, Run
 from suspension_cli.analyses.options import default_values
 from suspension_cli.analyses.report import page
@@ -98,7 +98,7 @@ class Composition:
 
     def run(self, name: str, *words: str, **given: object) -> Any:
         """Run an analysis, and list it with its settings as words of a command line (`words`)."""
-        analysis = registry.get(name)
+        analysis = known_analyses.get(name)
         own = self.request.setting
         names = {param.name for param in analysis.parameters}
         for key, default in default_values(SHARED).items():
@@ -290,7 +290,7 @@ def _stored(report: Composition, name: str) -> Any:
         return None
     try:
         with open_results(path) as file:
-            result = registry.loaded(file, str(path))
+            result = known_analyses.loaded(file, str(path))
     except InputError:  # of another version, or incomplete
         return None
     report.list(result.run.command, result.run.choice)

@@ -15,8 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses import registry as analyses
-from suspension_cli.analyses import settings
+from suspension_cli.analyses import known_analyses, settings
 from suspension_cli.analyses.options import MOST_WIRE_MODES
 from suspension_cli.analyses.record import Record
 from suspension_cli.design.derive import mirror
@@ -319,7 +318,7 @@ def _spectrum(source: Source, quantity: str, words: str, low: float, high: float
 def _coupling(source: Source) -> Question:
     """Cross-coupling of imperfect builds: wire, signals and frequency of `pendsus xcouple`."""
     design = source.design
-    setting = settings.merge(analyses.get("xcouple"), source, {})
+    setting = settings.merge(known_analyses.get("xcouple"), source, {})
     asked = parse_request(registry.STRING.system(design), setting, mirror(design))
     asked = replace(asked, frequency=asked.frequency[:1])
     count = len(STIFFNESSES) * len(OFFSETS)
