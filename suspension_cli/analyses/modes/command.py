@@ -103,11 +103,13 @@ class ModesAnalysis(Analysis):
         return found
 
     def document(self, result: Modes) -> Document:
-        """Add the band in which modes can be damped; only overdamped modes have a decay rate."""
+        """Add where modes move most and can be damped; overdamped ones alone have a decay rate."""
         band = result.damping_band or None
         damping = band and {"band_hz": [*band], "at": result.damping_at}
         document: Document = super().document(result)
-        for row, overdamped in zip(document["modes"], result.overdamped, strict=True):
+        columns = (document["modes"], result.home, result.fractions, result.overdamped)
+        for row, (body, dof), fractions, overdamped in zip(*columns, strict=True):
+            row |= {"stage": body, "dof": dof, "fraction": fractions.max()}
             row["verdict"] = row["verdict"] or None
             if not overdamped:
                 row.pop("decay_rate_per_s", None)

@@ -20,7 +20,7 @@ import numpy as np
 from suspension_cli.analyses.record import Record
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.files.declared import ADDED, ATTRIBUTE, derived
+from suspension_cli.files.declared import ADDED, ATTRIBUTE
 from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_band
 from suspension_cli.linear import eigenmodes
@@ -33,8 +33,6 @@ from suspension_cli.physics.missing_losses import state_missing_losses
 from suspension_cli.physics.near_limits import describe_falsified_losses
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
     from suspension_cli.analyses.analysis import Analysis, Run, Settings
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
@@ -65,24 +63,6 @@ class Modes(Record, eigenmodes.Modes):
         sparse="dilution growth_rate decay_rate",
     )
     without_loss: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE | ADDED)
-
-    @property
-    @derived(along="mode")
-    def stage(self) -> tuple[str, ...]:
-        """Body (blade, wires) with most of each mode's kinetic energy in one degree of freedom."""
-        return tuple(body for body, _ in self.home)
-
-    @property
-    @derived(along="mode")
-    def dof(self) -> tuple[str, ...]:
-        """That degree of freedom."""
-        return tuple(dof for _, dof in self.home)
-
-    @property
-    @derived()
-    def fraction(self) -> Float[np.ndarray, " mode"]:
-        """Fraction of each mode's kinetic energy in it."""
-        return self.fractions.max(-1, initial=0.0)
 
 
 def solve(analysis: Analysis, run: Run, most: int) -> Modes:
