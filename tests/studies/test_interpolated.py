@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses import registry, settings
+from suspension_cli.analyses import known_analyses, settings
 from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design.derive import mirror
 from suspension_cli.models import registry as models
@@ -20,7 +20,7 @@ OFFSET = Axis("offset", tuple(np.linspace(-2e-3, 2e-3, 50)))
 
 def job_of(name: str, *axes: Axis, frequency: str = "50", level: str = "string") -> Sweep:
     design = sus.example(name)
-    setting = settings.merge(registry.get("xcouple"), design, {"frequency": frequency})
+    setting = settings.merge(known_analyses.get("xcouple"), design, {"frequency": frequency})
     system = models.by_name(level).system(design.design)
     asked = parse_request(system, setting, mirror(design.design))
     return Sweep(design.text, axes, asked, level=level)

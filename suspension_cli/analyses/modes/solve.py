@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from suspension_cli.analyses.record import Record
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.files.declared import ADDED, ATTRIBUTE
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_band
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
@@ -52,6 +53,15 @@ class Modes(Record, eigenmodes.Modes):
         Parts that have no loss.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"mode": "modes"},
+        names={"top_fraction": "top_mass_fraction"},
+        without=(
+            "body coordinate omega_squared shape energy tip_energy block wire wire_energy order top"
+            " degree_of_freedom tip shape_unit damping_band damping_at"
+        ),
+        sparse="dilution growth_rate decay_rate",
+    )
     without_loss: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE | ADDED)
 
 

@@ -30,6 +30,7 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.files.hdf5 import Stored, add_dataset
 from suspension_cli.linear import eigenmodes, mode_content, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
@@ -341,6 +342,23 @@ class Sweep(Record):
         whether it meets it; points without a value do not.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"result": "results", "required": "requirements"},
+        names={
+            "result": "name",
+            "value": "values",
+            "required": "requirement",
+            "required_quantity": "quantity",
+            "required_unit": "unit",
+        },
+        without=(
+            "drawn start degree status status_meaning overlap mode mode_number coordinate"
+            " response_name response_unit response omega_squared shape rank labelled label_mode"
+            " other_mode label_fraction other_fraction"
+        ),
+        also="failures",
+        sparse="interpolation",
+    )
     axes: tuple[Axis, ...] = field(metadata=AXES)
     drawn: tuple[float, ...]
     start: tuple[int, ...]

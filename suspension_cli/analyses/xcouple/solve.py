@@ -22,6 +22,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import response
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
@@ -188,6 +189,11 @@ class Coupling(Record):
         At how many points a map was computed, and how well it was checked; None if at all.
     """
 
+    in_json: ClassVar = Layout(
+        without="status status_meaning over_input under_input residual slack_wire",
+        also="failures",
+        sparse="interpolation",
+    )
     axes: tuple[Axis, ...] = field(metadata=AXES)
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
     ratio: Complex[np.ndarray, "*axes frequency"]
@@ -237,6 +243,8 @@ class CouplingMatrix(Record, response.Response):
     value
         Complex, SI.
     """
+
+    in_json: ClassVar = Layout(names={"value": "matrix"}, without="closed_loop largest")
 
 
 def write(group: h5py.Group, columns: Columns, job: Sweep, run: Origin) -> Coupling:
