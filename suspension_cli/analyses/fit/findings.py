@@ -83,8 +83,9 @@ def describe(problem: Problem, slope: Array, fitted: Fitted) -> tuple[str, ...]:
     p = problem.count
     # of parameters without prior: the value that was found
     without = np.isinf(fitted.prior_sigma)
-    value = np.where(fitted.value != 0, np.abs(fitted.value), problem.unknowns.scale[:p] / TYPICAL)
-    scale = np.where(without, value, problem.unknowns.scale[:p])
+    typical = problem.unknowns.scale[:p]
+    size = np.where(fitted.value != 0, np.abs(fitted.value), typical / TYPICAL)
+    scale: Array = np.where(without, size, typical)
     rows = problem.data_rows(slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))

@@ -101,7 +101,7 @@ def test_one_number_by_hand():
 
 
 def test_what_is_determined_does_not_depend_on_the_start():
-    """f^2 is proportional to E: the relative uncertainty of E is twice that of f, from any start."""
+    """f^2 is proportional to E, whose relative uncertainty is twice that of f."""
     measured = [Mode(frequency=11.4, uncertainty=0.1, label="test vertical")]
     for start in (2e9, 2e11):
         number = Free(name="materials.steel302.youngs_modulus", start=start)
