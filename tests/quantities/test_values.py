@@ -198,6 +198,17 @@ def test_distance_and_top_fraction_follow_from_modes(lossy):
     assert top == pytest.approx(modes.top_fraction[pitch], rel=LOSSLESS)
 
 
+def test_fractions_of_a_mode_are_those_of_modes_and_add_up_to_1(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    number = list(modes.label).index("test pitch")
+    motions = list(dict.fromkeys(names_of(lossy).labels))
+    parts = evaluate(lossy, *(f"fraction of {one} in test pitch" for one in motions))
+    assert max(parts) == pytest.approx(parts[motions.index("test pitch")], rel=RELATIVE)
+    own = modes.energy[number].ravel()
+    assert parts[motions.index("test pitch")] == pytest.approx(own.max(), rel=LOSSLESS)
+    assert 0.5 < sum(parts) <= 1 + RELATIVE
+
+
 def test_families_have_each_mode_once(lossy):
     modes = sus.modes(lossy, fidelity="beam")
     families = names_of(lossy).families
@@ -254,6 +265,8 @@ def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
         ("margin pitch.size", "is no margin; write margin LOOP.gain|phase|delay|distance"),
         ("margin nothing.gain", "names no loop"),
         ("top fraction of tset pitch", "is the label of no mode; did you mean 'test pitch'?"),
+        ("fraction of pitch in test yaw", "names no motion of a stage"),
+        ("fraction of test pitch", "names no mode; write fraction of test pitch in MODE"),
         ("distance test pitch", "does not name two modes"),
         ("difference test pitch, test pitch", "names one mode twice"),
         ("test pitch#99", "is more than the 18 modes of the design"),

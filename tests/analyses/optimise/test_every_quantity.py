@@ -61,6 +61,7 @@ GOALS = {
     "stress fraction WIRE, stress fraction STAGE wires|blades": ("stress fraction test.1", RADIUS),
     "sag of BLADE, sag of STAGE blades": ("sag of test blades", MASS),
     "margin LOOP.gain|phase|delay|distance": ("margin x.delay", MASS),
+    "fraction of STAGE MOTION in MODE": ("fraction of upper pitch in test pitch", LENGTH),
     "top fraction of MODE": ("top fraction of test pitch", LENGTH),
     "distance MODE, MODE": ("distance test pitch, lowest yaw", LENGTH),
     "difference MODE, MODE": ("difference test pitch, yaw 1", LENGTH),
@@ -84,7 +85,7 @@ KINDS = [kind.pattern for kind in vocabulary.every_kind()]
 
 def design_for(pattern: str) -> str:
     """Text of the design for a kind: with two bodies, or undamped, where that matters."""
-    if pattern == "top fraction of MODE":
+    if pattern in ("top fraction of MODE", "fraction of STAGE MOTION in MODE"):
         return DOUBLE
     if pattern == "dilution of MODE":  # only losses in wires
         return sus.template("single").text
