@@ -82,9 +82,11 @@ def short(name: str) -> str:
 def describe(problem: Problem, slope: Array, fitted: Fitted) -> tuple[str, ...]:
     """Say which parameters the data determine without priors, one statement per line."""
     p = problem.count
-    free = np.isinf(fitted.prior_sigma)
-    # of parameters without prior: the value itself
-    scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
+    # of parameters without prior: the value that was found
+    without = np.isinf(fitted.prior_sigma)
+    typical = problem.unknowns.scale[:p]
+    size = np.where(fitted.value != 0, np.abs(fitted.value), typical / TYPICAL)
+    scale: Array = np.where(without, size, typical)
     rows = problem.data_rows(slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))

@@ -136,8 +136,12 @@ class Limits:
         return self._relative_room(self.before)
 
     def _relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
-        """Distances of values from the limits relative to these; of equalities at most 0."""
-        return self._signed((value - self.asked) / self.scale) + 0.0  # -0.0 becomes 0.0
+        """Distances of values from the limits relative to these; of equalities at most 0.
+
+        As `quantities.requirements.Requirement.margin` of other commands.
+        """
+        size = np.where(self.asked == 0, self.scale, np.abs(self.asked))
+        return self._signed((value - self.asked) / size) + 0.0  # -0.0 becomes 0.0
 
     def _signed(self, above: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
         sense = np.array(self.sense, dtype=str)

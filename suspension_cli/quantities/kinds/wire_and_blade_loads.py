@@ -112,7 +112,8 @@ def _demand_known(quantity: Load, names: Names, option: str) -> None:
     loads = names.statics.wires if quantity.part == "wire" else names.statics.blades
     for number in quantity.numbers:
         if VALUES[quantity.what](loads[number]) is None:
-            missing = "cross-section" if loads[number].stress is None else "tensile_strength"
+            needed = "cross-section" if quantity.part == "wire" else "geometry"
+            missing = needed if loads[number].stress is None else "tensile_strength"
             problem = f"is not known: {loads[number].label} has no {missing}"
             remedy = f"give its {missing}"
             raise InputError.of(option, problem, remedy, format_value(quantity.text))
