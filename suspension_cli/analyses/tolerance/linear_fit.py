@@ -79,9 +79,10 @@ class LinearFit:
 def fits_of_columns(
     values: Float[np.ndarray, "build quantity"], deviations: Float[np.ndarray, "build factor"]
 ) -> Iterator[tuple[int, Bool[np.ndarray, " build"], LinearFit]]:
-    """Prepare the fit of each quantity that varies: its number, the builds with a finite value, fit.
+    """Prepare the fits of quantities: the number of each, the builds that have it, and its fit.
 
-    Quantities that too few builds have are left out. Those of the same builds share a fit.
+    Quantities that do not vary, or that too few builds have, are left out. Those of the same
+    builds share a fit.
     """
     known = np.isfinite(values)
     fits: dict[bytes, LinearFit] = {}

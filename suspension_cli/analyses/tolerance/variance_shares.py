@@ -33,6 +33,7 @@ from suspension_cli.analyses.tolerance.linear_fit import LinearFit, fits_of_colu
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
+
 @dataclass(frozen=True)
 class Shares:
     """Shares of the variance of quantities, from 0 to 1 but for their standard errors.
