@@ -128,7 +128,7 @@ class Statistics:
         std_error = float(means.error[1]) / (2 * std) if std > 0 else float(means.error[1])
         shift = means.value[2:] - means.plain[2:]
         errors = np.sqrt(means.error[2:] ** 2 + 1 / count**2 + np.abs(shift) / count)
-        level = np.array(QUANTILES) - shift
+        level = np.sort(np.array(QUANTILES) - shift)  # a distribution function rises
         levels = np.array([level, level - errors, level + errors])
         if np.isnan(levels).any():
             levels[1:] = np.nan
