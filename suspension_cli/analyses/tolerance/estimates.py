@@ -124,18 +124,20 @@ class Statistics:
             return Statistics(np.nan, np.nan, np.nan, np.nan, none, none)
         mean = float(means.value[0])
         variance = float(means.value[1]) - (mean - asked.centre) ** 2
-        std = np.sqrt(max(variance, 0.0))
+        error = float(means.error[0])
+        std = float(np.sqrt(max(variance, 0.0)))
         std_error = float(means.error[1]) / (2 * std) if std > 0 else float(means.error[1])
         shift = means.value[2:] - means.plain[2:]
         errors = np.sqrt(means.error[2:] ** 2 + 1 / count**2 + np.abs(shift) / count)
         level = np.sort(np.array(QUANTILES) - shift)  # a distribution function rises
-        levels = np.array([level, level - errors, level + errors])
-        if np.isnan(levels).any():
-            levels[1:] = np.nan
-        low = np.nan_to_num(levels, nan=0.0)
-        quantiles, below, above = np.quantile(values, np.clip(low, 0.0, 1.0))
-        errors = np.where(np.isnan(levels[1]), np.nan, (above - below) / 2)
-        return Statistics(mean, float(means.error[0]), float(std), std_error, quantiles, errors)
+        if np.isnan(errors).any():  # of a single build
+            quantiles = np.quantile(values, QUANTILES)
+            return Statistics(mean, error, std, std_error, quantiles, np.full(len(level), np.nan))
+        half = np.minimum(errors, 0.5)
+        middle = np.clip(level, half, 1 - half)  # the interval does not shrink at its ends
+        levels = np.clip([level, middle - half, middle + half], 0.0, 1.0)
+        quantiles, below, above = np.quantile(values, levels)
+        return Statistics(mean, error, std, std_error, quantiles, (above - below) / 2)
 
     @staticmethod
     def columns(rows: Sequence[Statistics]) -> dict[str, np.ndarray]:
