@@ -768,7 +768,8 @@ def thermal(
 def tolerance(
     design: Design | PathLike,
     *,
-    builds: int = 10000,
+    builds: int | None = None,
+    precision: float | None = None,
     seed: int = 1,
     limit: float = 0.001,
     require: Names = (),
@@ -793,8 +794,12 @@ def tolerance(
     ----------
     design : Design
         The design, or the path of its file.
-    builds : int
-        Number of random builds.
+    builds : int, optional
+        Number of random builds (default 10000); with precision the largest one (default 1000000).
+    precision : float, optional
+        Add builds until standard errors are below this fraction of the spread, and those of yields
+        below this number: of the coupling, of quantities with requirements and of each results.
+        For example 0.01.
     seed : int
         Seed of the random numbers; the same seed gives the same builds.
     limit : float
