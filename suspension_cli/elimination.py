@@ -12,8 +12,8 @@ eliminated at once, with the system axis last. The transmission from support to 
 product of those of the stages, so it keeps its relative accuracy however small it is (factors of a
 graded matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 10). Where a
 part resonates alone its pivots are nearly singular, and the body above loses digits. A correction
-from the residual restores these (ibid., chapter 12); a large one shows that the system needs
-pivoting.
+from the residual restores these (ibid., chapter 12), more of them where the first is not small. A
+large one shows that the system needs pivoting.
 """
 
 from __future__ import annotations
@@ -32,8 +32,17 @@ Positions: TypeAlias = "slice | Int[np.ndarray, ' _']"
 
 ROUNDING = 4e-15
 """Fraction of its terms up to which a sum is a rounding error."""
-LARGE = 1e-6
+SMALL = 1e-6
+"""Relative correction of a coordinate up to which its square, which is left, is negligible."""
+LARGE = 1e-4
 """Relative correction of a coordinate above which a system is solved with pivoting."""
+MORE = 2
+"""Corrections after the first where that is neither small nor large."""
+BACKWARD = 1e-12
+"""Residual, over the sum of the magnitudes of its terms, up to which a solution is that of equal
+equations but for rounding errors."""
+FEW = 128
+"""Systems up to which a step of elimination changes all its elements at once, not row by row."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +98,22 @@ class Pattern:
             for steps in (later.tolist() for later in self.later)
         ]
 
+    @cached_property
+    def updated_at_once(
+        self,
+    ) -> list[tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"], Int[np.ndarray, " _"]]]:
+        """Elements that eliminating a step changes, and the two of its row whose product each is.
+
+        The numbers of the two are those among the elements of the row beyond the diagonal.
+        """
+        every = np.arange(self.start[-1])
+        result = []
+        for later, rows in zip(self.later, self.updated, strict=True):
+            changed = np.concatenate([every[:0], *(every[row] for row in rows)])
+            first, second = np.triu_indices(len(later))
+            result.append((changed, first, second))
+        return result
+
     def factor(
         self, elements: Inexact[np.ndarray, "element system"], held: float | None = None
     ) -> Factors:
@@ -102,7 +127,8 @@ class Pattern:
         least = np.full(elements.shape[1], np.inf)
         size = np.abs(elements[self.start[:-1]]) if held is not None else elements[:0]
         size[size == 0] = 1.0
-        for n, updated in enumerate(self.updated):
+        few = elements.shape[1] <= FEW
+        for n in range(self.size):
             row = elements[self.start[n] : self.start[n + 1]]
             pivot = row[0]
             if held is not None:
@@ -110,8 +136,12 @@ class Pattern:
                 pivot = np.where(np.abs(pivot) > held * size[n], pivot, size[n])
             pivots.append(1.0 / pivot)
             multipliers.append(row[1:] * pivots[-1])
-            for k, changed in enumerate(updated):
-                elements[changed] -= multipliers[-1][k] * row[1 + k :]
+            if few:
+                changed, first, second = self.updated_at_once[n]
+                elements[changed] -= multipliers[-1][first] * row[1 + second]
+            else:
+                for k, changed in enumerate(self.updated[n]):
+                    elements[changed] -= multipliers[-1][k] * row[1 + k :]
         return Factors(self, pivots, multipliers, least)
 
     def assemble(
@@ -126,9 +156,8 @@ class Pattern:
         self,
         elements: Inexact[np.ndarray, "element system"],
         rhs: Inexact[np.ndarray, "coordinate input system"],
-        largest: float = LARGE,
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve D x = b with one correction; where that is over the `largest`, with pivoting."""
+        """Solve D x = b with corrections; where these are large, with pivoting."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
@@ -136,19 +165,70 @@ class Pattern:
             factors.solve(x)
             correction = self._residual(elements, x, right)
             factors.solve(correction)
-            large = ~(np.abs(correction) <= largest * np.abs(x)).all((0, 1))
+            change = np.abs(correction)
+            size = np.abs(x)
+            small = (change <= SMALL * size).all((0, 1))
+            large = ~(change <= LARGE * size).all((0, 1))
             x += correction
+            again = ~(small | large)
+            if again.any():
+                x[..., again] = self._corrected(
+                    factors.select(again), elements[:, again], x[..., again], right[..., again]
+                )
             result = np.empty_like(x)
             result[self.order] = x
             if large.any():
-                elements = elements[:, large]
-                right = right[..., large]
-                matrix = self.assemble(elements)
-                residual = np.empty_like(x[..., large])
-                solution = dense(matrix, rhs[..., large])
-                residual[self.order] = self._residual(elements, solution[self.order], right)
-                result[..., large] = solution + dense(matrix, residual)
+                result[..., large] = self._solve_pivoting(elements[:, large], rhs[..., large])
         return result
+
+    def _corrected(
+        self,
+        factors: Factors,
+        elements: Inexact[np.ndarray, "element system"],
+        x: Inexact[np.ndarray, "step input system"],
+        right: Inexact[np.ndarray, "step input system"],
+    ) -> Inexact[np.ndarray, "step input system"]:
+        """Correct solutions in the order of steps some more times."""
+        for _ in range(MORE):
+            x = x + factors.solve(self._residual(elements, x, right))
+        return x
+
+    def solve_nearly_singular(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        rhs: Inexact[np.ndarray, "coordinate vector system"],
+    ) -> Inexact[np.ndarray, "coordinate vector system"]:
+        """Solve D x = b beside roots, where x is mainly the shape of the root.
+
+        Its size is undetermined, so the residual tells whether it has to be solved with pivoting.
+        Not finite at a root to the last bit.
+        """
+        right = rhs[self.order]
+        with np.errstate(all="ignore"):
+            factors = self.factor(elements.copy())
+            x = right.astype(np.result_type(right, elements))
+            factors.solve(x)
+            x += factors.solve(self._residual(elements, x, right))
+            residual = np.abs(self._residual(elements, x, right))
+            terms = self._residual(-np.abs(elements), np.abs(x), np.abs(right))
+            large = ~(residual <= BACKWARD * terms).all((0, 1))
+            result = np.empty_like(x)
+            result[self.order] = x
+            if large.any():
+                result[..., large] = dense(self.assemble(elements[:, large]), rhs[..., large])
+        return result
+
+    def _solve_pivoting(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        rhs: Inexact[np.ndarray, "coordinate input system"],
+    ) -> Inexact[np.ndarray, "coordinate input system"]:
+        """Solve D x = b by LU with pivoting and one correction."""
+        matrix = self.assemble(elements)
+        solution = dense(matrix, rhs)
+        residual = np.empty_like(solution)
+        residual[self.order] = self._residual(elements, solution[self.order], rhs[self.order])
+        return solution + dense(matrix, residual)
 
     def _residual(
         self,
@@ -209,6 +289,12 @@ class Factors:
     pivots: list[Inexact[np.ndarray, " system"]]
     multipliers: list[Inexact[np.ndarray, "_ system"]]
     least: Inexact[np.ndarray, " system"]
+
+    def select(self, some: Bool[np.ndarray, " system"]) -> Factors:
+        """Select some of the systems."""
+        pivots = [part[some] for part in self.pivots]
+        multipliers = [part[:, some] for part in self.multipliers]
+        return Factors(self.pattern, pivots, multipliers, self.least[some])
 
     def solve(
         self, x: Inexact[np.ndarray, "step input system"]

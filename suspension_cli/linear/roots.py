@@ -426,7 +426,11 @@ def _step(
     """
     right = block.elements.multiply(slopes, x)
     with np.errstate(all="ignore"):
-        y = dense(block.matrix(functions)[:, 6:], right)
+        if isinstance(block, ClosedBlock):  # these equations are not symmetric
+            y = dense(block.matrix(functions)[:, 6:], right)
+        else:
+            values = block.absolute.in_pattern(block.elements.at(functions))
+            y = block.absolute.pattern.solve_nearly_singular(values, right)
         size = np.abs(y).max(0)
         size[size == 0] = 1.0
         y = y / size
