@@ -83,7 +83,7 @@ class TautWire:
 
     @cached_property
     def tensions(self) -> Inexact[np.ndarray, "section *#frequency"]:
-        """Tension in the middle of each section, N, which the weight of a wire with mass changes."""
+        """Tension in the middle of each section, N; the weight of a wire with mass changes it."""
         return self.stack([self.tension_of(section) for section in self.fibre.sections])
 
     def tension_of(self, section: Section) -> Inexact[np.ndarray, "*frequency"] | float:
