@@ -13,7 +13,7 @@ product of those of the stages, so it keeps its relative accuracy however small 
 graded matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 10). Where a
 part resonates alone its pivots are nearly singular, and the body above loses digits. A correction
 from the residual restores these (ibid., chapter 12), more of them where the first is not small. A
-large one shows that the system needs pivoting.
+residual that remains shows that the system needs pivoting.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ ROUNDING = 4e-15
 """Fraction of its terms up to which a sum is a rounding error."""
 SMALL = 1e-6
 """Relative correction of a coordinate up to which its square, which is left, is negligible."""
-LARGE = 1e-4
-"""Relative correction of a coordinate above which a system is solved with pivoting."""
 MORE = 2
-"""Corrections after the first where that is neither small nor large."""
-BACKWARD = 1e-12
-"""Residual, over the sum of the magnitudes of its terms, up to which a solution is that of equal
-equations but for rounding errors."""
+"""Corrections after the first where that is not small."""
+BACKWARD = 1e-14
+"""Residual, over the sum of the magnitudes of its terms, up to which it is a rounding error; a
+system with more is solved with pivoting."""
+TOGETHER = 16
+"""Functions of frequency that are evaluated together: a term has about as many."""
 FEW = 128
 """Systems up to which a step of elimination changes all its elements at once, not row by row."""
 
@@ -157,28 +157,21 @@ class Pattern:
         elements: Inexact[np.ndarray, "element system"],
         rhs: Inexact[np.ndarray, "coordinate input system"],
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve D x = b with corrections; where these are large, with pivoting."""
+        """Solve D x = b with corrections; where these do not suffice, with pivoting."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
             x = right.astype(np.result_type(right, elements))
             factors.solve(x)
-            correction = self._residual(elements, x, right)
-            factors.solve(correction)
-            change = np.abs(correction)
-            size = np.abs(x)
-            small = (change <= SMALL * size).all((0, 1))
-            large = ~(change <= LARGE * size).all((0, 1))
+            correction = factors.solve(self._residual(elements, x, right))
+            again = ~(np.abs(correction) <= SMALL * np.abs(x)).all((0, 1))
             x += correction
-            again = ~(small | large)
-            if again.any():
-                x[..., again] = self._corrected(
-                    factors.select(again), elements[:, again], x[..., again], right[..., again]
-                )
             result = np.empty_like(x)
             result[self.order] = x
-            if large.any():
-                result[..., large] = self._solve_pivoting(elements[:, large], rhs[..., large])
+            if again.any():
+                result[..., again] = self._corrected(
+                    factors.select(again), elements[:, again], x[..., again], rhs[..., again]
+                )
         return result
 
     def _corrected(
@@ -186,12 +179,18 @@ class Pattern:
         factors: Factors,
         elements: Inexact[np.ndarray, "element system"],
         x: Inexact[np.ndarray, "step input system"],
-        right: Inexact[np.ndarray, "step input system"],
-    ) -> Inexact[np.ndarray, "step input system"]:
-        """Correct solutions in the order of steps some more times."""
+        rhs: Inexact[np.ndarray, "coordinate input system"],
+    ) -> Inexact[np.ndarray, "coordinate input system"]:
+        """Correct solutions, in the order of steps, some more times; or solve with pivoting."""
+        right = rhs[self.order]
         for _ in range(MORE):
             x = x + factors.solve(self._residual(elements, x, right))
-        return x
+        result = np.empty_like(x)
+        result[self.order] = x
+        inexact = ~self._is_exact(elements, x, right)
+        if inexact.any():
+            result[..., inexact] = self._solve_pivoting(elements[:, inexact], rhs[..., inexact])
+        return result
 
     def solve_nearly_singular(
         self,
@@ -200,8 +199,7 @@ class Pattern:
     ) -> Inexact[np.ndarray, "coordinate vector system"]:
         """Solve D x = b beside roots, where x is mainly the shape of the root.
 
-        Its size is undetermined, so the residual tells whether it has to be solved with pivoting.
-        Not finite at a root to the last bit.
+        Its size is undetermined, so corrections may be large. Not finite at a root to the last bit.
         """
         right = rhs[self.order]
         with np.errstate(all="ignore"):
@@ -209,14 +207,28 @@ class Pattern:
             x = right.astype(np.result_type(right, elements))
             factors.solve(x)
             x += factors.solve(self._residual(elements, x, right))
-            residual = np.abs(self._residual(elements, x, right))
-            terms = self._residual(-np.abs(elements), np.abs(x), np.abs(right))
-            large = ~(residual <= BACKWARD * terms).all((0, 1))
             result = np.empty_like(x)
             result[self.order] = x
-            if large.any():
-                result[..., large] = dense(self.assemble(elements[:, large]), rhs[..., large])
+            inexact = ~self._is_exact(elements, x, right)
+            if inexact.any():
+                matrix = self.assemble(elements[:, inexact])
+                result[..., inexact] = dense(matrix, rhs[..., inexact])
         return result
+
+    def _is_exact(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        x: Inexact[np.ndarray, "step input system"],
+        right: Inexact[np.ndarray, "step input system"],
+    ) -> Bool[np.ndarray, " system"]:
+        """Whether solutions, in the order of steps, are those of equal equations but for rounding.
+
+        Elements that cancel may then still change from one correction to the next: nothing gives
+        them more digits.
+        """
+        residual = np.abs(self._residual(elements, x, right))
+        terms = self._residual(-np.abs(elements), np.abs(x), np.abs(right))
+        return (residual <= BACKWARD * terms).all((0, 1))
 
     def _solve_pivoting(
         self,
@@ -338,11 +350,28 @@ class Elements:
             start += len(rows)
         return Elements(places[0], places[1], weights)
 
+    @cached_property
+    def groups(
+        self,
+    ) -> list[tuple[slice, Int[np.ndarray, " element"], Float[np.ndarray, "element function"]]]:
+        """Groups of functions, the elements that they act on, and their weights there."""
+        result = []
+        for start in range(0, self.weights.shape[1], TOGETHER):
+            own = slice(start, start + TOGETHER)
+            elements = np.flatnonzero(self.weights[:, own].any(1))
+            result.append((own, elements, self.weights[elements, own]))
+        return result
+
     def at(
         self, functions: Inexact[np.ndarray, "function system"]
     ) -> Inexact[np.ndarray, "element system"]:
         """Evaluate the elements."""
-        return multiply_real(self.weights, functions) if len(functions) else self.weights
+        if len(functions) <= TOGETHER:
+            return multiply_real(self.weights, functions) if len(functions) else self.weights
+        result = np.zeros((len(self.row), functions.shape[1]), dtype=functions.dtype)
+        for own, elements, weights in self.groups:
+            result[elements] += multiply_real(weights, functions[own])
+        return result
 
     def multiply(
         self,
