@@ -164,7 +164,7 @@ class Pattern:
             x = right.astype(np.result_type(right, elements))
             factors.solve(x)
             correction = factors.solve(self._residual(elements, x, right))
-            again = ~(np.abs(correction) <= SMALL * np.abs(x)).all((0, 1))
+            again = np.asarray(~(np.abs(correction) <= SMALL * np.abs(x)).all((0, 1)))
             x += correction
             result = np.empty_like(x)
             result[self.order] = x
@@ -228,7 +228,7 @@ class Pattern:
         """
         residual = np.abs(self._residual(elements, x, right))
         terms = self._residual(-np.abs(elements), np.abs(x), np.abs(right))
-        return (residual <= BACKWARD * terms).all((0, 1))
+        return np.asarray((residual <= BACKWARD * terms).all((0, 1)))
 
     def _solve_pivoting(
         self,
