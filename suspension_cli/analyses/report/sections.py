@@ -131,8 +131,7 @@ class Composition:
 
     def pictures(self, result: Record, caption: str) -> Iterator[Block]:
         """Return the pictures of a result with one caption."""
-        for figure in result.figures().values():
-            yield page.picture(figure, caption)
+        yield from page.pictures(result.figures().values(), caption)
 
 
 def requirements(report: Composition) -> Iterator[Block]:
