@@ -84,6 +84,16 @@ class Solved:
         self._ranked: dict[Families, list[Array]] = {}
         self._followed: dict[str, Array] = {}
 
+    @classmethod
+    def of_systems(cls, model: LinearSystem, design: Design, level: str) -> Solved:
+        """Stable systems of a batch, without equilibria: only modes are read from them."""
+        (count,) = model.batch
+        status = np.full(count, builds.GOOD, dtype=np.uint8)
+        wire = np.full(count, -1, dtype=np.int16)
+        mirrors = np.zeros((count, 2), dtype=bool)
+        found = Builds(model, status, wire, np.full(count, np.nan), mirrors)
+        return cls([design] * count, found, level, Needs(), lambda _: iter(()))
+
     @property
     def count(self) -> int:
         """Number of designs."""
