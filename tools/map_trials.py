@@ -88,9 +88,9 @@ def make(seed: int) -> tuple[ParameterSweep, bool]:
     for n in rng.choice(len(given), 2, replace=False).tolist():
         path, value = given[n]
         width = 10 ** rng.uniform(-2, -0.5)
-        ends = sorted((value * (1 - width), value * (1 + width)))
-        spaced = np.geomspace if rng.random() < 0.3 and ends[0] > 0 else np.linspace
-        axes.append(Axis(path, tuple(spaced(*ends, SIDE).tolist())))
+        low, high = sorted((value * (1 - width), value * (1 + width)))
+        spaced = np.geomspace if rng.random() < 0.3 and low > 0 else np.linspace
+        axes.append(Axis(path, tuple(spaced(low, high, SIDE).tolist())))
     level = str(rng.choice(["string", "string", "string", "beam"]))
     bodies = [stage.name for stage in source.design.stage]
     body = bodies[-1]

@@ -85,7 +85,7 @@ class Surface:
         self, values: Sequence[Float[np.ndarray, " value"]]
     ) -> Inexact[np.ndarray, "*axes function"]:
         """Evaluate the functions on the grid of these values of the numbers."""
-        used = self.coefficient.any(tuple(range(len(values))))
+        used = np.asarray(self.coefficient.any(tuple(range(len(values)))))
         found = self.coefficient[..., used]
         for axis, own in enumerate(values):
             found = np.moveaxis(

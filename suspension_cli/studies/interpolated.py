@@ -32,7 +32,7 @@ CHECKED = 12
 """Number of random points that are computed in full, beside corners and the worst ones."""
 WORST = 6
 """Number of points for each axis at which the largest errors are expected."""
-ROUNDING = 1e-12
+ROUNDING = 1e-11
 """Differences below this are rounding errors, of which larger ones may be elsewhere."""
 ACCEPTED = 1e-6
 """Largest difference from full solutions, relative to the result, of an interpolated map."""

@@ -219,7 +219,7 @@ class ParameterSweep(Grid):
         found = {one: one.of_functions(own) for one, own in zip(self._analytic, parts, strict=True)}
         batch = None
         if self._matrices is not None:
-            batch = Solved.of_systems(self._matrices.system(rest.real), self.design, self.level)
+            batch = Solved.of_systems(self._matrices.system(np.real(rest)), self.design, self.level)
             others = set(self.quantities) - set(self._analytic) - set(self.followed)
             found |= {one: one.values(batch) for one in others}
         status = np.full(count, builds.GOOD, dtype=np.uint8)

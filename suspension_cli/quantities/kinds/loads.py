@@ -55,7 +55,7 @@ class Load(Quantity):
         self, functions: Inexact[np.ndarray, "design part"]
     ) -> Float[np.ndarray, " design"]:
         """The largest of the parts."""
-        return functions.real.max(-1)
+        return np.real(functions).max(-1)
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Read the largest of the parts in each design."""
