@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     Points = Array
     """Points of a study, one per row: numbers, or deviations of random builds."""
 
-CHUNK_OF_MAP = 1 << 15
-"""Fewest points of a map that are evaluated at once."""
 J = TypeVar("J", bound="Job")
 """Kind of job."""
 
@@ -210,7 +208,7 @@ def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Any
         run.folder.mkdir(parents=True, exist_ok=True)
     how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
     if isinstance(review.computed, InterpolatedMap):
-        how["chunk"] = max(how["chunk"], CHUNK_OF_MAP)
+        how["chunk"] = max(how["chunk"], review.computed.chunk)
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
             begin = review.computed, path, analysis.name, review.origin, review.write

@@ -128,7 +128,9 @@ def run(
             _compute_all(job, points, **how)
         columns = points.columns
         write = verdict.write
-        hdf5.write(path, verdict.origin, lambda file: write(file.create_group(group), columns))
+        hdf5.write_large(
+            path, verdict.origin, lambda file: write(file.create_group(group), columns)
+        )
     shutil.rmtree(part_of(path))
 
 

@@ -76,13 +76,21 @@ class Sweep(Grid):
         """Compute the couplings of builds start to stop - 1, see `couplings`."""
         return self.compute_at(self.values(start, stop))
 
-    compared: ClassVar[tuple[str, ...]] = ("ratio",)
-    """Columns by which an interpolated map is compared with full solutions."""
+    compared: ClassVar[dict[str, float]] = {"ratio": 0.0}
+    """Columns by which an interpolated map is compared with full solutions.
+
+    And the sizes below which their differences are relative to these.
+    """
 
     @property
     def is_analytic(self) -> bool:
         """Couplings follow from the functions of `sample`."""
         return True
+
+    @property
+    def least(self) -> Float[np.ndarray, " function"]:
+        """Sizes of these functions below which they are rounding errors."""
+        return np.zeros(3 * len(self.question.frequency))
 
     def sample(
         self, values: dict[str, Float[np.ndarray, " build"]]
