@@ -161,3 +161,21 @@ def test_no_pole_beyond_the_grid_counts(tmp_path):
     (up,) = largest(tmp_path, *options)
     assert up[1] == 200.0
     assert up[0] == pytest.approx(1 / ((200 / natural()) ** 2 - 1), rel=2e-3)
+
+
+def test_largest_values_of_many_responses():
+    """Peaks of a matrix of responses are those of each response alone, and above all points of a
+    dense grid around them."""
+    design = sus.read(CONFIGS / "geo-silica-triple.toml")
+    ends = {"inputs": [f"support.{dof}" for dof in "xyz"], "outputs": [f"test.{d}" for d in "xyz"]}
+    grid = np.geomspace(0.1, 30, 300)
+    peaks = sus.response(design, frequency=grid, **ends).largest
+    for n, dof in enumerate("xyz"):
+        one = {"inputs": [f"support.{dof}"], "outputs": [f"test.{dof}"]}
+        alone = sus.response(design, frequency=grid, **one).largest
+        at, size = peaks.frequency[n, n], peaks.size[n, n]
+        assert size == pytest.approx(alone.size[0, 0], rel=1e-6)
+        assert at == pytest.approx(alone.frequency[0, 0], rel=1e-9)
+        width = np.linspace(-1e-3, 1e-3, 2001)
+        around = np.abs(sus.response(design, frequency=at * (1 + width), **one).value)
+        assert size >= around.max() * (1 - 1e-9)
