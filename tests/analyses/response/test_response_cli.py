@@ -167,15 +167,16 @@ def test_largest_values_of_many_responses():
     """Peaks of a matrix of responses are those of each response alone, and above all points of a
     dense grid around them."""
     design = sus.read(CONFIGS / "geo-silica-triple.toml")
-    ends = {"inputs": [f"support.{dof}" for dof in "xyz"], "outputs": [f"test.{d}" for d in "xyz"]}
+    supports = [f"support.{dof}" for dof in "xyz"]
+    motions = [f"test.{dof}" for dof in "xyz"]
     grid = np.geomspace(0.1, 30, 300)
-    peaks = sus.response(design, frequency=grid, **ends).largest
-    for n, dof in enumerate("xyz"):
-        one = {"inputs": [f"support.{dof}"], "outputs": [f"test.{dof}"]}
-        alone = sus.response(design, frequency=grid, **one).largest
-        at, size = peaks.frequency[n, n], peaks.size[n, n]
+    peaks = sus.response(design, inputs=supports, outputs=motions, frequency=grid).largest
+    for n, (into, out) in enumerate(zip(supports, motions, strict=True)):
+        alone = sus.response(design, inputs=[into], outputs=[out], frequency=grid).largest
+        at = peaks.frequency[n, n]
+        size = peaks.size[n, n]
         assert size == pytest.approx(alone.size[0, 0], rel=1e-6)
-        assert at == pytest.approx(alone.frequency[0, 0], rel=1e-9)
-        width = np.linspace(-1e-3, 1e-3, 2001)
-        around = np.abs(sus.response(design, frequency=at * (1 + width), **one).value)
-        assert size >= around.max() * (1 - 1e-9)
+        assert at == pytest.approx(alone.frequency[0, 0], rel=1e-8)
+        near = at * (1 + np.linspace(-1e-3, 1e-3, 2001))
+        around = sus.response(design, inputs=[into], outputs=[out], frequency=near).value
+        assert size >= np.abs(around).max() * (1 - 1e-9)
