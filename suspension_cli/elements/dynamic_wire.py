@@ -19,7 +19,7 @@ sigma r^2 theta' dA about the axis. This second term has no loss.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -160,11 +160,14 @@ class PartAtFrequencies:
     """One part of the motion of a wire at given frequencies, in rad/s.
 
     `number` is that of the part in `PARTS`; for bending also of the plane, as `Section.rigidity`.
+    `bending_angles` keeps the loss angles of bending that are known, by losses, shape and
+    temperature: pieces into which the wire is cut for its dissipation share them.
     """
 
     strand: TautWire
     omega: Inexact[np.ndarray, " frequency"]
     number: int
+    bending_angles: dict[Any, Inexact[np.ndarray, "*frequency"]] = field(default_factory=dict)
 
     @property
     def bends(self) -> bool:
@@ -387,8 +390,12 @@ class PartAtFrequencies:
     ) -> Inexact[np.ndarray, "*frequency"]:
         omega = np.real(self.omega)
         if self.bends:
-            tension = self.strand.tension
-            return loss.bending_angle(section, self.number, omega, tension, temperature)
+            known = (section.losses, section.shape, temperature)
+            if known not in self.bending_angles:
+                self.bending_angles[known] = loss.bending_angle(
+                    section, self.number, omega, self.strand.tension, temperature
+                )
+            return self.bending_angles[known]
         stretched = PARTS[self.number] == "stretch"
         return (loss.stretching_angle if stretched else loss.twisting_angle)(section, omega)
 
