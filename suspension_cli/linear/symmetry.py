@@ -415,7 +415,7 @@ def _alike(
     Computed numbers, and all vectors unless `exact`, may differ by rounding.
     """
     kind = type(part)
-    pairs = np.ones((len(part.label), len(part.label)), dtype=bool)
+    pairs = np.ones((len(_bodies_of(part)),) * 2, dtype=bool)
     compared = []
     for name, (is_vector, is_computed) in signed(kind).items():
         values = getattr(part, name)
