@@ -13,10 +13,14 @@ from scipy.optimize import brentq
 import suspension_cli as sus
 from suspension_cli.importing import gwinc_suspension
 from tests.support.commandline import run
+from tests.support.paths import ROOT
 
 gwinc = pytest.importorskip("gwinc")
 
-from gwinc.noise.suspensionthermal import suspension_thermal  # noqa: E402
+from gwinc.noise.suspensionthermal import (  # noqa: E402
+    getJointTempSusceptibility,
+    suspension_thermal,
+)
 from gwinc.suspension import precomp_suspension, suspQuad  # noqa: E402
 
 FOLDER = Path(gwinc.__file__).parent / "ifo"
@@ -100,6 +104,36 @@ def test_dilutions_that_are_given_are_the_difference_at_3_hz():
     assert thermal_ratio(design("aLIGO"), ifo)[0] == pytest.approx(1.0, abs=0.01)
     notes = [note for note in imported("aLIGO").notes if "Dilution" in note]
     assert len(notes) == 3 and "Stage.2.Dilution = 106 is left out" in notes[-1]
+
+
+def test_the_page_shows_what_is_printed():
+    page = (ROOT / "docs" / "migrating.md").read_text()
+    for note in imported("aLIGO").notes:
+        assert f"aligo.yaml: {note}\n" in page
+
+
+def test_loss_of_the_thin_middle_is_the_difference_of_fibres_at_10_hz():
+    """In gwinc a fibre bends at its thick ends alone, where tension cancels thermoelastic loss."""
+    ifo = parameters("CE1")
+    frequency = np.array([10.0])
+    own = precomp_suspension(frequency, ifo)
+    joints = sum(
+        getJointTempSusceptibility(ifo.Suspension, own, 3, upper, "horiz")
+        for upper in (True, False)
+    )
+    theirs = np.sqrt(4 * gwinc.const.kB * joints / (2 * math.pi * frequency))
+
+    def ratio(one):
+        (motion,) = sus.thermal(one, frequency=frequency).motions
+        both = [motion.parts[f"test.bending-{end}"] for end in ("upper", "lower")]
+        return np.hypot(*both) / theirs
+
+    fibres = design("CE1")
+    assert ratio(fibres) == pytest.approx(1.046, abs=0.01)
+    silica = {"youngs_modulus": 7.2e10, "density": 2200.0}
+    silica |= {"loss": {"angle": 4.1e-10, "surface_depth": 1.5e-2, "thermoelastic": False}}
+    changes = {"materials.cool": silica, "stage.test.wires.sections.2.material": "cool"}
+    assert ratio(fibres.replace(changes)) == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.filterwarnings("ignore:.*less dense than foam")
