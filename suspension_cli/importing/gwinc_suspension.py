@@ -83,8 +83,8 @@ def _convert(parameters: Block, head: dict[str, str]) -> Imported:
     notes = [
         f"bodies: cylinders; the mirror's size is {origin_of_size}, and the others have its density"
         " and proportions, though they may overlap",
-        "places of wires: vertical; t1 and t2 are the radius of the body that hangs on them, s a"
-        f" tenth of it; bending points are {HEIGHT * 1e3:g} mm from the centres of mass",
+        "places of wires: vertical; t1 and t2 are the radius of the body that hangs on them, s is"
+        f" {NARROW:g} of it; bending points are {HEIGHT * 1e3:g} mm from the centres of mass",
         "number of blades: one for each wire, with K / NWires",
         "Poisson's ratio of all materials: 0.3, for twisting alone",
         *_differences(stages, suspension),
@@ -93,8 +93,8 @@ def _convert(parameters: Block, head: dict[str, str]) -> Imported:
     if angle := _beam_angle(parameters, suspension):
         command += f" --arm {2 * EARTH * angle:.0f}"
         notes.append(
-            f"angle between the beam and the horizontal: {angle:.4g} rad in gwinc; it is in no"
-            f" design, but in pendsus {command.format(file='FILE')}"
+            f"angle between the beam and the horizontal: {angle:.4g} rad in gwinc; a design has"
+            f" none, so give it as an option: pendsus {command.format(file='FILE')}"
         )
     origin = "from parameters of gwinc, whose bodies do not rotate."
     heading = "Chosen here, as it is not in the file, or otherwise than in gwinc:"
