@@ -44,6 +44,7 @@ __all__ = [
     "examples",
     "finesse",
     "gwinc",
+    "import_gwinc",
     "import_sumcon",
     "load",
     "parse",

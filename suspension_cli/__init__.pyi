@@ -383,6 +383,7 @@ def fit(
     stage.test.body.inertia.2: 0.118 +- 0.0039
     """
 gwinc = api.gwinc
+import_gwinc = api.import_gwinc
 import_sumcon = api.import_sumcon
 load = api.load
 

@@ -20,7 +20,7 @@ import warnings
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,9 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import body_mass
 from suspension_cli.errors import InputError, PendsusWarning, text_of
+
+if TYPE_CHECKING:
+    from suspension_cli.importing.imported import Imported
 
 Grid = str | float | Sequence[float] | np.ndarray
 """Numbers: ``"0.1:100:2000:log"``, one number, or an array."""
@@ -282,6 +285,53 @@ def examples() -> list[str]:
     return reader.examples()
 
 
+def import_gwinc(file: PathLike, *, name: str = "") -> Design:
+    """Convert the suspension of gwinc's parameters (``ifo.yaml``) into a design.
+
+    What is chosen, as the file does not say it, and what is otherwise than in gwinc is given as
+    Python warnings.
+
+    Parameters
+    ----------
+    file : path
+        The parameters, in YAML.
+    name : str
+        Name of the design; default the stem of the file.
+
+    Raises
+    ------
+    InputError
+        If the file is no YAML, has no suspension, lacks a key, or gives no valid design.
+
+    Notes
+    -----
+    Provisional: it follows the parameters of another program.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> text = '''
+    ... Suspension:
+    ...   FiberType: Round
+    ...   Temp: 290
+    ...   Fiber: {Radius: 200e-6}
+    ...   Stage:
+    ...     - {Mass: 40, Length: 0.6, K: .nan, WireRadius: .nan, Blade: .nan, NWires: 4}
+    ...   Silica:
+    ...     {Rho: 2200, C: 772, K: 1.38, Alpha: 3.9e-7, dlnEdT: 1.52e-4, Phi: 4.1e-10, Y: 72e9}
+    ... '''
+    >>> written = open("ifo.yaml", "w").write(text)
+    >>> sus.import_gwinc("ifo.yaml")
+    <Design ifo: test>
+    """
+    from suspension_cli.importing import gwinc_suspension
+
+    path = Path(options.path(file, "file"))
+    with python_names():
+        found = gwinc_suspension.read(path, _imported_name(name, path))
+    return _imported(found, path)
+
+
 def import_sumcon(
     file: PathLike, *, name: str = "", tables: PathLike | None = None, bending_points: bool = False
 ) -> Design:
@@ -329,10 +379,19 @@ def import_sumcon(
     path = Path(options.path(file, "file"))
     folder = None if tables is None else Path(options.path(tables, "tables"))
     with python_names():
-        own = _text(name, "name", "give one text") or reader.make_name(path.stem)
+        own = _imported_name(name, path)
         found = sumcon.read(path, own, tables=folder, bending_points=bending_points)
+    return _imported(found, path)
+
+
+def _imported_name(name: str, path: Path) -> str:
+    return _text(name, "name", "give one text") or reader.make_name(path.stem)
+
+
+def _imported(found: Imported, path: Path) -> Design:
+    """Give the notes on an imported design as warnings of the caller's caller, and return it."""
     for note in found.notes:
-        warnings.warn(f"{path}: {note}", PendsusWarning, stacklevel=2)
+        warnings.warn(f"{path}: {note}", PendsusWarning, stacklevel=3)
     return Design(**vars(found.source()))
 
 

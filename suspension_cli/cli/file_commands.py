@@ -79,19 +79,21 @@ def new(
 
 
 @click.command("import")
-@click.argument("save", metavar="SAVE.m")
+@click.argument("source")
 @click.argument("file", required=False)
 @NAMED
-@click.option("--reference", metavar="TEXT", default="", help="Where the save comes from.")
+@click.option("--reference", metavar="TEXT", default="", help="Where SOURCE comes from.")
 @click.option(
     "--tables",
     metavar="DIR",
-    help="Stiffness tables of heat links.  [default: HeatLink near SAVE.m]",
+    help="Of SUMCON: stiffness tables of heat links.  [default: HeatLink near SOURCE]",
 )
-@click.option("--bending-points", is_flag=True, help="End wires at SUMCON's hinges, not at clamps.")
+@click.option(
+    "--bending-points", is_flag=True, help="Of SUMCON: end wires at its hinges, not at clamps."
+)
 @FORCED
 def convert(
-    save: str,
+    source: str,
     file: str | None,
     name: str | None,
     reference: str,
@@ -99,25 +101,28 @@ def convert(
     bending_points: bool,
     force: bool,
 ) -> None:
-    """Convert a save of SUMCON (KAGRA) into a design: write FILE, or stdout without FILE.
+    """Convert a file of another program into a design: write FILE, or stdout without FILE.
 
-    What the design has otherwise than the save is listed on stderr and in the file.
+    SOURCE is a save of SUMCON (KAGRA) or the ifo.yaml of a budget of gwinc (LIGO). What the design
+    has otherwise, and what had to be chosen, is listed on stderr and in the file.
 
     Example: pendsus import sumcon_PR3.m pr3.toml
-    """
-    from suspension_cli.importing.convert import read
 
-    own = _design_name(name, Path(file or save).stem, "imported")
+    Example: pendsus import ifo.yaml my.toml
+    """
+    from suspension_cli.importing.formats import read
+
+    own = _design_name(name, Path(file or source).stem, "imported")
     folder = Path(tables) if tables else None
-    found = read(Path(save), own, reference, tables=folder, bending_points=bending_points)
+    found = read(Path(source), own, reference, tables=folder, bending_points=bending_points)
     if file is None and found.files:
         problem = "has stiffness tables, which stand in files of their own"
-        raise InputError.of("", problem, "name a file to write", save)
+        raise InputError.of("", problem, "name a file to write", source)
     for note in found.notes:
-        terminal.tell(f"{save}: {note}")
+        terminal.tell(f"{source}: {note}")
     for table, text in found.files.items():
         _write_new(Path(file or "").parent / table, text, force)
-    _put_design(file, found.text, force, " --fidelity string")
+    _put_design(file, found.text, force, found.next_command)
 
 
 @click.command("schema")
@@ -148,13 +153,15 @@ def _design_name(given: str | None, stem: str, default: str) -> str:
     return given
 
 
-def _put_design(file: str | None, text: str, force: bool, options: str = "") -> None:
-    """Write a design to a new file, or to stdout without one."""
+def _put_design(
+    file: str | None, text: str, force: bool, next_command: str = "modes {file}"
+) -> None:
+    """Write a design to a new file and say what to run next, or write it to stdout without one."""
     if file is None:
         click.echo(text, nl=False)
         return
     _write_new(Path(file), text, force)
-    terminal.tell(f"wrote {file}; next: pendsus modes {file}{options}")
+    terminal.tell(f"wrote {file}; next: pendsus {next_command.format(file=file)}")
 
 
 def _write_new(path: Path, text: str, force: bool) -> None:

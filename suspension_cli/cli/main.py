@@ -24,7 +24,7 @@ slower."""
 
 OTHERS = {
     "new": ("new", "Start a design from a template or an example."),
-    "import": ("convert", "Convert a save of SUMCON (KAGRA's modeller) into a design."),
+    "import": ("convert", "Convert a file of SUMCON (KAGRA) or gwinc (LIGO) into a design."),
     "schema": ("schema", "Print the JSON Schema of the design file."),
     "plot": ("plot", "Redraw the pictures of results files, alone or together."),
 }

@@ -1,5 +1,8 @@
-"""Conversion of saves of SUMCON, KAGRA's modeller of suspensions in Mathematica, into designs.
+"""Conversion of files of other programs into designs.
 
+**gwinc.** See `gwinc_suspension`.
+
+**SUMCON**, KAGRA's modeller of suspensions in Mathematica: `save` reads, `convert` writes.
 SUMCON's y is vertical and its z along the beam: its x, y, z are y, z, x here. It minimises the
 energy of wires with natural lengths. A wire is a string between hinges, sqrt(E I / T) from each
 clamp, with the diameter of its ends and a tension T of its own in the save. A vertical spring moves

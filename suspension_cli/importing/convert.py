@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
-import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from suspension_cli.design import reader
-from suspension_cli.design.reader import Source
 from suspension_cli.errors import InputError, attribute_faults_to
 from suspension_cli.files import whole_files
+from suspension_cli.importing.imported import Imported, plain, table, with_notes, word
 from suspension_cli.importing.save import (
     GRAVITY,
     Body,
@@ -25,36 +21,17 @@ from suspension_cli.importing.save import (
     hinge_notes,
     names_of,
     order,
-    plain,
     read_bodies,
     read_tables,
     symmetric,
     turned,
     turned_matrix,
-    word,
 )
 
 RIGID = 1e9
 """Stiffness of what SUMCON takes as rigid, N/m or N m/rad."""
 SAG = 1e-4
 """Sag of a vertical spring that is not written, m."""
-
-
-@dataclass(frozen=True)
-class Imported:
-    """A converted save."""
-
-    text: str  # the design as TOML
-    notes: list[str]  # what it has otherwise than the save, or not at all
-    files: dict[str, str]  # CSV files of stiffness tables that it names, as text by name
-
-    def source(self) -> Source:
-        """Read the design with its tables; raises `InputError` with its faults."""
-        with tempfile.TemporaryDirectory() as folder:
-            for name, text in {**self.files, "design.toml": self.text}.items():
-                (Path(folder) / name).write_text(text, encoding="utf-8")
-            source = reader.read(Path(folder) / "design.toml")
-        return replace(source, file="", text=source.text if self.files else self.text)
 
 
 def read(
@@ -85,10 +62,7 @@ def read(
             "reference": plain(reference or file.name, 300),
         }
         found = _convert(save, head, lambda one: read_columns(folder, one), bending_points)
-        try:
-            found.source()
-        except InputError as error:  # of a file that only stood there for this check
-            raise InputError(error.faults) from None
+        found.source()
     return found
 
 
@@ -129,10 +103,10 @@ def _convert(
         lines += _damper(row, bodies, notes)
     for row in tables["HL"]:
         lines += _link(row, bodies, columns, files, notes)
-    first = "# Converted by `pendsus import` from a save of SUMCON, whose x, y, z are y, z, x here."
-    others = ["# Otherwise than in SUMCON, or not taken over:"] if notes else []
-    others += [f"#   {note}" for note in notes]
-    return Imported("\n".join([first, *others, *table("design", head), *lines, ""]), notes, files)
+    origin = "from a save of SUMCON, whose x, y, z are y, z, x here."
+    heading = "Otherwise than in SUMCON, or not taken over:"
+    text = with_notes(origin, heading, notes, [*table("design", head), *lines])
+    return Imported(text, notes, files, "modes {file} --fidelity string")
 
 
 def _material(row: list[Any]) -> list[str]:
@@ -420,27 +394,3 @@ def _table_file(own: list[Any], turned_part: float) -> str:
     rows = np.column_stack([frequency, *(part for one in axes for part in (one.real, one.imag))])
     head = "# frequency in Hz; real and imaginary part of x, y, z, roll, pitch, yaw"
     return "\n".join([head, *(",".join(f"{v:.6g}" for v in row) for row in rows), ""])
-
-
-def table(head: str, keys: dict[str, Any], comment: str = "", **comments: str) -> list[str]:
-    """Lines of a table, after an empty one; `comments` stand beside their keys."""
-    lines = ["", f"[{head}]" + (f"  # {comment}" if comment else "")]
-    for key, value in keys.items():
-        text = repr(value) if key == "phase" else _value(value)  # rounding spoils its symmetry
-        lines.append(f"{key} = {text}" + (f"  # {comments[key]}" if comments.get(key) else ""))
-    return lines
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool | str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {_value(one)}' for key, one in value.items())} }}"
-    if isinstance(value, int):
-        return str(value)
-    if not isinstance(value, float):
-        return f"[{', '.join(map(_value, value))}]"
-    mantissa, _, power = f"{value:.8e}".partition("e")
-    if -4 <= int(power) < 6:
-        return repr(float(f"{value:.9g}"))
-    return f"{mantissa.rstrip('0').rstrip('.')}e{int(power)}"

@@ -19,6 +19,7 @@ from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.faults import convert
 from suspension_cli.design.wires import WireSet
 from suspension_cli.errors import Fault, InputError, format_value
+from suspension_cli.importing.imported import plain, word
 
 Value = float | bool | str | list["Value"]
 """What a list contains; names other than True and False are texts."""
@@ -464,14 +465,3 @@ def hinge_notes(body: Body) -> Iterator[str]:
 def names_of(wires: list[Wire]) -> str:
     """First and last name of wires."""
     return wires[0].name + (f" to {wires[-1].name}" if len(wires) > 1 else "")
-
-
-def plain(text: str, most: int = 60) -> str:
-    """Text for a comment or a title: printable characters in one line."""
-    return "".join(one if one.isprintable() else " " for one in text)[:most].strip()
-
-
-def word(text: str, default: str) -> str:
-    """Name of a table: letters, digits, _ and -, starting with a letter."""
-    bare = re.sub(r"[^A-Za-z0-9_]+", "-", text).strip("-")[:60]
-    return bare if re.match(r"[A-Za-z]", bare) else f"{default}-{bare}".rstrip("-")

@@ -19,7 +19,7 @@ import numpy as np
 from suspension_cli.errors import InputError
 from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.importing import convert
-from suspension_cli.importing.convert import table
+from suspension_cli.importing.imported import table
 from suspension_cli.importing.save import read_list
 from tools.tables import ROOT
 from tools.validation import undamped
