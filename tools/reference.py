@@ -55,7 +55,8 @@ USUAL = {
 }
 """Parameters of most analyses, whose options the head of docs/commands.md explains once."""
 SHARED = USUAL | {
-    *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume")
+    "watch",
+    *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume"),
 }
 """These, and those of several commands, which the head explains too."""
 LIKE = {

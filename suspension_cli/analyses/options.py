@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
+from click.shell_completion import CompletionItem
 
 from suspension_cli.errors import InputError, format_value, text_of
 from suspension_cli.grids import MAX_POINTS
@@ -64,6 +65,19 @@ class Option(click.Option):
         kinds[click.types.BoolParamType] = "bool"
         return next((name for kind, name in kinds.items() if isinstance(self.type, kind)), "str")
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """List what a shell offers for the value."""
+        if self.metavar == "DIR" or self.metavar in PATHS:
+            return [CompletionItem(incomplete, type="dir" if self.metavar == "DIR" else "file")]
+        found = super().shell_complete(ctx, incomplete)
+        if found:
+            return found
+        from suspension_cli.analyses.completion import complete
+
+        design = _design_before(ctx)
+        words = complete(str(self.metavar), str(self.name), design, incomplete)
+        return [CompletionItem(word) for word in words]
+
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
         """Convert a value to the type of the option; numbers must be finite."""
         found = super().type_cast_value(ctx, value)
@@ -104,8 +118,21 @@ def frequencies(
 
 
 def argument(name: str, **how: Any) -> click.Argument:
-    """Declare an argument of an analysis, as `click.argument` does."""
+    """Declare an argument of an analysis, the name of a file, as `click.argument` does."""
+    how.setdefault("shell_complete", _complete_file)
     return click.Argument([name], **how)
+
+
+def _complete_file(_ctx: click.Context, _param: object, incomplete: str) -> list[CompletionItem]:
+    """Let the shell list files."""
+    return [CompletionItem(incomplete, type="file")]
+
+
+def _design_before(ctx: click.Context) -> str:
+    """First design of a command line that is not complete yet; "" if there is none."""
+    given = ctx.params.get("design") or ctx.params.get("designs") or ctx.args
+    words = [given] if isinstance(given, str) else given
+    return next((word for word in words if word.endswith(".toml")), "")
 
 
 def _demand_folder(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:

@@ -25,6 +25,13 @@ from suspension_cli.errors import Fault, InputError, collect, format_value, join
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
 
+WATCH = click.Option(
+    ["--watch"],
+    is_flag=True,
+    help="Compute again when a file is saved, and say what changed; Ctrl-C ends it.",
+)
+"""Option of every analysis that is no setting of it."""
+
 
 class Command(click.Command):
     """A command whose help lists options in groups."""
@@ -46,14 +53,37 @@ def command(analysis: Analysis) -> click.Command:
     text = inspect.getdoc(type(analysis)) or ""
     return Command(
         analysis.name,
-        params=[*analysis.arguments, *analysis.parameters],
-        callback=click.pass_context(lambda ctx, **_: run(analysis, ctx)),
+        params=[*analysis.arguments, *analysis.parameters, WATCH],
+        callback=click.pass_context(lambda ctx, **_: start(analysis, ctx)),
         help=text.split("\n\nReturns\n")[0],
     )
 
 
-def run(analysis: Analysis, ctx: click.Context) -> None:
-    """Run an analysis with the options of its command.
+def start(analysis: Analysis, ctx: click.Context) -> None:
+    """Run an analysis with the options of its command, once or after each save of its files."""
+    if not ctx.params["watch"]:
+        results = run(analysis, ctx)
+        ctx.exit(max(map(analysis.exit_code, results)))
+    from suspension_cli.cli import watching
+
+    given = [ctx.params[str(param.name)] for param in analysis.arguments]
+    files = [name for one in given for name in ([one] if isinstance(one, str) else one or ())]
+
+    for file in files:
+        if not Path(file).is_file():
+            problem = "waits for files that are saved, and this is none"
+            raise InputError.of("--watch", problem, "name a file", format_value(file))
+
+    def compute() -> list[dict[str, Any]]:
+        results = run(analysis, ctx)
+        ctx.params["quiet"] = True  # which files are written is known from now on
+        return [result.document() for result in results]
+
+    watching.watch(files, compute, watching.changed_files)
+
+
+def run(analysis: Analysis, ctx: click.Context) -> list[Any]:
+    """Run an analysis with the options of its command; return its results.
 
     Several designs are computed one by one, and the faults of all are reported at once. If there
     are any, no file is written; an analysis without files still prints its other findings.
@@ -101,7 +131,7 @@ def run(analysis: Analysis, ctx: click.Context) -> None:
     if as_json:
         documents = [result.document() for _, result in solved]
         click.echo(json.dumps(documents[0] if len(documents) == 1 else documents))
-    ctx.exit(max(analysis.exit_code(result) for _, result in solved))
+    return [result for _, result in solved]
 
 
 @contextlib.contextmanager

@@ -90,6 +90,8 @@ class Columns:
 
         values = np.asarray(self.read(position))
         name = format_value(self.names[position])
+        if np.iscomplexobj(values) and not np.imag(values).any():  # as numpy.savetxt writes them
+            values = np.real(values)
         if np.iscomplexobj(values):
             problem = f"the {self.noun} holds complex numbers"
             raise InputError.of(what, problem, "name it as value", name)
@@ -134,6 +136,15 @@ def recognise(names: Sequence[str]) -> dict[str, int]:
         found.setdefault(next(roles, ""), n)
     found.pop("", None)
     return found
+
+
+def recognise_complex(source: Columns) -> dict[str, int]:
+    """Recognise a frequency beside one complex number, whatever the headings say of them."""
+    import numpy as np
+
+    if len(source.names) != 2 or not np.iscomplexobj(source.read(1)):
+        return {}
+    return {"frequency": 0, "value": 1}
 
 
 def split_unit(title: str, units: Mapping[str, float], per: str = "") -> tuple[str, float]:

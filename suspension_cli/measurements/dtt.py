@@ -21,7 +21,7 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -36,6 +36,8 @@ from suspension_cli.files.columns import Columns
 
 AGAIN = "save the measurement in diaggui again"
 """Remedy for a damaged file."""
+LISTED = 12
+"""Most channels that a message lists."""
 MAX_ELEMENTS = 1_000_000
 """Most elements of an XML file; that of a large measurement has thousands."""
 MAX_DEPTH = 50
@@ -109,14 +111,22 @@ class Dtt:
         if len(fitting) == 1:
             return fitting[0]
         if fitting:
-            some = "; ".join(f"{a} to {b}" for a, b in fitting[:4])
-            problem = f"the file has {len(fitting)} transfer functions ({some}, ...)"
+            inputs = _listed(a for a, _ in fitting)
+            outputs = _listed(b for _, b in fitting)
+            problem = f"the file has {len(fitting)} transfer functions, from {inputs} to {outputs}"
             remedy = "name input_channel and output_channel in a [[transfer_function]]"
         else:
             problem = f"the file has no transfer function from {into} to {out}"
             known = sorted(b for a, b in pairs if a == into)
             remedy = f"outputs measured with that input: {', '.join(known[:6])}"
         raise InputError.of("output_channel" if into else "input_channel", problem, remedy)
+
+
+def _listed(channels: Iterable[str]) -> str:
+    """List channels, each once."""
+    every = list(dict.fromkeys(channels))
+    more = f" and {len(every) - LISTED} more" if len(every) > LISTED else ""
+    return ", ".join(every[:LISTED]) + more
 
 
 def read(path: Path) -> Dtt:

@@ -178,7 +178,8 @@ def _choose(source: Columns, table: TransferFunction) -> tuple[dict[str, int], t
     chosen = {
         role: source.find(role, one) for role, one in named.items() if isinstance(one, (str, int))
     }
-    known = columns.recognise(source.names if source.headed else [])
+    headings = columns.recognise(source.names) if source.headed else {}
+    known = columns.recognise_complex(source) | headings
     known = {role: n for role, n in known.items() if n not in chosen.values()} | chosen
 
     def rank(form: tuple[str, ...]) -> tuple[bool, ...]:

@@ -62,6 +62,21 @@ def test_text(heading, delimiter, columns, keys, tmp_path):
     assert np.isnan(found.uncertainty).all() and found.unit == "m/N" and found.name == "data"
 
 
+@pytest.mark.parametrize("heading", [None, "f  H", "frequency  anything"])
+def test_text_of_complex_numbers(heading, tmp_path):
+    """As people write them, and as numpy does, which makes the frequency complex, too."""
+    frequency = np.array([0.1, 0.5, 2.0])
+    value = np.array([1.02 + 0.3j, -1.5 - 0.2j, 3e-4 + 2e-5j])
+    lines = [f"{f} {h.real}{h.imag:+}j" for f, h in zip(frequency, value, strict=True)]
+    file = tmp_path / "plain.txt"
+    file.write_text("\n".join([*([heading] if heading else []), *lines]))
+    np.savetxt(tmp_path / "numpy.txt", np.stack([frequency, value], axis=1), header=heading or "")
+    for path in (file, tmp_path / "numpy.txt"):
+        (found,) = read_bare(path)
+        np.testing.assert_array_equal(found.frequency, frequency)
+        np.testing.assert_allclose(found.value, value, rtol=1e-15)
+
+
 def test_uncertainty_gain_and_band(tmp_path):
     """A relative number; a column; coherence and averages: all scale with the gain."""
     file = written(
@@ -205,7 +220,7 @@ HEAD = "f,re,im\n"
         (
             document(result(0, "TransferFunction", 0, [H, H], ["A", "B", "C"])),
             {"input_channel": "A"},
-            "output_channel: the file has 2 transfer functions (A to B; A to C, ...)",
+            "output_channel: the file has 2 transfer functions, from A to B, C",
         ),
         (
             document(result(0, "TransferFunction", 3, [H, H], ["A", "B", "C"])),
