@@ -283,9 +283,7 @@ NARROW, WIDE, HIGH = 2.4, 6.0, 2.3
 """Widths and height of panels, in."""
 
 
-def draw_many(
-    maps: Sequence[MapCost], designs: dict[str, list[Point]], start: float
-) -> Figure:
+def draw_many(maps: Sequence[MapCost], designs: dict[str, list[Point]], start: float) -> Figure:
     """Draw error against time: a map, and the modes of all shipped designs."""
     with house_style():
         figure = new_figure(7.0, 6.9)
@@ -385,5 +383,7 @@ def draw_growth(lines: Sequence[Growth]) -> Figure:
         ends = [(line.size[-1], line.time[-1]) for line in lines]
         beside = [point for line in lines for point in _along(line)]  # labels keep off the lines
         blank = [""] * len(beside)
-        label_points(axes, ends + beside, texts + blank, [*PALETTE[: len(lines)], *[INK] * len(blank)])
+        label_points(
+            axes, ends + beside, texts + blank, [*PALETTE[: len(lines)], *[INK] * len(blank)]
+        )
     return figure
