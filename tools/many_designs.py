@@ -1,7 +1,7 @@
 """Cost and error of many designs at once: maps, random builds, all shipped designs, growth.
 
-Writes `results/tradeoff_many.png`, `tradeoff_growth.png` and the tables of `tradeoff_many.md`. Run by
-`make tradeoff`.
+Writes `results/tradeoff_many.png`, `tradeoff_growth.png` and the tables of `tradeoff_many.md`. Run
+by `make tradeoff`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.sweeps import BUILDS, RANDOM, SINGLE, TRIPLE, coupling_question, sweep
+from bench.sweeps import BUILDS, RANDOM, TRIPLE, coupling_question, sweep
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tradeoff.measure import (
     COLOUR,
     Question,
     ask,
-    format_time,
     median_times,
 )
 from suspension_cli.analyses.xcouple.solve import Sweep
@@ -40,12 +39,10 @@ from suspension_cli.drawing.style import (
     add_axes,
     house_style,
     new_figure,
-    save,
     write_heading,
     write_text,
 )
 from suspension_cli.errors import InputError
-from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from suspension_cli.models.choice import percent
