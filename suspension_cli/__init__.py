@@ -23,6 +23,7 @@ RECORDS = {
     "Fit": "fit.result",
     "Modes": "modes.solve",
     "Optimum": "optimise.optimum",
+    "Report": "report.solve",
     "Response": "response.solve",
     "Sensitivity": "sensitivity.solve",
     "Sweep": "sweep.solve",

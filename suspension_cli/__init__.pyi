@@ -14,6 +14,7 @@ from suspension_cli.analyses.fit.result import Fit as Fit
 from suspension_cli.analyses.modes.solve import Modes as Modes
 from suspension_cli.analyses.optimise.optimum import Optimum as Optimum
 from suspension_cli.analyses.record import Record as Record
+from suspension_cli.analyses.report.solve import Report as Report
 from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
 from suspension_cli.analyses.sweep.solve import Sweep as Sweep
@@ -495,7 +496,7 @@ def report(
     mirrors: float = 1.0,
     fidelity: str = 'auto',
     tolerance: float = 0.001,
-) -> Path:
+) -> Report:
     """Write one HTML file of a design with all its analyses, which opens without network.
 
     Parameters
@@ -525,7 +526,8 @@ def report(
 
     Returns
     -------
-    Path
+    Report
+        Record with the `path` of the page, its sections, commands and verdicts on requirements.
 
     Raises
     ------
@@ -536,8 +538,9 @@ def report(
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> sus.report(sus.example("double"), "double.html", sections="numbers")
-    PosixPath('double.html')
+    >>> made = sus.report(sus.example("double"), "double.html", sections="numbers")
+    >>> made.path, [one.title for one in made.sections]
+    (PosixPath('double.html'), ['Main numbers'])
     """
 
 def response(
@@ -765,7 +768,8 @@ def thermal(
 def tolerance(
     design: Design | PathLike,
     *,
-    builds: int = 10000,
+    builds: int | None = None,
+    precision: float | None = None,
     seed: int = 1,
     limit: float = 0.001,
     require: Names = (),
@@ -790,8 +794,12 @@ def tolerance(
     ----------
     design : Design
         The design, or the path of its file.
-    builds : int
-        Number of random builds.
+    builds : int, optional
+        Number of random builds (default 10000); with precision the largest one (default 1000000).
+    precision : float, optional
+        Add builds until standard errors are below this fraction of the spread, and those of yields
+        below this number: of the coupling, of quantities with requirements and of each results.
+        For example 0.01.
     seed : int
         Seed of the random numbers; the same seed gives the same builds.
     limit : float

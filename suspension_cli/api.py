@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses import options, registry, settings
+from suspension_cli.analyses import known_analyses, options, settings
 from suspension_cli.analyses.analysis import Analysis, Log, Run, Settings
 from suspension_cli.analyses.python_functions import demand_known_arguments, describe, python_names
-from suspension_cli.analyses.record import Presented, Record
+from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
 from suspension_cli.design.faults import suggest
@@ -360,7 +360,7 @@ def load(file: PathLike) -> Any:
     from suspension_cli.files.hdf5 import open_results
 
     with python_names(), open_results(options.path(file, "file")) as results:
-        return registry.loaded(results, str(file), Design)
+        return known_analyses.loaded(results, str(file), Design)
 
 
 def animate(result: Record, mode: int | str, path: PathLike) -> Path:
@@ -536,7 +536,7 @@ def gwinc(result: Record, frequency: Any = None) -> Any:
 def _of_analysis(result: object, name: str, problem: str) -> Any:
     """Return a result of an analysis; raises `InputError` for anything else."""
     remedy = f"give a result of sus.{name}"
-    if not isinstance(result, Presented):
+    if not isinstance(result, Record):
         raise InputError.of("result", "is no result", remedy, options.shown(result))
     if result.run.analysis.name != name:
         raise InputError.of("result", problem, remedy, result.run.analysis.name)
@@ -565,7 +565,7 @@ def _design(value: object) -> Source:
         return read(value)
     if not isinstance(value, Source):
         remedy = "give one of sus.read, sus.parse, sus.template or sus.example"
-        if isinstance(getattr(value, "given", None), Source):
+        if isinstance(value, Record):
             remedy = "give the attribute design of the result"
         raise InputError.of("design", "is no design", remedy, options.shown(value))
     return value
@@ -573,7 +573,7 @@ def _design(value: object) -> Source:
 
 def _function(name: str) -> Callable[..., Any]:
     """Make the function of an analysis from the record of its command."""
-    analysis = registry.get(name)
+    analysis = known_analyses.get(name)
 
     def call(*positional: Any, **named: Any) -> Any:
         demand_known_arguments(analysis, inspect.signature(call).parameters, named)
@@ -615,19 +615,13 @@ def _run(analysis: Analysis, named: Settings) -> Any:
             run = analysis.read(ask, analysis.files(files))
             with run.faults():
                 result = analysis.solve(run)
-        if folder is None and result.file is not None:
-            result = _held(result, _TemporaryFolder(place))
+        if folder is None and result.run.file is not None:
+            held = dataclasses.replace(result.run, holder=_TemporaryFolder(place))
+            result = dataclasses.replace(result, run=held)
         return analysis.returned(result, files)
     finally:
-        if folder is None and (result is None or result.file is None):
+        if folder is None and (result is None or result.run.file is None):
             shutil.rmtree(place)
-
-
-def _held(result: Any, holder: _TemporaryFolder) -> Any:
-    """Let a result hold the temporary folder of its file."""
-    if isinstance(result, Record):
-        return dataclasses.replace(result, run=dataclasses.replace(result.run, holder=holder))
-    return dataclasses.replace(result, holder=holder)
 
 
 class _TemporaryFolder:

@@ -12,8 +12,8 @@ eliminated at once, with the system axis last. The transmission from support to 
 product of those of the stages, so it keeps its relative accuracy however small it is (factors of a
 graded matrix; Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 10). Where a
 part resonates alone its pivots are nearly singular, and the body above loses digits. A correction
-from the residual restores these (ibid., chapter 12); a large one shows that the system needs
-pivoting.
+from the residual restores these (ibid., chapter 12), more of them where the first is not small. A
+residual that remains shows that the system needs pivoting.
 """
 
 from __future__ import annotations
@@ -32,8 +32,17 @@ Positions: TypeAlias = "slice | Int[np.ndarray, ' _']"
 
 ROUNDING = 4e-15
 """Fraction of its terms up to which a sum is a rounding error."""
-LARGE = 1e-6
-"""Relative correction of a coordinate above which a system is solved with pivoting."""
+SMALL = 1e-6
+"""Relative correction of a coordinate up to which its square, which is left, is negligible."""
+MORE = 2
+"""Corrections after the first where that is not small."""
+BACKWARD = 1e-14
+"""Residual, over the sum of the magnitudes of its terms, up to which it is a rounding error; a
+system with more is solved with pivoting."""
+TOGETHER = 16
+"""Functions of frequency that are evaluated together: a term has about as many."""
+FEW = 128
+"""Systems up to which a step of elimination changes all its elements at once, not row by row."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +98,22 @@ class Pattern:
             for steps in (later.tolist() for later in self.later)
         ]
 
+    @cached_property
+    def updated_at_once(
+        self,
+    ) -> list[tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"], Int[np.ndarray, " _"]]]:
+        """Elements that eliminating a step changes, and the two of its row whose product each is.
+
+        The numbers of the two are those among the elements of the row beyond the diagonal.
+        """
+        every = np.arange(self.start[-1])
+        result = []
+        for later, rows in zip(self.later, self.updated, strict=True):
+            changed = np.concatenate([every[:0], *(every[row] for row in rows)])
+            first, second = np.triu_indices(len(later))
+            result.append((changed, first, second))
+        return result
+
     def factor(
         self, elements: Inexact[np.ndarray, "element system"], held: float | None = None
     ) -> Factors:
@@ -102,7 +127,8 @@ class Pattern:
         least = np.full(elements.shape[1], np.inf)
         size = np.abs(elements[self.start[:-1]]) if held is not None else elements[:0]
         size[size == 0] = 1.0
-        for n, updated in enumerate(self.updated):
+        few = elements.shape[1] <= FEW
+        for n in range(self.size):
             row = elements[self.start[n] : self.start[n + 1]]
             pivot = row[0]
             if held is not None:
@@ -110,8 +136,12 @@ class Pattern:
                 pivot = np.where(np.abs(pivot) > held * size[n], pivot, size[n])
             pivots.append(1.0 / pivot)
             multipliers.append(row[1:] * pivots[-1])
-            for k, changed in enumerate(updated):
-                elements[changed] -= multipliers[-1][k] * row[1 + k :]
+            if few:
+                changed, first, second = self.updated_at_once[n]
+                elements[changed] -= multipliers[-1][first] * row[1 + second]
+            else:
+                for k, changed in enumerate(self.updated[n]):
+                    elements[changed] -= multipliers[-1][k] * row[1 + k :]
         return Factors(self, pivots, multipliers, least)
 
     def assemble(
@@ -126,29 +156,91 @@ class Pattern:
         self,
         elements: Inexact[np.ndarray, "element system"],
         rhs: Inexact[np.ndarray, "coordinate input system"],
-        largest: float = LARGE,
     ) -> Inexact[np.ndarray, "coordinate input system"]:
-        """Solve D x = b with one correction; where that is over the `largest`, with pivoting."""
+        """Solve D x = b with corrections; where these do not suffice, with pivoting."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors = self.factor(elements.copy())
             x = right.astype(np.result_type(right, elements))
             factors.solve(x)
-            correction = self._residual(elements, x, right)
-            factors.solve(correction)
-            large = ~(np.abs(correction) <= largest * np.abs(x)).all((0, 1))
+            correction = factors.solve(self._residual(elements, x, right))
+            again = np.asarray(~(np.abs(correction) <= SMALL * np.abs(x)).all((0, 1)))
             x += correction
             result = np.empty_like(x)
             result[self.order] = x
-            if large.any():
-                elements = elements[:, large]
-                right = right[..., large]
-                matrix = self.assemble(elements)
-                residual = np.empty_like(x[..., large])
-                solution = dense(matrix, rhs[..., large])
-                residual[self.order] = self._residual(elements, solution[self.order], right)
-                result[..., large] = solution + dense(matrix, residual)
+            if again.any():
+                result[..., again] = self._corrected(
+                    factors.select(again), elements[:, again], x[..., again], rhs[..., again]
+                )
         return result
+
+    def _corrected(
+        self,
+        factors: Factors,
+        elements: Inexact[np.ndarray, "element system"],
+        x: Inexact[np.ndarray, "step input system"],
+        rhs: Inexact[np.ndarray, "coordinate input system"],
+    ) -> Inexact[np.ndarray, "coordinate input system"]:
+        """Correct solutions, in the order of steps, some more times; or solve with pivoting."""
+        right = rhs[self.order]
+        for _ in range(MORE):
+            x = x + factors.solve(self._residual(elements, x, right))
+        result = np.empty_like(x)
+        result[self.order] = x
+        inexact = ~self._is_exact(elements, x, right)
+        if inexact.any():
+            result[..., inexact] = self._solve_pivoting(elements[:, inexact], rhs[..., inexact])
+        return result
+
+    def solve_nearly_singular(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        rhs: Inexact[np.ndarray, "coordinate vector system"],
+    ) -> Inexact[np.ndarray, "coordinate vector system"]:
+        """Solve D x = b beside roots, where x is mainly the shape of the root.
+
+        Its size is undetermined, so corrections may be large. Not finite at a root to the last bit.
+        """
+        right = rhs[self.order]
+        with np.errstate(all="ignore"):
+            factors = self.factor(elements.copy())
+            x = right.astype(np.result_type(right, elements))
+            factors.solve(x)
+            x += factors.solve(self._residual(elements, x, right))
+            result = np.empty_like(x)
+            result[self.order] = x
+            inexact = ~self._is_exact(elements, x, right)
+            if inexact.any():
+                matrix = self.assemble(elements[:, inexact])
+                result[..., inexact] = dense(matrix, rhs[..., inexact])
+        return result
+
+    def _is_exact(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        x: Inexact[np.ndarray, "step input system"],
+        right: Inexact[np.ndarray, "step input system"],
+    ) -> Bool[np.ndarray, " system"]:
+        """Whether solutions, in the order of steps, are those of equal equations but for rounding.
+
+        Elements that cancel may then still change from one correction to the next: nothing gives
+        them more digits.
+        """
+        residual = np.abs(self._residual(elements, x, right))
+        terms = self._residual(-np.abs(elements), np.abs(x), np.abs(right))
+        return np.asarray((residual <= BACKWARD * terms).all((0, 1)))
+
+    def _solve_pivoting(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        rhs: Inexact[np.ndarray, "coordinate input system"],
+    ) -> Inexact[np.ndarray, "coordinate input system"]:
+        """Solve D x = b by LU with pivoting and one correction."""
+        matrix = self.assemble(elements)
+        solution = dense(matrix, rhs)
+        residual = np.empty_like(solution)
+        residual[self.order] = self._residual(elements, solution[self.order], rhs[self.order])
+        return solution + dense(matrix, residual)
 
     def _residual(
         self,
@@ -210,6 +302,12 @@ class Factors:
     multipliers: list[Inexact[np.ndarray, "_ system"]]
     least: Inexact[np.ndarray, " system"]
 
+    def select(self, some: Bool[np.ndarray, " system"]) -> Factors:
+        """Select some of the systems."""
+        pivots = [part[some] for part in self.pivots]
+        multipliers = [part[:, some] for part in self.multipliers]
+        return Factors(self.pattern, pivots, multipliers, self.least[some])
+
     def solve(
         self, x: Inexact[np.ndarray, "step input system"]
     ) -> Inexact[np.ndarray, "step input system"]:
@@ -252,11 +350,28 @@ class Elements:
             start += len(rows)
         return Elements(places[0], places[1], weights)
 
+    @cached_property
+    def groups(
+        self,
+    ) -> list[tuple[slice, Int[np.ndarray, " element"], Float[np.ndarray, "element function"]]]:
+        """Groups of functions, the elements that they act on, and their weights there."""
+        result = []
+        for start in range(0, self.weights.shape[1], TOGETHER):
+            own = slice(start, start + TOGETHER)
+            elements = np.flatnonzero(self.weights[:, own].any(1))
+            result.append((own, elements, self.weights[elements, own]))
+        return result
+
     def at(
         self, functions: Inexact[np.ndarray, "function system"]
     ) -> Inexact[np.ndarray, "element system"]:
         """Evaluate the elements."""
-        return multiply_real(self.weights, functions) if len(functions) else self.weights
+        if len(functions) <= TOGETHER:
+            return multiply_real(self.weights, functions) if len(functions) else self.weights
+        result = np.zeros((len(self.row), functions.shape[1]), dtype=functions.dtype)
+        for own, elements, weights in self.groups:
+            result[elements] += multiply_real(weights, functions[own])
+        return result
 
     def multiply(
         self,

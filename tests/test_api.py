@@ -3,7 +3,6 @@ files."""
 
 from __future__ import annotations
 
-import dataclasses
 import doctest
 import gc
 import inspect
@@ -20,7 +19,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli import api
-from suspension_cli.analyses import python_functions, registry
+from suspension_cli.analyses import known_analyses, python_functions
 from suspension_cli.analyses.modes import picture
 from suspension_cli.conventions import ANALYSES
 from tests.support.paths import CONFIGS, ROOT
@@ -59,7 +58,7 @@ def test_every_option_has_its_argument_or_a_reason(name):
     """Options without an argument are listed in docs/api.md."""
     page = (ROOT / "docs" / "api.md").read_text()
     arguments = inspect.signature(getattr(sus, name)).parameters
-    for param in registry.get(name).parameters:
+    for param in known_analyses.get(name).parameters:
         assert param.name in arguments or f"`{param.opts[-1]}`" in page, param.opts
 
 
@@ -163,12 +162,12 @@ def test_sweeps_leave_no_folder_and_continue(tmp_path, monkeypatch):
         sus.modes(sus.read(DOUBLE), fidelity="string")
         assert not list(tmp_path.iterdir())
         found = sus.sweep(sus.read(DOUBLE), **how)
-        assert found.file.exists()
+        assert found.run.file.exists()
         del found
         gc.collect()
     assert not list(tmp_path.iterdir())
     found = sus.sweep(sus.read(DOUBLE), folder=tmp_path / "kept", chunk=1, resume=True, **how)
-    assert found.file == tmp_path / "kept" / "double-sweep.h5" and found.file.exists()
+    assert found.run.file == tmp_path / "kept" / "double-sweep.h5" and found.run.file.exists()
 
 
 def test_notebooks_complete_the_values_of_designs(tmp_path):
@@ -245,8 +244,8 @@ def test_notebook_with_finesse(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["compare", "fit", "optimise"])
-def test_what_the_help_of_the_data_lists_are_attributes_of_the_result(name, tmp_path):
-    """Whatever the result itself calls its design, name or model; also after it was stored."""
+def test_a_result_has_the_design_that_was_analysed(name, tmp_path):
+    """Also after it was stored, and where it has another that was found."""
     design = sus.template("single").replace({"analysis": {name: {"fidelity": "beam"}}})
     goals = tmp_path / "goals.toml"
     goals.write_text(
@@ -260,12 +259,8 @@ def test_what_the_help_of_the_data_lists_are_attributes_of_the_result(name, tmp_
     }[name]()
     found.save(tmp_path / "stored.h5")
     for one in (found, sus.load(tmp_path / "stored.h5")):
-        data = one.data[0] if isinstance(one.data, list) else one.data
-        for field in dataclasses.fields(data):
-            if field.name != "design":
-                assert getattr(one, field.name) is getattr(data, field.name), field.name
-        assert one.document()["design"] == one.given.name
-        assert isinstance(one.design, sus.Design) and isinstance(one.given, sus.Design)
+        assert one.document()["design"] == one.run.name
+        assert isinstance(one.design, sus.Design) and isinstance(one.run.design, sus.Design)
 
 
 def test_the_design_of_an_optimisation_or_a_fit_is_the_one_found(tmp_path):

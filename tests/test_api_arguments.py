@@ -28,7 +28,7 @@ VARY = {DEPTH: [1e-3, 2e-3]}
     [
         (lambda: sus.modes(None), r"design = None: is no design; give one of sus\.read"),
         (lambda: sus.response(MODES), r"design = .*: is no design; give the attribute design"),
-        (lambda: sus.modes(MODES.given.design), r"design = .*: is no design"),
+        (lambda: sus.modes(MODES.run.design.design), r"design = .*: is no design"),
         (lambda: sus.check(None), r"design = None: is no design"),
         (lambda: sus.draw(None), r"design = None: is no design"),
         (lambda: sus.report(None, "x.html"), r"design = None: is no design"),
@@ -247,7 +247,7 @@ def test_paths_stand_for_designs_in_every_function(tmp_path):
     path = tmp_path / "single.toml"
     path.write_text(SINGLE.text)
     assert sus.check(path).run.name == sus.check(str(path)).run.name == "single"
-    assert isinstance(sus.report(path, tmp_path / "x.html", sections="numbers"), Path)
+    assert sus.report(path, tmp_path / "x.html", sections="numbers").path == tmp_path / "x.html"
 
 
 LONGER = SINGLE.replace({"stage.test.wires.l": 1.0})
@@ -306,7 +306,7 @@ def test_a_sweep_refuses_a_file_that_is_not_its_own(tmp_path):
 @pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy])
 def test_copies_of_a_sweep_keep_its_temporary_file(duplicate):
     found = coupling()
-    again, path = duplicate(found), found.file
+    again, path = duplicate(found), found.run.file
     del found
     gc.collect()
     assert again.to_xarray().sizes["k"] == 2

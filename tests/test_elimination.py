@@ -113,8 +113,8 @@ def test_nearly_singular_parts(size, offset, lossy):
 
 
 def test_a_part_that_takes_up_too_much_is_solved_densely(monkeypatch):
-    """Subtracting 1e13 from 1 and adding it again would leave 3 digits, which one correction does
-    not restore; it does restore what 1e3 costs. A solution with pivoting is corrected once too."""
+    """A pivot of 0 leaves no digits; corrections restore what one of 1e-13 costs, which leaves 3. A
+    solution with pivoting is corrected once too."""
     counted = []
     original = elimination.dense
     monkeypatch.setattr(
@@ -122,7 +122,7 @@ def test_a_part_that_takes_up_too_much_is_solved_densely(monkeypatch):
         "dense",
         lambda matrix, rhs: counted.append(matrix.shape[-1]) or original(matrix, rhs),
     )
-    leaf = np.array([1e-13, 1e-3, 0.5, 2.0])
+    leaf = np.array([0.0, 1e-13, 0.5, 2.0])
     matrix = np.array([[np.full(4, 1.3), np.ones(4)], [np.ones(4), leaf]])
     rhs = np.array([[np.ones(4)], [np.full(4, 0.7)]])
     pattern = elimination.by_body(np.arange(2), np.ones((2, 2), dtype=bool))

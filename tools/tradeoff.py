@@ -17,12 +17,13 @@ import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses import registry
-from suspension_cli.analyses.analysis import Result
+from suspension_cli.analyses import known_analyses
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
+from suspension_cli.analyses.record import Origin
 from suspension_cli.analyses.tradeoff.measure import (
     Entry,
     Measured,
+    Tradeoff,
     draw,
     format_time,
     measure,
@@ -201,20 +202,21 @@ def document(found: dict[str, Measured], methods: Any, text: dict[str, str]) -> 
 def main() -> None:
     """Measure all designs."""
     found, methods, text, titles = {}, {}, {}, {}
-    folder, analysis = ROOT / "results", registry.get("tradeoff")
+    folder, analysis = ROOT / "results", known_analyses.get("tradeoff")
     for file in DESIGNS:
         source = read(file)
         name = source.design.design.name
         print(name, file=sys.stderr)
         found[name] = measure(source)
         if name in CHARTS:
-            result = Result(analysis, source, Choice("all", ""), found[name])
+            origin = Origin(analysis, source, Choice("all", ""))
+            result = Tradeoff.extending(found[name], run=origin)
             methods[name], text[name], titles[name] = (
                 compare_methods(source.design),
                 str(result),
-                result.title,
+                source.title,
             )
-            save(draw(found[name], result.title), folder / f"{CHARTS[name]}.png")
+            save(draw(found[name], source.title), folder / f"{CHARTS[name]}.png")
     save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
     write_bytes(folder / "tradeoff.md", document(found, methods, text).encode())
 

@@ -1,6 +1,6 @@
 """One class per analysis, from which the command line, the Python API and results files follow.
 
-`record` has the class of what analyses return. Only `report` still passes its page as a `Result`.
+`record` has the class of what analyses return.
 """
 
 from __future__ import annotations
@@ -8,22 +8,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib
-import json
 import os
 import sys
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from suspension_cli.analyses import options
 from suspension_cli.analyses.options import Input, Option, Settings
-from suspension_cli.analyses.record import Document as Document
-from suspension_cli.analyses.record import Origin, Presented, Record, as_json
+from suspension_cli.analyses.record import Origin
 from suspension_cli.analyses.record import only_one as only_one
 from suspension_cli.analyses.record import table as table
 from suspension_cli.errors import InputError, PendsusWarning, attribute_faults_to
+from suspension_cli.files.documents import Document as Document
 
 if TYPE_CHECKING:
     import click
@@ -152,91 +152,6 @@ class Run:
         return attribute_faults_to(self.source.file)
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Result(Presented):
-    """Result of an analysis that does not return a `Record` yet.
-
-    Fields of `data` are attributes of the result too: ``result.frequency``. Their units and shapes
-    are in ``help(type(result.data))``. Where the result has an attribute of the same name (`name`,
-    `title`, `model`, `source`), that of `data` takes its place: ``sus.compare(a, b).name`` are the
-    names of both.
-
-    Attributes
-    ----------
-    given : Source
-        The design that was analysed, its TOML text (overrides applied) and the name of its file.
-    choice : Choice
-        The model, why it was chosen, and its estimated error.
-    data : object
-        The arrays: the result type of the analysis.
-    extra : dict
-        What text, JSON and names of files report beyond the arrays, in types of JSON.
-    file : Path or None
-        The results file that the analysis filled while it ran, or that the result was read from.
-    command : str
-        The command line, or the function, that computed it.
-    holder : object
-        Deletes the temporary file of a sweep when no result refers to it any more.
-    """
-
-    analysis: Analysis
-    given: Source
-    choice: Choice
-    data: Any
-    extra: Document = dataclasses.field(default_factory=dict)
-    file: Path | None = None
-    command: str = ""
-    holder: object = None
-
-    def __post_init__(self) -> None:
-        about = {"command": self.command, "file": self.file, "holder": self.holder}
-        run = Origin(self.analysis, self.given, self.choice, **about)
-        object.__setattr__(self, "_run", run)
-
-    @property
-    def run(self) -> Origin:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Where the result comes from."""
-        return vars(self)["_run"]
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name == "data":
-            raise AttributeError(name)
-        return getattr(self.data, name)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *(n for n in dir(self.data) if n[0] != "_")})
-
-    @property
-    def design(self) -> Any:
-        """The design; of `optimise` and `fit` the one that was found (of several, a list)."""
-        return self.analysis.design_of(self)
-
-    @property
-    def source(self) -> Any:
-        """The design that was analysed, unless `data` has a source."""
-        return getattr(self.data, "source", self.given)
-
-    @property
-    def name(self) -> Any:
-        """Name of the design; of `compare` those of its items, of `fit` those of parameters."""
-        return getattr(self.data, "name", self.given.name)
-
-    @property
-    def title(self) -> Any:
-        """Title of the design, or its name."""
-        return getattr(self.data, "title", self.given.title)
-
-    @property
-    def model(self) -> Any:
-        """Name of the model; of `compare` those of its items."""
-        return getattr(self.data, "model", self.choice.level)
-
-    @property
-    def estimated_error(self) -> float:
-        """Relative error of the model, estimated; NaN where it cannot be."""
-        return self.choice.error
-
-
 class Analysis(ABC):
     """An analysis of a design: its parameters, its physics, its file, its picture, its text.
 
@@ -245,8 +160,8 @@ class Analysis(ABC):
     """
 
     name: ClassVar[str]  # of the HDF5 group, the function and the command (see `command_name`)
-    result_type: ClassVar[str] = ""  # path of the class whose fields declare what is stored
-    fills_file: ClassVar[bool] = False  # while it runs; the file has more than `Result.data`
+    result_type: ClassVar[str] = ""  # path of the class of its results, whose fields are stored
+    fills_file: ClassVar[bool] = False  # while it runs; the file has more than the record
     has_model: ClassVar[bool] = True  # results come from one, which JSON names with its error
     has_file: ClassVar[bool] = True
     draws_neglected: ClassVar[bool] = False  # pictures say at the bottom what the model neglects
@@ -270,13 +185,14 @@ class Analysis(ABC):
     def solve(self, run: Run) -> Any:
         """Compute the result; raises `InputError` for faults of the design or of a setting."""
 
-    def design_of(self, result: Any) -> Source | list[Source]:
-        """The design of a result, or designs: those that were found where some are."""
-        return result.given
-
     def document(self, result: Any) -> Document:
-        """JSON document without its head (command, design, model, estimated error)."""
-        return {}
+        """JSON document without its head (command, design, model, estimated error).
+
+        It follows from the fields of the record and its `in_json`; an analysis adds what is none.
+        """
+        from suspension_cli.files import documents
+
+        return documents.document(result)
 
     def text(self, result: Any) -> str:
         """Table or summary that the command prints; empty for a page or drawing."""
@@ -284,11 +200,8 @@ class Analysis(ABC):
 
     def returned_type(self) -> Any:
         """What the Python function returns: the class of the record, or a name."""
-        if "." in self.returns:
-            return _imported(self.returns)
-        kind = self.record_type() if self.result_type and not self.returns else None
-        is_record = isinstance(kind, type) and issubclass(kind, Record)
-        return kind if is_record else self.returns or "Result"
+        path = self.returns or self.result_type
+        return _imported(path) if "." in path else path
 
     def record_type(self) -> Any:
         """Import the class whose fields declare what is stored."""
@@ -301,25 +214,14 @@ class Analysis(ABC):
         if not self.has_file:
             remedy = "print it, or take document()"
             raise InputError.of("", f"{self.name} has no results file", remedy)
-        content = result if isinstance(result, Record) else result.data
-        stored.write(file.create_group(self.name), content)
+        stored.write(file.create_group(self.name), result)
 
     def read_result(self, file: h5py.File, run: Origin, extra: Document) -> Any:
-        """Read a result from an open results file; `extra` is what text and JSON report more."""
+        """Read a result from an open results file; `extra` has fields that older files lack."""
         from suspension_cli.files import stored
 
-        kind = self.record_type() if self.result_type else None
-        if kind is None or not issubclass(kind, Record):
-            about = {"file": run.file, "command": run.command}
-            return Result(self, run.design, run.choice, self.load(file), extra, **about)
         given = {key: tuple(one) if isinstance(one, list) else one for key, one in extra.items()}
-        return stored.read(file[self.name], kind, **(given | {"run": run}))
-
-    def load(self, file: h5py.File) -> object:
-        """Read `Result.data` from an open results file."""
-        from suspension_cli.files import stored
-
-        return stored.read(file[self.name], self.record_type())
+        return stored.read(file[self.name], self.record_type(), **(given | {"run": run}))
 
     def figures(self, result: Any, setting: Settings) -> dict[str, Figure]:
         """Draw the pictures: the end of each file name (before its ending), and the figure."""
@@ -345,16 +247,11 @@ class Analysis(ABC):
 
     def path(self, result: Any, folder: Path) -> Path:
         """Path of the results file."""
-        return folder / f"{result.given.stem()}-{self.stem}.h5"
+        return folder / f"{result.run.design.stem()}-{self.stem}.h5"
 
     def save(self, path: Path, result: Any) -> None:
         """Write the results file."""
         from suspension_cli.files import hdf5, whole_files
-
-        def fill(file: h5py.File) -> None:
-            self.fill(file, result)
-            if getattr(result, "extra", None):
-                file.attrs["extra"] = json.dumps(as_json(result.extra))
 
         stored = result.stored_file()
         if path.suffix.lower() == ".csv":
@@ -366,7 +263,7 @@ class Analysis(ABC):
             problem = "ends like a file of another kind"
             raise InputError.of("--out", problem, remedy, str(path))
         elif stored is None:
-            hdf5.write(path, result.provenance, fill)
+            hdf5.write(path, result.provenance, partial(self.fill, result=result))
         elif not (path.exists() and path.samefile(stored)):
             whole_files.write_bytes(path, stored.read_bytes())
 
@@ -398,11 +295,6 @@ def _imported(path: str) -> Any:
     """Import a class by its path in the package."""
     module, _, name = path.rpartition(".")
     return getattr(importlib.import_module(f"suspension_cli.{module}"), name)
-
-
-def describe_mirrors(mirrors: float) -> Document:
-    """JSON of the number of mirrors whose powers are added, unless it is 1."""
-    return {"mirrors": mirrors} if mirrors != 1 else {}
 
 
 def name_mirrors(mirrors: float, tilt: float = 0.0) -> str:

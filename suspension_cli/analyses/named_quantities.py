@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from suspension_cli.analyses import registry, settings
+from suspension_cli.analyses import known_analyses, settings
 from suspension_cli.design.derive import mirror
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.physics import couplings, ground
@@ -33,14 +33,14 @@ def names_of(source: Source, coupling: Settings | None = None) -> Names:
     def find_coupling(names: Names) -> Quantity:
         own = coupling
         if own is None:
-            own = settings.merge(registry.get("xcouple"), source, {})
+            own = settings.merge(known_analyses.get("xcouple"), source, {})
         asked = couplings.parse_request(names.system, own, mirror(source.design))
         unit = quotient_unit(asked.over, asked.under)
         last = asked.frequency[-1]
         return Ratio(COUPLING, unit, asked.over, asked.under, asked.input, last)
 
     def find_surroundings() -> Surroundings:
-        own = settings.merge(registry.get("budget"), source, {})
+        own = settings.merge(known_analyses.get("budget"), source, {})
         motion = ground.parse(own["ground"], own["isolation"], Path(source.file).parent)
         frequency = parse_frequencies(own["frequency"])
         low = max([min(frequency), *(one.frequency[0] for one in motion.values())])

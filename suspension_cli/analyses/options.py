@@ -157,8 +157,8 @@ def _demand_stem(_ctx: click.Context, _param: click.Parameter, value: str | None
 
 RESULTS_ENDINGS = (".h5", ".hdf5", ".csv")
 """Endings of paths to which results are saved."""
-ENDINGS = (*RESULTS_ENDINGS, ".gif", ".jpg", ".jpeg", ".json", ".mat", ".md", ".npz", ".pdf")
-ENDINGS += (".png", ".svg", ".toml", ".txt", ".xlsx", ".zip")
+ENDINGS = (*RESULTS_ENDINGS, ".gif", ".jpg", ".jpeg", ".json", ".m", ".mat", ".md", ".npz")
+ENDINGS += (".pdf", ".png", ".py", ".svg", ".toml", ".txt", ".xlsx", ".xml", ".yaml", ".zip")
 """Endings of file names, which folders rarely have."""
 
 MOTIONS = "Output: test.x, test.pitch, test.x@0,0,0.001, ..."

@@ -14,19 +14,19 @@ The record of an analysis is a dataclass on `Record` in its `solve.py`::
         ...
 
 Its fields declare kinds of numbers, dimensions and units (`files.declared`), from which HDF5, CSV,
-xarray, the check of what is loaded, and the annotations that editors complete follow. It has all
-that its text and its pictures need: these solve nothing, and do not build the model again. Curves
-that only pictures need have the dimension `declared.FINE`. The field `run` comes by keyword,
-``Thermal(frequency, ..., run=run.origin(self, choice))``, and is not stored with the others: a
-results file has its contents as root attributes. A record may extend a class of `physics/` or
-`linear/` that has its fields, ``class Modes(Record, eigenmodes.Modes)``, and is made from an object
-of that class by `Record.extending`. No field may have the name of an attribute of `Record`.
+xarray, JSON (`files.documents`), the check of what is loaded, and the annotations that editors
+complete follow. It has all that its text and its pictures need: these solve nothing, and do not
+build the model again. Curves that only pictures need have the dimension `declared.FINE`. The field
+`run` comes by keyword, ``Thermal(frequency, ..., run=run.origin(self, choice))``, and is not stored
+with the others: a results file has its contents as root attributes. A record may extend a class of
+`physics/` or `linear/` that has its fields, ``class Modes(Record, eigenmodes.Modes)``, and is made
+from an object of that class by `Record.extending`. No field may have the name of an attribute of
+`Record`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,6 +36,7 @@ from suspension_cli.analyses import options
 from suspension_cli.analyses.options import Option, Settings
 from suspension_cli.errors import Fault, InputError, suggest
 from suspension_cli.files.declared import NOT_STORED
+from suspension_cli.files.documents import Document, as_json
 
 if TYPE_CHECKING:
     import xarray
@@ -44,9 +45,6 @@ if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
     from suspension_cli.files.hdf5 import Provenance
     from suspension_cli.models.registry import Choice
-
-Document = dict[str, Any]
-"""A JSON document."""
 
 
 class Presenter(Protocol):
@@ -150,10 +148,44 @@ def _stamp(file: Path | None) -> tuple[int, ...]:
     return () if found is None else (found.st_ino, found.st_mtime_ns, found.st_size)
 
 
-class Presented:
-    """Forms of a result: text, JSON, pictures, files, labelled arrays."""
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """Result of an analysis: arrays and numbers with units, and the run that they come from.
 
-    run: Origin
+    A record is equal to itself alone; compare two by their arrays or by `document`.
+
+    Attributes
+    ----------
+    run : Origin
+        The design, the model with its error, the warnings, the command and the file.
+    """
+
+    run: Origin = dataclasses.field(kw_only=True, metadata=NOT_STORED)
+
+    @classmethod
+    def extending(cls, part: Any, **fields: Any) -> Self:
+        """Make a record from an object of the class that it extends, and its other fields."""
+        own = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
+        return cls(**(own | fields))
+
+    def in_file(self, file: Path) -> Self:
+        """The record with the results file that it was written to."""
+        return dataclasses.replace(self, run=dataclasses.replace(self.run, file=file))
+
+    @property
+    def design(self) -> Source:
+        """The design that was analysed."""
+        return self.run.design
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.run.model
+
+    @property
+    def estimated_error(self) -> float:
+        """Relative error of the model, estimated; NaN where it cannot be."""
+        return self.run.error
 
     @property
     def subtitle(self) -> str:
@@ -215,8 +247,8 @@ class Presented:
 
         A path that ends in .csv gets the numbers as CSV, as ``--csv`` writes them: a row per
         frequency, mode or point. Arrays with other rows go into files beside it, NAME-ROWS.csv.
-        The file of `export` has the format of its ending: .mat, .npz, .h5, .json (python-control);
-        a noise budget of gwinc is a folder.
+        The file of `export` has the format of its ending, see docs/handing-over.md; a noise budget
+        of gwinc is a folder.
 
         Raises
         ------
@@ -284,78 +316,6 @@ class Presented:
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Record(Presented):
-    """Result of an analysis: arrays and numbers with units, and the run that they come from.
-
-    A record is equal to itself alone; compare two by their arrays or by `document`.
-
-    Attributes
-    ----------
-    run : Origin
-        The design, the model with its error, the warnings, the command and the file.
-    """
-
-    run: Origin = dataclasses.field(kw_only=True, metadata=NOT_STORED)
-
-    @classmethod
-    def extending(cls, part: Any, **fields: Any) -> Self:
-        """Make a record from an object of the class that it extends, and its other fields."""
-        own = {one.name: getattr(part, one.name) for one in dataclasses.fields(part)}
-        return cls(**(own | fields))
-
-    def in_file(self, file: Path) -> Self:
-        """The record with the results file that it was written to."""
-        return dataclasses.replace(self, run=dataclasses.replace(self.run, file=file))
-
-    @property
-    def design(self) -> Source:
-        """The design that was analysed."""
-        return self.run.design
-
-    @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.run.model
-
-    @property
-    def estimated_error(self) -> float:
-        """Relative error of the model, estimated; NaN where it cannot be."""
-        return self.run.error
-
-    # names by which analyses that return a `Result` still call these; they go with it
-
-    @property
-    def analysis(self) -> Any:
-        """The analysis."""
-        return self.run.analysis
-
-    @property
-    def given(self) -> Source:
-        """The design that was analysed."""
-        return self.run.design
-
-    @property
-    def choice(self) -> Choice:
-        """The model."""
-        return self.run.choice
-
-    @property
-    def command(self) -> str:
-        """The command line, or the function, that computed it."""
-        return self.run.command
-
-    @property
-    def file(self) -> Path | None:
-        """The results file."""
-        return self.run.file
-
-    @property
-    def data(self) -> Any:
-        """The record itself."""
-        return self
-
-
 def table(source: Any, columns: str) -> list[Document]:
     """Rows of JSON from the columns of a record, or from a sequence of records.
 
@@ -370,17 +330,6 @@ def table(source: Any, columns: str) -> list[Document]:
         else zip(*(getattr(source, name) for name in names), strict=True)
     )
     return [dict(zip(keys, row, strict=True)) for row in rows]
-
-
-def as_json(part: Any) -> Any:
-    """Convert a document: arrays and tuples to lists, numbers that are not finite to null."""
-    if isinstance(part, dict):
-        return {key: as_json(value) for key, value in part.items()}
-    if hasattr(part, "tolist"):  # an array or a number of numpy
-        part = part.tolist()
-    if isinstance(part, list | tuple):
-        return [as_json(value) for value in part]
-    return None if isinstance(part, float) and not math.isfinite(part) else part
 
 
 def only_one(values: list[Document], name: str) -> Document:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from suspension_cli.analyses import registry
+from suspension_cli.analyses import known_analyses
 from suspension_cli.analyses.analysis import Analysis
 from suspension_cli.analyses.options import Option, Settings, convert, default_values, grid
 from suspension_cli.errors import Fault, InputError, format_value, suggest
@@ -46,7 +46,7 @@ def from_tables(source: Source) -> dict[str, Settings]:
     result: dict[str, Settings] = {}
     faults = []
     for name, table in source.design.analysis.items():
-        analysis, found = registry.get(name), result.setdefault(name, {})
+        analysis, found = known_analyses.get(name), result.setdefault(name, {})
         swept = analysis.swept_names()
         known = {_key(p): p for p in analysis.parameters if p.name not in NOT_IN_TABLES}
         for key, value in table.items():

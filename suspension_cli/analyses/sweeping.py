@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     Points = Array
     """Points of a study, one per row: numbers, or deviations of random builds."""
 
-CHUNK_OF_MAP = 1 << 15
-"""Fewest points of a map that are evaluated at once."""
 J = TypeVar("J", bound="Job")
 """Kind of job."""
 
@@ -93,6 +91,8 @@ class Study(Generic[J]):
         field `run` says.
     warnings
         What a finished job warns of.
+    more
+        The job with more points than a finished one, whose results do not suffice; None if they do.
     """
 
     at: Callable[[str], J]
@@ -102,6 +102,7 @@ class Study(Generic[J]):
     extremes: Callable[[J, Columns], Points]
     write: Callable[[h5py.Group, Columns, J, Origin], Any]
     warnings: Callable[[Any, J], Iterable[str]]
+    more: Callable[[J, Columns], J | None] = lambda _job, _columns: None
 
     def choose(self, source: Source, setting: Settings) -> Choice:
         """Choose the model before the job is computed."""
@@ -180,7 +181,10 @@ class _Review(Generic[J]):
         last = self.choice
         self.choice = self.study.choose_again(run.source, run.setting, last, self.points)
         if self.choice.level == last.level:
-            return Verdict(self.origin, self.write)
+            more = self.study.more(self.job, columns)
+            if more is not None:
+                self.job = self.computed = more
+            return Verdict(self.origin, self.write, more, keeps_points=True)
         why = self.choice.reason.partition(";")[0]
         level = self.choice.level
         run.log.say(f"{run.name}: all builds are computed again in the {level} model: {why}")
@@ -204,7 +208,7 @@ def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Any
         run.folder.mkdir(parents=True, exist_ok=True)
     how = {name: setting[name] for name in ("workers", "scheduler", "chunk", "resume")}
     if isinstance(review.computed, InterpolatedMap):
-        how["chunk"] = max(how["chunk"], CHUNK_OF_MAP)
+        how["chunk"] = max(how["chunk"], review.computed.chunk)
     try:
         with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
             begin = review.computed, path, analysis.name, review.origin, review.write

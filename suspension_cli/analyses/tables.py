@@ -107,6 +107,26 @@ def _text(table: Table) -> str:
     return "\n".join(f"  {line}".rstrip() for line in lines)
 
 
+def with_error(value: float, error: float) -> str:
+    """Write a number with its standard error, in brackets, in units of the last digit.
+
+    Numbers whose error is below their fifth digit, or unknown, are written alone.
+
+    >>> with_error(0.496083, 0.000123), with_error(-3.2e-22, 1.5e-23), with_error(152.0, 23.0)
+    ('0.49608(12)', '-3.20(15)e-22', '152(23)')
+    """
+    largest = max(abs(value), abs(error))
+    if not (math.isfinite(largest) and error > 1e-5 * abs(value)):
+        return _cell(value, "#.5g")
+    exponent = 0 if 1e-4 <= largest < 1e5 else math.floor(math.log10(largest))
+    scale = 10.0**exponent
+    place = int(f"{error / scale:.1e}".partition("e")[2])  # of the first digit, when rounded
+    decimals = max(1 - place, 0)
+    last_digits = round(error / scale * 10**decimals)
+    power = f"e{exponent:+03d}" if exponent else ""
+    return f"{value / scale:.{decimals}f}({last_digits}){power}"
+
+
 def _cell(value: float | str | None, form: str) -> str:
     from suspension_cli.errors import escape_unprintable
 
@@ -117,8 +137,8 @@ def _cell(value: float | str | None, form: str) -> str:
 
 def align(heads: list[str], cells: list[str]) -> list[str]:
     """Align numbers on the point, or on the right where some have exponents; words on the right."""
-    if not any(re.search(r"\de[-+]", cell) for cell in cells):
-        points = [re.fullmatch(r"[-+]?[\d,]+(\.?\d*)", cell) for cell in cells]
+    if not any(re.search(r"[\d)]e[-+]", cell) for cell in cells):
+        points = [re.fullmatch(r"[-+]?[\d,]+(\.?\d*(?:\(\d+\))?)", cell) for cell in cells]
         longest = max((len(point[1]) for point in points if point), default=0)
         pairs = zip(cells, points, strict=True)
         cells = [cell + " " * (longest - len(p[1])) if p else cell for cell, p in pairs]

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from suspension_cli.analyses import options, registry, settings
+from suspension_cli.analyses import known_analyses, options, settings
 from suspension_cli.cli import terminal
 from suspension_cli.cli.runner import Command
 from suspension_cli.design import DETECTORS
 from suspension_cli.errors import Fault, InputError, format_value
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.record import Presented
+    from suspension_cli.analyses.record import Record
     from suspension_cli.design.reader import Source
 
 KINDS = ("single", "double", "triple", "quad", "blades")
@@ -217,13 +217,13 @@ def plot(
     if together:
         results = [_compared(files)]
         home = folder or Path(files[0]).parent
-        paths = [registry.get("compare").path(results[0], home)]
+        paths = [known_analyses.get("compare").path(results[0], home)]
     else:
         results = []
         paths = [(folder or Path(file).parent) / Path(file).name for file in files]
         for file in files:
             with open_results(file) as stored:
-                results.append(registry.loaded(stored, file))
+                results.append(known_analyses.loaded(stored, file))
     for result, path in zip(results, paths, strict=True):
         with reporting_damage(result.run.design.file, "run the analysis again"):
             with limited(*limits):
@@ -242,11 +242,11 @@ def plot(
             terminal.tell(f"wrote {one}")
 
 
-def _compared(files: tuple[str, ...]) -> Presented:
+def _compared(files: tuple[str, ...]) -> Record:
     """Compare stored results."""
     from suspension_cli.analyses.analysis import Log, Run
 
-    analysis = registry.get("compare")
+    analysis = known_analyses.get("compare")
 
     def ask(source: Source, _overrides: tuple[str, ...] = ()) -> Run:
         return Run(source, settings.defaults(analysis, {}), Log(), Path(), "pendsus plot")

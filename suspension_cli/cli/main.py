@@ -54,10 +54,10 @@ def summary(name: str) -> str:
 def get(name: str) -> click.Command:
     """Import a command: that of an analysis, or another."""
     if name in ANALYSES:
-        from suspension_cli.analyses import registry
+        from suspension_cli.analyses import known_analyses
         from suspension_cli.cli.runner import command
 
-        return command(registry.get(name))
+        return command(known_analyses.get(name))
     from suspension_cli.cli import file_commands
 
     return getattr(file_commands, OTHERS[name][0])

@@ -18,7 +18,6 @@ import click
 
 from suspension_cli.analyses import settings
 from suspension_cli.analyses.analysis import Analysis, Run
-from suspension_cli.analyses.record import Record
 from suspension_cli.cli import terminal
 from suspension_cli.errors import Fault, InputError, collect, format_value, join_errors
 
@@ -173,8 +172,7 @@ def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
     if result.run.file is None:
         with replacing(path, result.run.design.text, voice.say):
             analysis.save(path, result)
-    if isinstance(result, Record):
-        result = result.in_file(path)
+    result = result.in_file(path)
 
     def write(end: str, data: bytes) -> None:
         target = path.with_name(f"{path.stem}{end}")

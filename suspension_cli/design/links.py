@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 from suspension_cli.conventions import DOFS, GROUND
 from suspension_cli.design import key_rules, units
+from suspension_cli.design.cross_sections import CrossSection, circle
 from suspension_cli.design.typed_tables import Plausible, Problems, Table, doc, key
 
 Between = Annotated[
@@ -153,8 +154,16 @@ class Link(BetweenBodies, frozen=True):
 
     @property
     def made_of(self) -> str | None:
-        """Name of the material of its strands, if it has any."""
+        """Name of the material that its stiffness and loss follow from, if any does."""
         return None if self.strands is None else self.strands.material
+
+    @property
+    def cross_section(self) -> CrossSection | None:
+        """Cross-section of what is made of that material, for its loss."""
+        if self.strands is None:
+            return None
+        radius = self.strands.diameter / 2
+        return circle(radius, radius)
 
 
 class EddyCurrent(Table, frozen=True):

@@ -21,8 +21,8 @@ STEP = 0.5
 """Largest change of log H, complex, between neighbours."""
 NARROWEST = 1e-12
 """Relative distance of neighbours at which refinement ends, as at a pole or zero without loss."""
-QUARTERS = np.array([0.25, 0.5, 0.75])
-"""Where an interval is divided, on a logarithmic scale."""
+EIGHTHS = np.arange(1, 8) / 8
+"""Where an interval is divided, on a logarithmic scale: a pass costs more than its points."""
 SHORTEST = 8
 """Number of points below which a grid is that of a question, not of a curve."""
 LONGEST = 50_000
@@ -72,7 +72,7 @@ def add_points(
         wide = np.flatnonzero(wanted.any(1) & (gap > NARROWEST))
         if not len(wide) or len(frequency) > LONGEST:
             break
-        between = frequency[wide, None] * np.exp(gap[wide, None] * QUARTERS)
+        between = frequency[wide, None] * np.exp(gap[wide, None] * EIGHTHS)
         frequency, value = _insert(solve, frequency, value, between.ravel())
     return frequency, value
 

@@ -121,7 +121,7 @@ class Rule:
     """Line across a panel, with a text at its end; an arrow at the edge if it is far outside.
 
     With another end `to`, it is a band without text. `is_named`: the text is shown also where the
-    line is, not only where it is outside.
+    line is, not only where it is outside; that of a horizontal line is `at_right` or left.
     """
 
     at: float
@@ -131,6 +131,7 @@ class Rule:
     dashes: LineStyleType = (0, (4, 2))
     is_named: bool = True
     to: float | None = None
+    at_right: bool = False
 
 
 @dataclass(frozen=True)
@@ -541,4 +542,5 @@ def _draw_rule(axes: Axes, one: Rule) -> None:
         axes.annotate(one.text, (one.at, 1), (72 * shift, 2), **look)
     elif one.is_named and one.text:
         look |= {"xycoords": ("axes fraction", "data"), "va": "top"}
-        axes.annotate(one.text, (0.01, one.at), (0, -2), **look)
+        look["ha"] = "right" if one.at_right else "left"
+        axes.annotate(one.text, (0.99 if one.at_right else 0.01, one.at), (0, -2), **look)

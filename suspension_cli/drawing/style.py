@@ -231,6 +231,15 @@ def format_raised(value: float, digits: int = 2) -> str:
     return f"{factor}10{str(int(power)).translate(RAISED)}".replace("-", "−")
 
 
+def write_unit(unit: str) -> str:
+    """Write an SI unit as pictures have it, "" for a number.
+
+    >>> write_unit("m/Hz^0.5"), write_unit("1")
+    ('m/√Hz', '')
+    """
+    return "" if unit == "1" else unit.replace("Hz^0.5", "√Hz")
+
+
 def format_signed(value: float, digits: int = 3) -> str:
     """Write a change with its sign and few digits: ``+1010``, ``−0.5``."""
     return "+" * int(value > 0) + format_raised(value, digits)

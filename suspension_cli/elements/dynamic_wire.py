@@ -19,7 +19,7 @@ sigma r^2 theta' dA about the axis. This second term has no loss.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ from suspension_cli.elements.joined_sections import ENDS, EPS, Joined
 from suspension_cli.scene.scene import Fibre, Section
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from jaxtyping import Float, Inexact, Int
 
@@ -64,6 +64,47 @@ class TautWire:
     def at(self, omega: Inexact[np.ndarray, " frequency"]) -> WireAtFrequencies:
         """The wire at frequencies (f,), rad/s."""
         return WireAtFrequencies(self, omega)
+
+    def stack(
+        self, values: Sequence[Inexact[np.ndarray, "*#frequency"] | complex]
+    ) -> Inexact[np.ndarray, "section *#frequency"]:
+        """Stack numbers of the sections, with axes of length 1 where they do not vary."""
+        axes = (1,) * max(np.ndim(self.tension), 1)
+        shape = np.broadcast_shapes(axes, *map(np.shape, values))
+        result = np.empty((len(values), *shape), dtype=np.result_type(*values))
+        for row, value in zip(result, values, strict=True):
+            row[...] = value
+        return result
+
+    @cached_property
+    def lengths(self) -> Inexact[np.ndarray, "section *#frequency"]:
+        """Lengths of the sections, m."""
+        return self.stack([section.length for section in self.fibre.sections])
+
+    @cached_property
+    def tensions(self) -> Inexact[np.ndarray, "section *#frequency"]:
+        """Tension in the middle of each section, N; the weight of a wire with mass changes it."""
+        return self.stack([self.tension_of(section) for section in self.fibre.sections])
+
+    def tension_of(self, section: Section) -> Inexact[np.ndarray, "*frequency"] | float:
+        """Tension in the middle of a section, N."""
+        return self.tension + (section.tension_offset if self.massive else 0.0)
+
+    @cached_property
+    def static_slopes(self) -> list[Inexact[np.ndarray, "2 2 *#frequency"]]:
+        """Static stiffness of bending in each plane on (T_s, d), without loss, N m."""
+        result = []
+        for plane in (0, 1):
+            rigidity = np.array([section.rigidity[plane] for section in self.fibre.sections])
+            rigidity = rigidity.reshape(-1, *(1,) * (self.lengths.ndim - 1))
+            result.append(resting.slope_stiffness(rigidity, self.tension, self.lengths).stiffness)
+        return result
+
+    @cached_property
+    def static_torsion(self) -> Any:
+        """Static stiffness against twisting, without loss, N m/rad."""
+        sections = self.fibre.sections
+        return 1 / sum(own.length / _twisting(own, self.tension) for own in sections)
 
     @cached_property
     def static(self) -> dict[str, Inexact[np.ndarray, "_ _"]]:
@@ -119,11 +160,14 @@ class PartAtFrequencies:
     """One part of the motion of a wire at given frequencies, in rad/s.
 
     `number` is that of the part in `PARTS`; for bending also of the plane, as `Section.rigidity`.
+    `bending_angles` keeps the loss angles of bending that are known, by losses, shape and
+    temperature: pieces into which the wire is cut for its dissipation share them.
     """
 
     strand: TautWire
     omega: Inexact[np.ndarray, " frequency"]
     number: int
+    bending_angles: dict[Any, Inexact[np.ndarray, "*frequency"]] = field(default_factory=dict)
 
     @property
     def bends(self) -> bool:
@@ -146,7 +190,9 @@ class PartAtFrequencies:
         result = np.zeros((4, 4, *own.shape[2:]), dtype=own.dtype)
         some = slice(None) if len(own) == 4 else slice(1, None, 2)
         result[some, some] = own
-        result[2, 2] += sum(self._tension(section) * section.length for section in self.sections)
+        result[2, 2] += sum(
+            self.strand.tension_of(section) * section.length for section in self.sections
+        )
         # phi = 2 W_a / L, d = T_a - phi
         for half in (result, result.swapaxes(0, 1)):
             half[2] -= half[3]
@@ -162,22 +208,17 @@ class PartAtFrequencies:
         itself, as such springs.
         """
         own = self._joined.stiffness
-        sections = self.sections
-        tension = self.strand.tension
         if PARTS[self.number] == "stretch":
             return own
         whole = own.copy()
         if not self.bends:
-            whole[0] -= 1 / sum(own.length / _twisting(own, tension) for own in sections)
+            whole[0] -= self.strand.static_torsion
             return whole
-        lengths = self._stack(section.length for section in sections)
-        rigidity = np.array([section.rigidity[self.number] for section in sections])
-        rigidity = rigidity.reshape(-1, *(1,) * (lengths.ndim - 1))
-        still = resting.slope_stiffness(rigidity, tension, lengths).stiffness
+        still = self.strand.static_slopes[self.number]
         if len(whole) == 2:
             return whole - still
         whole[1::2, 1::2] -= still
-        whole[2, 2] += sum(section.tension_offset * section.length for section in sections)
+        whole[2, 2] += sum(section.tension_offset * section.length for section in self.sections)
         return whole
 
     def resonances_below(self) -> Int[np.ndarray, " frequency"]:
@@ -291,8 +332,7 @@ class PartAtFrequencies:
         parts = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
         for (i, j), value in zip(places, elements, strict=True):
             parts[i, j] = parts[j, i] = value
-        lengths = self._stack(section.length for section in self.sections)
-        return joined_sections.join(parts, self._stack(map(self._tension, self.sections)), lengths)
+        return joined_sections.join(parts, self.strand.tensions, self.strand.lengths)
 
     @property
     def _places(self) -> tuple[tuple[int, int], ...]:
@@ -320,32 +360,21 @@ class PartAtFrequencies:
     def _waves(self) -> tensioned_beam.Waves:
         """Waves of the sections."""
         rigidity, mass, half = self._numbers
-        tension = self._stack(map(self._tension, self.sections))
-        return tensioned_beam.waves(rigidity, tension, mass, half, self.omega)
+        return tensioned_beam.waves(rigidity, self.strand.tensions, mass, half, self.omega)
 
     @cached_property
     def _numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """EI, EA or GJ, inertia per length, and half the length of the sections."""
+        strand = self.strand
         return (
-            self._stack(map(self._rigidity, self.sections)),
-            self._stack(map(self._inertia, self.sections)),
-            self._stack(section.length / 2 for section in self.sections),
+            strand.stack([self._rigidity(section) for section in self.sections]),
+            strand.stack([self._inertia(section) for section in self.sections]),
+            strand.lengths / 2,
         )
-
-    def _stack(
-        self, values: Iterable[Inexact[np.ndarray, "*#frequency"] | complex]
-    ) -> Inexact[np.ndarray, "section *#frequency"]:
-        """Stack numbers of the sections, with axes of length 1 where they do not vary."""
-        blank = np.zeros((1,) * max(np.ndim(self.strand.tension), 1))
-        return np.array(np.broadcast_arrays(blank, *values)[1:])
 
     @property
     def _length(self) -> Any:
         return sum(section.length for section in self.sections)
-
-    def _tension(self, section: Section) -> Inexact[np.ndarray, "*frequency"] | float:
-        """Tension in the middle of a section, N, which the weight of a wire with mass changes."""
-        return self.strand.tension + (section.tension_offset if self.strand.massive else 0.0)
 
     def _rigidity(self, section: Section) -> Inexact[np.ndarray, "*frequency"] | complex:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
@@ -361,8 +390,12 @@ class PartAtFrequencies:
     ) -> Inexact[np.ndarray, "*frequency"]:
         omega = np.real(self.omega)
         if self.bends:
-            tension = self.strand.tension
-            return loss.bending_angle(section, self.number, omega, tension, temperature)
+            known = (section.losses, section.shape, temperature)
+            if known not in self.bending_angles:
+                self.bending_angles[known] = loss.bending_angle(
+                    section, self.number, omega, self.strand.tension, temperature
+                )
+            return self.bending_angles[known]
         stretched = PARTS[self.number] == "stretch"
         return (loss.stretching_angle if stretched else loss.twisting_angle)(section, omega)
 

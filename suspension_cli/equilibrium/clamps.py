@@ -62,7 +62,7 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     at = () if hanging is None else (hanging.tension, hanging.length)
     drawn = scene.drawn and with_bending(scene.drawn, *at)
     scene = replace(with_bending(scene, *at), drawn=drawn)
-    found = equilibrium.solve(scene, numbering, start=hanging and hanging.found.pose)
+    found = equilibrium.solve_once(scene, numbering, start=hanging and hanging.found.pose)
     if scene.batch and hanging is not None:
         # where the strings that define the clamps have no equilibrium, these are reported
         unknown = np.asarray(np.isnan(hanging.tension).any(-1))

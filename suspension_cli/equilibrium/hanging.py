@@ -7,7 +7,7 @@ to which imperfect wires are trimmed are those of that pose, not of the drawing 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,19 +72,7 @@ def hang(scene: Scene) -> HangingWires:
 def _balance_strings(scene: Scene) -> Equilibrium:
     """Balance strings without torsion between the given points."""
     wires = replace(scene.wires, torsion=np.zeros_like(scene.wires.torsion))
-    alone = replace(scene, fibres=None, flex=None)
-    # all models of a command ask for the strings of one design
-    for known, found in _latest:
-        if all(getattr(known, name) is getattr(alone, name) for name in _PARTS):
-            return found
-    found = equilibrium.solve(replace(alone, wires=wires))
-    _latest[:] = [(alone, found)]
-    return found
-
-
-_PARTS = [part.name for part in fields(Scene)]
-_latest: list[tuple[Scene, Equilibrium]] = []
-"""The scene whose strings were balanced last, and their equilibrium."""
+    return equilibrium.solve_once(replace(scene, fibres=None, flex=None, wires=wires))
 
 
 def lengthened(

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.derive import gives_natural_lengths
+from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import taut_string
 from suspension_cli.elements import weight as weights
@@ -42,24 +43,16 @@ COARSE = 1e3
 """Multiple of `CONVERGED` accepted after `STEPS`, as rounding of stiff wires may leave it."""
 
 
+@keep_last
 def expand(design: Design) -> Scene:
     """Expand a checked design into its scene, with imperfections.
 
     Raises `InputError` if a stage cannot balance in its nominal pose, or a wire is slack in it.
     """
-    # all models and checks of a command ask for the scene of one design
-    for known, scene in _latest:
-        if known is design:
-            return scene
     scene = expand_nominal(design)
     for item in design.perturbation:
         scene = apply(scene, item)
-    _latest[:] = [(design, scene)]
     return scene
-
-
-_latest: list[tuple[Design, Scene]] = []
-"""The design expanded last, and its scene."""
 
 
 def expand_geometry(design: Design) -> Scene:

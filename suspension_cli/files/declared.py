@@ -151,12 +151,23 @@ def items(kind: Any) -> tuple[Item, ...]:
         if one.metadata.get("stored", True):
             found.append(_item(one.name, str(one.type), owner.__module__, one.metadata, False))
     for name in dict.fromkeys(name for base in kind.__mro__[::-1] for name in vars(base)):
-        member = getattr(kind, name, None)
-        function: Any = getattr(member, "fget", None) or getattr(member, "func", None)
-        if hasattr(function, "declared"):
-            text = function.__annotations__["return"].replace("list[str]", "tuple[str, ...]")
-            found.append(_item(name, text, function.__module__, function.declared, True))
+        if hasattr(_function(kind, name), "declared"):
+            found.append(property_item(kind, name))
     return tuple(found)
+
+
+@cache
+def property_item(kind: Any, name: str) -> Item:
+    """What a property declares; its annotation alone if it is not `derived`."""
+    function = _function(kind, name)
+    text = function.__annotations__["return"].replace("list[str]", "tuple[str, ...]")
+    return _item(name, text, function.__module__, getattr(function, "declared", {}), True)
+
+
+def _function(kind: Any, name: str) -> Any:
+    """Function of a property; None for another attribute."""
+    member = getattr(kind, name, None)
+    return getattr(member, "fget", None) or getattr(member, "func", None)
 
 
 def _item(

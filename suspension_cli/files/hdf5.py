@@ -1,8 +1,8 @@
 """HDF5 files of results, which name their units and record how they were made; and what design a
 results file of any format has.
 
-`docs/format.md` describes them. A file is built in memory and written whole or not at all. Each
-analysis defines the content of its group.
+`docs/format.md` describes them. A file is written whole or not at all: built in memory or, of many
+builds, under another name. Each analysis defines the content of its group.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
 from suspension_cli.errors import InputError, attribute_faults_to, format_value, one_line
-from suspension_cli.files.whole_files import write_bytes
+from suspension_cli.files.whole_files import replace_file, write_bytes, writing_to
 from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
@@ -59,6 +59,18 @@ def write(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> 
         file.flush()
         image = file.id.get_file_image()
     write_bytes(path, image)
+
+
+def write_large(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> None:
+    """Write a regular file as `write` does, but not in memory first."""
+
+    def write_into(stream: IO[bytes]) -> None:
+        with h5py.File(stream, "w") as file:
+            write_root_attributes(file, origin)
+            fill(file)
+
+    with writing_to(path):
+        replace_file(path, write_into)
 
 
 def in_memory() -> h5py.File:
@@ -248,19 +260,21 @@ def read_design(path: Path) -> str | None:
 
                 with np.load(path) as arrays:
                     found = arrays["design"]
-            case ".txt":
-                lines = path.read_text(encoding="utf-8").splitlines()
-                marked = (one.removeprefix(MARK) for one in lines if one.startswith(MARK))
-                found = json.loads("".join(marked))
-            case _:
+            case ".json":
                 found = json.loads(path.read_text(encoding="utf-8"))["design"]
+            case _:
+                lines = path.read_text(encoding="utf-8").splitlines()
+                found = json.loads("".join(one.partition(MARK)[2] for one in lines))
     except Exception:  # whatever the failure, it is not a result
         return None
     return str(found)
 
 
 def comment_design(text: str) -> list[str]:
-    """Write a design as lines of comment for a text file, which `read_design` reads."""
+    """Write a design as lines of comment for a text file, which `read_design` reads.
+
+    Where # starts no comment, put before each line what does.
+    """
     whole = json.dumps(text)
     return [MARK + whole[n : n + WIDTH] for n in range(0, len(whole), WIDTH)]
 

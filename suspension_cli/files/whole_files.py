@@ -12,8 +12,9 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import IO
 
 from suspension_cli.errors import InputError
 
@@ -28,22 +29,23 @@ DATA = 256_000_000
 """Largest design or table that it names, table of measured numbers, other file of data; bytes."""
 
 
-def replace_file(path: Path, data: bytes) -> None:
+def replace_file(path: Path, data: bytes | Callable[[IO[bytes]], None]) -> None:
     """Write a file under a temporary name in its folder, then rename it; may raise `OSError`.
 
+    Data that are too large for memory are written by a function into the opened file.
     Of a symbolic link the target is replaced. A device or pipe is written as it is. Temporary files
     of the same name that killed processes left are removed.
     """
     if not is_regular(path, follow=True):
         with path.open("wb") as stream:
-            stream.write(data)
+            _fill(stream, data)
         return
     path = target(path)
     remove_leftovers(path)
     handle, temporary = _create_temporary(path)
     try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
+        with os.fdopen(handle, "w+b") as stream:
+            _fill(stream, data)
             stream.flush()
             os.fsync(stream.fileno())
             umask = os.umask(0)
@@ -56,6 +58,13 @@ def replace_file(path: Path, data: bytes) -> None:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
+
+
+def _fill(stream: IO[bytes], data: bytes | Callable[[IO[bytes]], None]) -> None:
+    if isinstance(data, bytes):
+        stream.write(data)
+    else:
+        data(stream)
 
 
 def _create_temporary(path: Path) -> tuple[int, str]:

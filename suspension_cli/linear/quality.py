@@ -135,13 +135,13 @@ def _dissipation(
     if model.is_lossy:
         lost += quadratic_form(np.imag(model.soft), x)
         lost += np.imag(model.k) @ np.abs(model.elongation @ x) ** 2
-    every = np.arange(model.size)
     for term in model.terms:
-        ends = term.within(every)
-        lost += sum(term.at(omega).dissipated(ends, x).values())
+        ends = term.within(term.columns)
+        moved = x[term.columns]
+        lost += sum(term.at(omega).dissipated(ends, moved).values())
         alike = term.with_loss_angle(UNIT)
         if alike is not None:
-            elastic += sum(alike.at(omega).dissipated(ends, x).values()) / UNIT
+            elastic += sum(alike.at(omega).dissipated(ends, moved).values()) / UNIT
     return lost if model.active else np.maximum(lost, 0.0), elastic
 
 

@@ -367,16 +367,17 @@ def _advance(
     keeps_values: bool,
 ) -> None:
     """Take one step of groups of roots, each at its shift, in place; or of their shapes alone."""
-    there = pencil.at_poles(shift, loss)
-    beside = pencil.at_poles(shift * (1 + BESIDE), loss, np.imag(shift).copy())
+    both = np.concatenate([shift, shift * (1 + BESIDE)])
+    there = pencil.at_poles(both, loss, np.tile(np.imag(shift), 2))
     member = np.array([roots.block[group[0]] for group in groups])
     for number in np.unique(member).tolist():
         here = np.flatnonzero(member == number)
         block = blocks[number]
         own = [groups[n] for n in here]
         s = shift[here]
-        functions = block.at(there).functions[:, here]
-        slopes = (block.at(beside).functions[:, here] - functions) / (BESIDE * s)
+        values = block.at(there).functions
+        functions = values[:, here]
+        slopes = (values[:, len(shift) + here] - functions) / (BESIDE * s)
         slopes[:2] = 0.0
         slopes[2] = float(loss != "none")
         slopes[3] = 2 * s
@@ -426,7 +427,11 @@ def _step(
     """
     right = block.elements.multiply(slopes, x)
     with np.errstate(all="ignore"):
-        y = dense(block.matrix(functions)[:, 6:], right)
+        if isinstance(block, ClosedBlock):  # these equations are not symmetric
+            y = dense(block.matrix(functions)[:, 6:], right)
+        else:
+            values = block.absolute.in_pattern(block.elements.at(functions))
+            y = block.absolute.pattern.solve_nearly_singular(values, right)
         size = np.abs(y).max(0)
         size[size == 0] = 1.0
         y = y / size

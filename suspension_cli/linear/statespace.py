@@ -26,13 +26,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import NOT_STORED, along, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import signals
 from suspension_cli.linear.pencil import Block
 from suspension_cli.linear.signals import Signal
@@ -367,6 +368,16 @@ class Poles:
         Motions of all coordinates in each pole; None if they were not asked for.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"pole": ""},
+        names={
+            "value": "real_per_s imag_per_s",
+            "frequency": "frequency_hz",
+            "growth_rate": "growth_rate_per_s",
+        },
+        also="frequency q growth_rate",
+        sparse="growth_rate",
+    )
     value: Complex[np.ndarray, " pole"] = field(metadata=in_unit("rad/s"))
     state: tuple[str, ...] = field(metadata=along("pole"))
     motion: Complex[np.ndarray, "pole coordinate"] | None = field(default=None, metadata=NOT_STORED)

@@ -63,11 +63,14 @@ class Structure:
             moved = _is_nonzero(system.elongation)
             used = np.any([_is_nonzero(matrix) for matrix in matrices], axis=0)
             return (system.allowed & (moved.T @ moved)) | used
-        for k in dict.fromkeys(system.k.tolist()):
-            equal = system.elongation[system.k == k]
-            matrices.append(np.where(system.allowed, equal.T @ equal, 0.0))
         large = [np.abs(matrix) > rounding(matrix, self.place) for matrix in matrices]
         result = np.any(large, axis=0)
+        for k in dict.fromkeys(system.k.tolist()):
+            equal = system.elongation[system.k == k]
+            moved = np.flatnonzero(equal.any(0))
+            here = np.ix_(moved, moved)
+            squares = np.where(system.allowed[here], equal[:, moved].T @ equal[:, moved], 0.0)
+            result[here] |= np.abs(squares) > rounding(squares, self.place[moved])
         for term, weights in zip(system.terms, self.weights, strict=True):
             result[np.ix_(term.columns, term.columns)] |= (weights != 0).any(0)
         return np.asarray(result)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes, quality
@@ -144,6 +145,12 @@ class Systems:
         self.design = design
         self._built: dict[str, LinearSystem] = {}
 
+    @staticmethod
+    @keep_last
+    def of(design: Design) -> Systems:
+        """Return the systems of a design, which the analyses of one command share."""
+        return Systems(design)
+
     def __call__(self, model: Model) -> LinearSystem:
         """Return the linear system of a model."""
         if model.name not in self._built:
@@ -251,11 +258,11 @@ def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np
         if old.stable != new.stable:
             changes[0] = np.inf
     if has_wire_mass(refined) and not has_wire_mass(simple):
-        changes = changes + _shifts_by_wire_mass(new, refined)
+        changes = changes + shifts_by_wire_mass(new, refined)
     return new, changes
 
 
-def _shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray, " mode"]:
+def shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray, " mode"]:
     """Relative change of each frequency by the mass of wires, by Rayleigh's quotient.
 
     With the dynamic stiffness Z(omega) of the wires with mass, and Z_0 without, the mode x changes

@@ -20,7 +20,7 @@ from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium.clamps import hinge_rigidities, to_hinges
 from suspension_cli.equilibrium.energy import sum_forms
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.equilibrium.solve import Equilibrium, solve
+from suspension_cli.equilibrium.solve import Equilibrium, solve_once
 from suspension_cli.equilibrium.tree import chain_tops
 from suspension_cli.linear.coordinates import momentum_units
 from suspension_cli.linear.matrix_terms import StiffnessTable, StructuralLoss
@@ -72,7 +72,7 @@ def linear_model(
     """
     numbering = layout(scene)
     if balanced is None:
-        balanced = solve(scene, numbering)
+        balanced = solve_once(scene, numbering)
         balanced.demand(scene)
     if adapted is None:
         adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
@@ -288,7 +288,7 @@ class String(SceneModel):
     ) -> tuple[LinearSystem, Equilibrium]:
         """Builds on strings."""
         del design
-        found = solve(scene, layout(scene))
+        found = solve_once(scene, layout(scene))
         if not scene.batch:
             found.demand(scene)
         return linear_model(scene, found, split=split), found

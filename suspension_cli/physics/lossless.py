@@ -78,7 +78,7 @@ def find_lossless(design: Design, level: str) -> list[Lossless]:
                 found.append(Lossless(f"{stage.name}.{name}"))
     for link in design.link:
         if link.table is None and not _nonzero(link.damping):
-            material = link.strands.material if link.strands and link.loss_angle is None else None
+            material = link.made_of if link.loss_angle is None else None
             if own := lack([material], link.loss_angle):
                 found.append(Lossless(f"{link.name}.link", *own))
     return found

@@ -25,12 +25,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.optimize import elementwise
 
 from suspension_cli.files.declared import in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
@@ -90,6 +91,16 @@ class Margins:
         Hz. Inf and NaN without limit.
     """
 
+    in_json: ClassVar = Layout(
+        names={  # without units, as they were named first
+            "phase_frequency": "phase_frequency",
+            "gain_up_frequency": "gain_up_frequency",
+            "gain_down_frequency": "gain_down_frequency",
+            "delay": "delay",
+            "delay_frequency": "delay_frequency",
+        },
+        also="gain_up_db gain_down_db",
+    )
     phase: float = field(metadata=in_unit("degree"))
     phase_frequency: float = field(metadata=in_unit("Hz"))
     gain_up: float
@@ -301,6 +312,10 @@ class SensitivityPeak:
         Hz.
     """
 
+    in_json: ClassVar = Layout(
+        names={"size": "largest_singular_value", "frequency": "frequency_hz"},
+        also="gain_up gain_down phase",
+    )
     size: float
     frequency: float
 

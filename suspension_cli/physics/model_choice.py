@@ -44,7 +44,7 @@ def choose(
     take, by default the most complete one alone. Raises `InputError` if the wanted model is not
     valid for the design.
     """
-    systems = Systems(source.design)
+    systems = Systems.of(source.design)
     candidates = candidates or (registry.most_complete(source.design),)
     found = choose_model(source.design, wanted, candidates, systems.compare(request), tolerance)
     return found, systems(found.model)

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from suspension_cli.conventions import GROUND, SUPPORT
 from suspension_cli.design.control import Osem
 from suspension_cli.files.declared import derived, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
@@ -206,6 +207,7 @@ class Drive:
     given.
     """
 
+    in_json: ClassVar = Layout(names={"part": "part_of_range"})
     coil: str
     force: float = field(metadata=in_unit("N"))
     current: float = field(metadata=in_unit("A"))

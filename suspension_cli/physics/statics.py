@@ -11,6 +11,7 @@ import numpy as np
 
 from suspension_cli.design import materials
 from suspension_cli.design.derive import Keystone, gravity_strength, wire_line_densities
+from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.links import LIGHT
 from suspension_cli.design.schema import Body, Design, Stage
 from suspension_cli.design.towers import filter_statics, leg_inertia, leg_statics
@@ -25,8 +26,7 @@ from suspension_cli.design.wires import (
 )
 from suspension_cli.elements import taut_string
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.equilibrium.solve import Equilibrium
-from suspension_cli.equilibrium.solve import solve as balance
+from suspension_cli.equilibrium.solve import Equilibrium, solve_once
 from suspension_cli.equilibrium.tree import carried_weights
 from suspension_cli.models.cavity import angular_stiffness, optical_spring
 from suspension_cli.models.string import STRING
@@ -53,11 +53,12 @@ from suspension_cli.scene.scene import Scene
 __all__ = ["Statics", "Stress", "blade_loads", "list_wire_tables", "solve", "wire_loads"]
 
 
+@keep_last
 def solve(design: Design) -> Statics:
     """Solve for the loads of a design; raises `InputError` if it cannot balance."""
     scene = expand(design)
     strings = STRING.completed(scene, design)
-    balanced = balance(strings)
+    balanced = solve_once(strings)
     balanced.demand(strings)
     pose = balanced.pose
     (ends, top) = _end_heights(scene, balanced)

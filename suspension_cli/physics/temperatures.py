@@ -56,9 +56,9 @@ def list_uses(design: Design) -> Iterator[Use]:
                 part = f"{stage.name}.springs"
                 yield Use(spring.made_of, temperature, part, by_itself, stiffness=False)
     for link in design.link:
-        if link.strands is not None:
+        if link.made_of is not None:
             by_itself = link.loss_angle is None
-            yield Use(link.strands.material, ambient, f"{link.name}.link", by_itself)
+            yield Use(link.made_of, ambient, f"{link.name}.link", by_itself)
 
 
 def _wires(design: Design, stage: Stage) -> Iterator[Use]:

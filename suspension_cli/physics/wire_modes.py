@@ -14,6 +14,7 @@ shape too, and no stiffness function is near its pole at a mode.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -35,6 +36,7 @@ from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.wire_term import WireTerm, is_massive
+from suspension_cli.models.choice import shifts_by_wire_mass
 from suspension_cli.models.spectrum_error import has_wire_mass
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import Fibre
@@ -64,6 +66,9 @@ TOGETHER = 256
 """Number of modes that are solved for at once."""
 BODILY = 0.5
 """Fraction of the energy of a mode of bodies that is not in wires."""
+FOLLOWED = 0.1
+"""Largest relative change by wire mass of modes of bodies that are followed from those without it:
+one that changes more is among those of wires."""
 RECOIL = 0.02
 """Largest relative distance of a violin mode from the resonance between fixed ends."""
 PRECISE = 1e-11
@@ -254,22 +259,21 @@ def solve_bodies(
 ) -> Modes:
     """Solve for the modes of bodies with all losses.
 
-    With wire mass each is followed from the one without. If one of them is lost or a mode of wires,
-    or one is found twice, all modes up to the highest without wire mass are solved for; before,
-    `admit` is called with their number and that frequency, Hz.
+    With wire mass each is followed from the one without, if that changes it by less than
+    `FOLLOWED`. If one of them is lost or a mode of wires, or one is found twice, all modes up to
+    the highest without wire mass are solved for; before, `admit` is called with their number and
+    that frequency, Hz.
     """
     solver = Solver.of(system)
-    massive = any(map(is_massive, solver.system.terms))
-    try:
-        found = damped.solve(solver)
-    except damped.LostModeError:
-        if not massive:
-            raise
-    else:
-        share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
-        bodily = (share > BODILY) | damped.mark_light(found)
-        if not massive or (bodily.all() and not _repeated(solver.system, found)):
-            return found
+    if not any(map(is_massive, solver.system.terms)):
+        return damped.solve(solver)
+    if shifts_by_wire_mass(solver.constant.modes, solver.system).max(initial=0.0) < FOLLOWED:
+        with contextlib.suppress(damped.LostModeError):
+            found = damped.solve(solver)
+            share = found.energy.sum((1, 2)) + found.tip_energy.sum(1)
+            bodily = (share > BODILY) | damped.mark_light(found)
+            if bodily.all() and not _repeated(solver.system, found):
+                return found
     top = float(np.nanmax(solver.modes.frequency))  # wire mass lowers all frequencies
     admit(count_modes(solver, top), top)
     found = solve(solver, top, damping=True, progress=progress)

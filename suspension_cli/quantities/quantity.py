@@ -54,6 +54,11 @@ class Quantity(ABC):
         Whether it is of undamped modes, which are those of wires without mass.
     slow
         Whether it is computed design by design, which takes some 0.05 to 0.5 s each.
+    analytic
+        Whether it follows from `functions` that are analytic in the numbers of a design.
+    negligible
+        Size below which errors of maps are relative to this size: smaller values are rounding
+        errors.
     """
 
     text: str
@@ -68,6 +73,23 @@ class Quantity(ABC):
     vanishes: ClassVar[bool] = False
     undamped: ClassVar[bool] = False
     slow: ClassVar[bool] = False
+    analytic: ClassVar[bool] = False
+    negligible: ClassVar[float] = 0.0
+
+    @property
+    def function_count(self) -> int:
+        """Number of its `functions`."""
+        return 1
+
+    def functions(self, solved: Solved) -> Inexact[np.ndarray, "design function"]:
+        """Analytic functions of the numbers of a design from which it follows, if `analytic`."""
+        return self.read(solved)[:, None]
+
+    def of_functions(
+        self, functions: Inexact[np.ndarray, "design function"]
+    ) -> Inexact[np.ndarray, " design"]:
+        """Values as those of `read`, from those of its `functions`."""
+        return functions[:, 0]
 
     @property
     def needs(self) -> Needs:

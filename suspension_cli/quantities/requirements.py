@@ -136,27 +136,19 @@ class Requirement:
     def margin(self, values: Float[np.ndarray, "*design"]) -> Float[np.ndarray, "*design"]:
         """Distance from the nearer limit, relative to it: 0.01 means 1 %, negative if exceeded.
 
-        The logarithm of the ratio of value and limit where both are positive; else their
-        difference over the size of the limit (or of the band, if a limit is 0).
+        That from a limit of 0 is relative to the other limit, or to 1 of the quantity's unit.
         """
         size = np.abs(values) if self.limits_magnitude else np.asarray(values, dtype=float)
         result = np.full(size.shape, np.inf)
         for limit, sign in ((self.limits.low, 1.0), (self.limits.high, -1.0)):
-            if math.isinf(limit):
-                continue
-            with np.errstate(divide="ignore", invalid="ignore"):
-                if limit > 0:
-                    away = np.where(
-                        size > 0, np.log(np.maximum(size, 0.0) / limit), size / limit - 1
-                    )
-                else:
-                    away = (size - limit) / self._scale
-            result = np.fmin(result, sign * away)
+            if math.isfinite(limit):
+                away = sign * (size - limit) / (abs(limit) or self._scale)
+                result = np.fmin(result, away)
         return np.where(np.isnan(size), np.nan, result)
 
     @property
     def _scale(self) -> float:
-        """Size to which differences from a limit that is not positive are compared."""
+        """Size to which differences from a limit of 0 are compared."""
         finite = [abs(one) for one in (self.limits.low, self.limits.high) if math.isfinite(one)]
         return max(finite) or 1.0
 

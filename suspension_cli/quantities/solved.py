@@ -38,6 +38,7 @@ from suspension_cli.studies.job import nominal_system
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+    from suspension_cli.linear.system import LinearSystem
     from suspension_cli.physics.closed_loop import DampedModes
 
 Part = tuple["Int[np.ndarray, ' place']", "Solved"]
@@ -83,6 +84,16 @@ class Solved:
         self._shifts: dict[tuple[str, int], Array] = {}
         self._ranked: dict[Families, list[Array]] = {}
         self._followed: dict[str, Array] = {}
+
+    @classmethod
+    def of_systems(cls, model: LinearSystem, design: Design, level: str) -> Solved:
+        """Stable systems of a batch, without equilibria: only modes are read from them."""
+        (count,) = model.batch
+        status = np.full(count, builds.GOOD, dtype=np.uint8)
+        wire = np.full(count, -1, dtype=np.int16)
+        mirrors = np.zeros((count, 2), dtype=bool)
+        found = Builds(model, status, wire, np.full(count, np.nan), mirrors)
+        return cls([design] * count, found, level, Needs(), lambda _: iter(()))
 
     @property
     def count(self) -> int:

@@ -11,6 +11,7 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.errors import InputError, format_value, gather
 from suspension_cli.quantities import kinds
 from suspension_cli.quantities.kind import Kind
+from suspension_cli.quantities.kinds.modes import ALL
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 
@@ -24,7 +25,7 @@ def every_kind() -> tuple[Kind, ...]:
 
 
 def parse(text: str, names: Names, option: str = "--result") -> tuple[Quantity, ...]:
-    """Parse a name of a quantity, or of several (``modes``), of a design.
+    """Parse a name of a quantity of a design.
 
     Raises `InputError`, which names the `option`, if the design has no such quantity.
     """
@@ -33,6 +34,11 @@ def parse(text: str, names: Names, option: str = "--result") -> tuple[Quantity, 
         found = kind.parse(plain, names, option)
         if found:
             return tuple(found)
+    if plain == ALL:
+        remedy = f"name one, such as {names.labels[0]!r} or 'lowest pitch'"
+        raise InputError.of(
+            option, "means every mode, not one quantity", remedy, format_value(text)
+        )
     examples = [kind.example for kind in every_kind() if kind.example != plain]
     remedy = suggest(plain, list(dict.fromkeys([*names.labels, *examples])))
     raise InputError.of(option, "is no quantity of this design", remedy, format_value(text))

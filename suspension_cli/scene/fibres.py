@@ -9,7 +9,6 @@ import msgspec
 import numpy as np
 
 from suspension_cli.design import materials
-from suspension_cli.design.cross_sections import circle
 from suspension_cli.design.derive import (
     gravity_strength,
     mean_temperature,
@@ -212,9 +211,9 @@ def _part_loss(design: Design, label: str, part: AnyBlade | Spring | Link) -> Bl
             losses = (Bulk(part.loss_angle), *others)
     angle = part_loss(design, part)
     if isinstance(part, Link):
-        assert part.strands is not None
-        r = part.strands.diameter / 2
-        return BladeLoss(label, angle, losses, 2 * r, ambient, circle(r, r))
+        shape = part.cross_section
+        assert shape is not None
+        return BladeLoss(label, angle, losses, min(shape.depth), ambient, shape)
     geometry = None if isinstance(part, Spring) else part.geometry
     thickness = (part.thickness if geometry is None else geometry.thickness) or 0.0
     return BladeLoss(label, angle, losses, thickness, part.temperature or ambient)

@@ -18,7 +18,7 @@ largest is refined first, until those of all axes are below `SMALL` of the large
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -85,11 +85,14 @@ class Surface:
         self, values: Sequence[Float[np.ndarray, " value"]]
     ) -> Inexact[np.ndarray, "*axes function"]:
         """Evaluate the functions on the grid of these values of the numbers."""
-        result = self.coefficient
+        used = np.asarray(self.coefficient.any(tuple(range(len(values)))))
+        found = self.coefficient[..., used]
         for axis, own in enumerate(values):
-            result = np.moveaxis(
-                np.tensordot(self._polynomials(axis, own), result, (1, axis)), 0, axis
+            found = np.moveaxis(
+                np.tensordot(self._polynomials(axis, own), found, (1, axis)), 0, axis
             )
+        result = np.zeros((*found.shape[:-1], len(used)), found.dtype)
+        result[..., used] = found
         return result
 
     def at(self, points: Float[np.ndarray, "point axis"]) -> Inexact[np.ndarray, "point function"]:
@@ -100,6 +103,19 @@ class Surface:
             result = np.einsum("pk,pk...->p...", here, result)
         return result
 
+    def with_expected_error(self, axis: int) -> Surface:
+        """Add the error that the last coefficients of an axis let expect.
+
+        A term a T_(n+1) that n intervals do not resolve is taken for a T_(n-1); a is estimated by
+        the larger of the last two coefficients.
+        """
+        coefficient = np.moveaxis(self.coefficient, axis, 0)
+        last = coefficient[-LAST:]
+        missed = np.where(np.abs(last[0]) > np.abs(last[1]), last[0], last[1])
+        wider = np.concatenate([coefficient, missed[None]])
+        wider[-3] -= missed
+        return replace(self, coefficient=np.moveaxis(wider, 0, axis))
+
     def _polynomials(
         self, axis: int, values: Float[np.ndarray, " value"]
     ) -> Float[np.ndarray, "value degree"]:
@@ -108,10 +124,13 @@ class Surface:
         return np.polynomial.chebyshev.chebvander(place, degree)
 
 
-def interpolate(sample: Sample, box: Box, most: int) -> Surface | None:
+def interpolate(
+    sample: Sample, box: Box, most: int, least: Float[np.ndarray, " function"] | float = 0.0
+) -> Surface | None:
     """Interpolate functions over a box, from at most so many of their values.
 
-    Returns None if they need more, or if one has no value at a point.
+    Errors of functions that are nowhere larger than `least` are relative to this size. Returns None
+    if they need more values, or if one has none at a point.
     """
     axes = len(box.low)
     intervals = [FIRST] * axes
@@ -131,7 +150,7 @@ def interpolate(sample: Sample, box: Box, most: int) -> Surface | None:
         shape = tuple(count + 1 for count in intervals)
         values = np.array([known[place] for place in every]).reshape(*shape, -1)
         coefficient = coefficients(values)
-        tails = _tails(coefficient)
+        tails = _tails(coefficient, least)
         worst = int(np.argmax(tails))
         if tails[worst] <= SMALL:
             return Surface(box, coefficient, len(known))
@@ -165,14 +184,17 @@ def coefficients(
     return result
 
 
-def _tails(coefficient: Inexact[np.ndarray, "*axes function"]) -> Float[np.ndarray, " axis"]:
+def _tails(
+    coefficient: Inexact[np.ndarray, "*axes function"],
+    least: Float[np.ndarray, " function"] | float,
+) -> Float[np.ndarray, " axis"]:
     """Last coefficients of each axis over the largest ones, of the function where they matter most.
 
-    A function that is 0 but for rounding, beside the others of its map, has none.
+    Over `least` of functions that are smaller.
     """
     size = np.abs(coefficient)
     axes = tuple(range(size.ndim - 1))
-    largest = size.max(axes)
+    largest = np.maximum(size.max(axes), least)
     scale = np.where(largest > 0, largest, 1.0)
     result = []
     for axis in axes:

@@ -7,6 +7,7 @@ neighbours between which they change most, and at neighbours of which one failed
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import chain, zip_longest
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,8 @@ STEEP = 4
 """Pairs of neighbours per result, of absolute and of relative changes each."""
 FAILED = 2
 """Pairs of neighbours of which one failed."""
+TOGETHER = 1 << 16
+"""Points whose neighbours are compared at once."""
 
 
 def find_extremes(
@@ -38,19 +41,20 @@ def find_extremes(
     shape = value.shape[:-1]
     count = value.shape[-1]
     flat = value.reshape(-1, count)
-    low, high = _neighbours(shape)
-    ranked = _in_turn([_ranked(flat[:, n], low, high) for n in _by_range(np.abs(flat))])
+    ranked = _in_turn([_ranked(flat[:, n], shape) for n in _by_range(flat)])
     known = np.asarray(np.isfinite(flat).any(1))
-    beside = np.flatnonzero(known[low] != known[high])
-    some = beside[np.linspace(0, len(beside) - 1, min(FAILED, len(beside))).astype(int)]
-    return np.unique(np.array([*ranked[:most], *low[some], *high[some]], dtype=int))
+    beside = [pair[:, known[pair[0]] != known[pair[1]]] for pair in _neighbours(shape)]
+    pairs = np.concatenate([np.zeros((2, 0), dtype=int), *beside], axis=1)
+    count = pairs.shape[1]
+    some = pairs[:, np.linspace(0, count - 1, min(FAILED, count)).astype(int)]
+    return np.unique(np.array([*ranked[:most], *some.ravel()], dtype=int))
 
 
 def find_largest(value: Inexact[np.ndarray, "point result"]) -> Int[np.ndarray, " point"]:
     """Find points without neighbours at which results are largest, and smallest."""
     size = np.abs(value)
     lists = []
-    for n in _by_range(size):
+    for n in _by_range(value):
         known = np.flatnonzero(np.isfinite(size[:, n]))
         order = known[np.argsort(-size[known, n], kind="stable")].tolist()
         lists.append([*order[:1], *order[-1:], *order[1:STEEP]])
@@ -63,54 +67,68 @@ def _in_turn(lists: list[list[int]]) -> list[int]:
     return [*dict.fromkeys(n for n in mixed if n is not None)]
 
 
-def _neighbours(
-    shape: tuple[int, ...],
-) -> tuple[Int[np.ndarray, " pair"], Int[np.ndarray, " pair"]]:
-    """Numbers of all points of a grid that have a next one along an axis, and of these."""
-    number = np.arange(np.prod(shape, dtype=int)).reshape(shape)
-    axes = range(len(shape))
-    low = [np.take(number, np.arange(shape[n] - 1), axis=n).ravel() for n in axes]
-    high = [np.take(number, np.arange(1, shape[n]), axis=n).ravel() for n in axes]
-    return np.concatenate(low), np.concatenate(high)
+def _neighbours(shape: tuple[int, ...]) -> Iterator[Int[np.ndarray, "2 pair"]]:
+    """Numbers of all points of a grid that have a next one along an axis, and of these, in parts.
+
+    A grid of a million points needs no memory for all its pairs.
+    """
+    count = int(np.prod(shape, dtype=int))
+    for axis, length in enumerate(shape):
+        step = int(np.prod(shape[axis + 1 :], dtype=int))
+        for start in range(0, count, TOGETHER):
+            low = np.arange(start, min(start + TOGETHER, count))
+            low = low[low // step % length < length - 1]
+            yield np.stack([low, low + step])
 
 
-def _by_range(size: Float[np.ndarray, "point result"]) -> list[int]:
+def _by_range(value: Inexact[np.ndarray, "point result"]) -> list[int]:
     """Numbers of the results, that with the largest ratio of its extremes first."""
-    low = np.fmin.reduce(size, axis=0)
-    high = np.fmax.reduce(size, axis=0)
+    low = np.full(value.shape[1], np.nan)
+    high = low.copy()
+    for n in range(value.shape[1]):
+        size = np.abs(value[:, n])
+        low[n] = np.fmin.reduce(size)
+        high[n] = np.fmax.reduce(size)
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.nan_to_num(high / low, nan=-1.0)
     return np.argsort(-spread, kind="stable").tolist()
 
 
-def _ranked(
-    value: Inexact[np.ndarray, " point"],
-    low: Int[np.ndarray, " pair"],
-    high: Int[np.ndarray, " pair"],
-) -> list[int]:
+def _ranked(value: Inexact[np.ndarray, " point"], shape: tuple[int, ...]) -> list[int]:
     """Points of one result, in turn largest, steepest, smallest, and steepest on a log scale."""
     size = np.abs(value)
     known = np.flatnonzero(np.isfinite(size))
     if not len(known):
         return []
-    with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.abs(value[high] - value[low])
-        relative = np.abs(np.log(size[high] / size[low]))
-    steep, steep_log = (_largest_pairs(one, low, high) for one in (change, relative))
+    steep: list[Steep] = []
+    steep_log: list[Steep] = []
+    for low, high in _neighbours(shape):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            change = np.abs(value[high] - value[low])
+            relative = np.abs(np.log(size[high] / size[low]))
+        steep = _steepest(steep, change, low, high)
+        steep_log = _steepest(steep_log, relative, low, high)
     largest = known[np.argmax(size[known])]
     smallest = known[np.argmin(size[known])]
-    pairs = [pair for both in zip_longest(steep, steep_log, fillvalue=()) for pair in both]
+    both = zip_longest(steep, steep_log, fillvalue=(0.0, ()))
+    pairs = [pair for two in both for _, pair in two]
     first = chain.from_iterable(pairs[:2])
     others = chain.from_iterable(pairs[2:])
     return [int(largest), *first, int(smallest), *others]
 
 
-def _largest_pairs(
+Steep = tuple[float, tuple[int, int]]
+"""Change of a result between two neighbours, and these."""
+
+
+def _steepest(
+    known: list[Steep],
     change: Float[np.ndarray, " pair"],
     low: Int[np.ndarray, " pair"],
     high: Int[np.ndarray, " pair"],
-) -> list[tuple[int, int]]:
-    """Pairs of neighbours between which a result changes most."""
+) -> list[Steep]:
+    """Pairs of neighbours between which a result changes most, of those known and further ones."""
     change = np.where(np.isfinite(change), change, -1.0)
-    order = np.argsort(-change, kind="stable")[:STEEP]
-    return [(int(low[n]), int(high[n])) for n in order if change[n] > 0]
+    order = np.argsort(-change, kind="stable")[:STEEP].tolist()
+    more = [(float(change[n]), (int(low[n]), int(high[n]))) for n in order if change[n] > 0]
+    return sorted([*known, *more], key=lambda one: -one[0])[:STEEP]

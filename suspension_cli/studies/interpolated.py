@@ -2,16 +2,17 @@
 
 A job that is `Analytic` tells which analytic functions its results follow from. These are computed
 at some hundred Chebyshev points (`chebyshev`) and evaluated at all points of the grid. Points at
-the ends of the axes and random ones are then computed in full: the largest difference is the stated
-error, and where it is above `ACCEPTED` the grid is computed point by point, as it is where a point
-has no result, or where the functions need too many points.
+the ends of the axes, random ones, and those where the largest errors are expected are then computed
+in full: the largest difference is the stated error. Where it is above `ACCEPTED` the grid is
+computed point by point, as it is where a point has no result, or where the functions need too many
+points.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -28,11 +29,21 @@ MOST_AXES = 3
 SHARE = 4
 """Least number of points of a grid for each that is computed."""
 CHECKED = 12
-"""Number of random points that are computed in full, beside the corners."""
+"""Number of random points that are computed in full, beside corners and the worst ones."""
+WORST = 6
+"""Number of points for each axis at which the largest errors are expected."""
+ROUNDING = 1e-11
+"""Differences below this are rounding errors, of which larger ones may be elsewhere."""
 ACCEPTED = 1e-6
 """Largest difference from full solutions, relative to the result, of an interpolated map."""
 NEGLIGIBLE = 1e-4
 """Results below this fraction of the largest one are compared with that fraction."""
+FEWEST = 512
+"""Fewest points of a map that are evaluated at once."""
+MOST_POINTS = 1 << 15
+"""Most points that are evaluated at once."""
+MOST_VALUES = 1 << 22
+"""Most values of functions that are evaluated at once, beyond `FEWEST` points."""
 EVEN = 1e-9
 """Relative difference of steps, or of ratios, of values that are evenly spaced."""
 
@@ -56,8 +67,16 @@ class Analytic(Protocol):
         ...
 
     @property
-    def compared(self) -> Sequence[str]:
-        """Columns that are compared with full solutions."""
+    def compared(self) -> Mapping[str, Any]:
+        """Columns that are compared with full solutions.
+
+        And the sizes below which their differences are relative to these.
+        """
+        ...
+
+    @property
+    def least(self) -> Float[np.ndarray, " function"]:
+        """Sizes of the analytic functions below which they are rounding errors."""
         ...
 
     def compute(self, start: int, stop: int) -> Columns:
@@ -82,12 +101,15 @@ class InterpolatedMap:
     Attributes
     ----------
     error
-        Largest difference from full solutions, see `ACCEPTED`.
+        Largest difference from full solutions, at least `ROUNDING`; see `ACCEPTED`.
+    checked
+        Number of points that were computed in full for it.
     """
 
     job: Analytic
     surface: Surface
     error: float
+    checked: int
 
     @property
     def count(self) -> int:
@@ -100,11 +122,18 @@ class InterpolatedMap:
         return f"{self.job.identity} interpolated at {self.surface.points}"
 
     @property
+    def chunk(self) -> int:
+        """Number of points that are best evaluated at once."""
+        functions = self.surface.coefficient.shape[-1]
+        return max(FEWEST, min(MOST_POINTS, MOST_VALUES // functions))
+
+    @property
     def line(self) -> str:
         """What was computed, for the text and the file."""
+        size = f"{self.error:.0e}" if self.error > ROUNDING else f"below {ROUNDING:.0e}"
         return (
             f"computed at {self.surface.points:,} points, interpolated at {self.count:,}; largest"
-            f" difference at {CHECKED + 2 ** len(self.job.axes)} points {self.error:.0e}"
+            f" difference at {self.checked} points {size}"
         )
 
     def compute(self, start: int, stop: int) -> Columns:
@@ -136,11 +165,13 @@ def interpolated(job: Analytic, seed: int = 0) -> InterpolatedMap | None:
     def sample(points: np.ndarray) -> np.ndarray:
         return job.sample(dict(zip(names, points.T, strict=True)))
 
-    surface = interpolate(sample, box, job.count // SHARE)
+    surface = interpolate(sample, box, job.count // SHARE, job.least)
     if surface is None:
         return None
-    error = _largest_difference(job, surface, seed)
-    return InterpolatedMap(job, surface, error) if error <= ACCEPTED else None
+    some = np.concatenate([_corners(job.axes), _random_points(job.count, seed)])
+    points = sorted({*some.tolist(), *_worst_points(job, surface)})
+    error = max(_largest_difference(job, surface, points), ROUNDING)
+    return InterpolatedMap(job, surface, error, len(points)) if error <= ACCEPTED else None
 
 
 def _box(axes: Sequence[Axis]) -> Box | None:
@@ -166,21 +197,62 @@ def _is_even(steps: Float[np.ndarray, " step"]) -> bool:
     return bool(np.ptp(steps) < EVEN * np.abs(steps).max())
 
 
-def _largest_difference(job: Analytic, surface: Surface, seed: int) -> float:
-    """Largest difference of interpolated from computed results, at corners and random points."""
-    points = np.concatenate([_corners(job.axes), _random_points(job.count, seed)])
-    exact = [job.compute(point, point + 1) for point in points.tolist()]
-    mine = [_evaluate(job, surface, point, point + 1) for point in points.tolist()]
-    largest = 0.0
-    for name in job.compared:
-        right = np.concatenate([one[name] for one in exact])
-        own = np.concatenate([one[name] for one in mine])
+def _largest_difference(job: Analytic, surface: Surface, points: list[int]) -> float:
+    """Largest difference of interpolated from computed results at some points."""
+    exact = _joined([job.compute(point, point + 1) for point in points])
+    mine = _joined([_evaluate(job, surface, point, point + 1) for point in points])
+    return largest_difference(job, exact, mine)
+
+
+def _joined(parts: list[Columns]) -> Columns:
+    return {name: np.concatenate([one[name] for one in parts]) for name in parts[0]}
+
+
+def largest_difference(job: Analytic, exact: Columns, mine: Columns) -> float:
+    """Largest of the `differences`."""
+    return float(differences(job, exact, mine).max(initial=0.0))
+
+
+def differences(job: Analytic, exact: Columns, mine: Columns) -> Float[np.ndarray, " point"]:
+    """Largest difference of the compared columns at each point, relative to those in `exact`.
+
+    See `NEGLIGIBLE`; infinite where only one has a result.
+    """
+    found = []
+    for name, least in job.compared.items():
+        right = exact[name]
+        own = mine[name]
         size = np.abs(right)
-        scale = np.maximum(size, NEGLIGIBLE * size.max(0))
+        scale = np.maximum(np.maximum(size, NEGLIGIBLE * np.fmax.reduce(size, axis=0)), least)
+        same = (own == right) | (np.isnan(own) & np.isnan(right))
         with np.errstate(all="ignore"):
-            change = np.where(own == right, 0.0, np.abs(own - right) / scale)
-        largest = max(largest, float(np.nan_to_num(change, nan=np.inf).max(initial=0.0)))
-    return largest
+            change = np.where(same, 0.0, np.abs(own - right) / scale)
+        found.append(np.nan_to_num(change, nan=np.inf).reshape(len(change), -1).max(1))
+    return np.max(found, axis=0)
+
+
+def _worst_points(job: Analytic, surface: Surface) -> list[int]:
+    """Points at which results are expected to be least accurate, some for each axis.
+
+    There the expected error of the series along that axis changes results most: between its nodes,
+    and near poles and zeros of results. Of more points than `MOST_VALUES` allow, some are examined.
+    """
+    most = max(MOST_VALUES // surface.coefficient.shape[-1], FEWEST)
+    length = min(MOST_POINTS, -(-min(job.count, most) // WORST))
+    count = min(-(-job.count // length), max(most // length, 1))
+    starts = np.linspace(0, job.count - length, count).astype(int).tolist()
+    worst: list[int] = []
+    for axis in range(len(job.axes)):
+        changed = surface.with_expected_error(axis)
+        found = []
+        for start in starts:
+            mine = _evaluate(job, surface, start, start + length)
+            other = _evaluate(job, changed, start, start + length)
+            change = differences(job, mine, other)
+            place = int(change.argmax())
+            found.append((float(change[place]), start + place))
+        worst += [point for _, point in sorted(found)[-WORST:]]
+    return worst
 
 
 def _corners(axes: Sequence[Axis]) -> Int[np.ndarray, " point"]:

@@ -88,7 +88,7 @@ def _used(design: Design) -> set[str]:
     wires = (wire for stage in design.stage for wire in stage.wire_tables)
     blades = (blade for stage in design.stage for blade in stage.blade_tables)
     named = {wire.material for wire in wires if wire.k is None and wire.material is not None}
-    named |= {link.strands.material for link in design.link if link.strands is not None}
+    named |= {link.made_of for link in design.link if link.made_of is not None}
     return named | {blade.geometry.material for blade in blades if blade.geometry is not None}
 
 

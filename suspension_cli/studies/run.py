@@ -81,11 +81,13 @@ class Verdict(NamedTuple):
     """What follows from the results of all points of a job.
 
     If it is not to be computed in another way (`instead`), they are written, with their origin.
+    That job may have further points beside those of this one, which are kept (`keeps_points`).
     """
 
     origin: Provenance
     write: Write
     instead: Job | None = None
+    keeps_points: bool = False
 
 
 Review = Callable[[Columns], Verdict]
@@ -122,11 +124,13 @@ def run(
         verdict = Verdict(origin, write)
         while review is not None and (verdict := review(points.columns)).instead is not None:
             job = verdict.instead
-            points = points.of_another(job)
+            points = points.extended(job) if verdict.keeps_points else points.of_another(job)
             _compute_all(job, points, **how)
         columns = points.columns
         write = verdict.write
-        hdf5.write(path, verdict.origin, lambda file: write(file.create_group(group), columns))
+        hdf5.write_large(
+            path, verdict.origin, lambda file: write(file.create_group(group), columns)
+        )
     shutil.rmtree(part_of(path))
 
 
@@ -176,6 +180,12 @@ class _Points:
         result = _Points(self.path, job.count, key, self.folder / key[:16])
         with writing_to(self.path):
             result.folder.mkdir(exist_ok=True)
+        result.read()
+        return result
+
+    def extended(self, job: Job) -> _Points:
+        """Points of a job that has these and further ones, with those already done."""
+        result = _Points(self.path, job.count, self.key, self.folder)
         result.read()
         return result
 

@@ -26,6 +26,11 @@ if TYPE_CHECKING:
 SMALLEST = 1e-3
 """Smallest factor (on k, mass, ...): a normal distribution has tails."""
 
+UNIFORM = 1e-3
+"""Limit over the standard deviation below which a normal distribution is uniform, to 1e-7."""
+FURTHER = 2**64
+"""Added to a seed, gives points that are independent of the builds of all seeds."""
+
 
 def uniforms(seed: int, start: int, stop: int, width: int) -> Float[np.ndarray, "stop-start width"]:
     """Draw uniform numbers in [0, 1) of builds start to stop - 1.
@@ -121,6 +126,32 @@ def deviations(
         result[:, n] = sigma * ndtri(tail + (1 - 2 * tail) * middle)
         if spread.truncate:
             result[:, n] = np.clip(result[:, n], -spread.truncate, spread.truncate)
+    return result
+
+
+def standard_deviations(chosen: tuple[ScatteredNumber, ...]) -> Float[np.ndarray, " factor"]:
+    """Compute the exact standard deviation of the deviation of every number; all means are 0.
+
+    A normal distribution cut off at t standard deviations on both sides has the variance
+    1 - 2 t phi(t) / (2 Phi(t) - 1) of the whole one (Johnson, Kotz and Balakrishnan, Continuous
+    Univariate Distributions, volume 1, section 10.1).
+    """
+    from scipy.special import erf
+
+    result = np.empty(len(chosen))
+    for n, factor in enumerate(chosen):
+        spread = factor.spread
+        if spread.uniform is not None:
+            result[n] = spread.uniform / np.sqrt(3)
+            continue
+        sigma = spread.normal or 0.0
+        result[n] = sigma
+        if spread.truncate and sigma:
+            t = spread.truncate / sigma
+            density = np.exp(-(t**2) / 2) / np.sqrt(2 * np.pi)
+            left = 1 - 2 * t * density / erf(t / np.sqrt(2))
+            # the difference of nearly equal numbers: a narrow cut leaves a uniform distribution
+            result[n] = sigma * np.sqrt(left) if t > UNIFORM else spread.truncate / np.sqrt(3)
     return result
 
 

@@ -149,10 +149,10 @@ def forbid_solving(monkeypatch) -> None:
 
 def check_other_forms(loaded: sus.Record, folder: Path) -> None:
     """Picture, CSV, arrays and copies of a result, from its file in a/ alone."""
-    picture = loaded.file.with_suffix(".png")
+    picture = loaded.run.file.with_suffix(".png")
     drawn = picture.read_bytes()
     picture.unlink()
-    assert run("plot", loaded.file).exit_code == 0
+    assert run("plot", loaded.run.file).exit_code == 0
     assert picture.read_bytes() == drawn
     for name in ("again.h5", "once-more.h5"):
         loaded.save(folder / name)
@@ -162,7 +162,7 @@ def check_other_forms(loaded: sus.Record, folder: Path) -> None:
         loaded = copied
     assert (folder / "again.h5").read_bytes() == (folder / "once-more.h5").read_bytes()
     table = loaded.to_xarray()
-    assert table.data_vars and table.attrs["model"] == loaded.choice.level
+    assert table.data_vars and table.attrs["model"] == loaded.run.model
     loaded.save(folder / "c.csv")
     text = (folder / "c.csv").read_text()
     assert text in {path.read_text() for path in (folder / "a").glob("*.csv")}

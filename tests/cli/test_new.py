@@ -7,7 +7,7 @@ import shlex
 
 import pytest
 
-from suspension_cli.analyses import registry
+from suspension_cli.analyses import known_analyses
 from suspension_cli.cli import file_commands
 from suspension_cli.design import reader
 from tests.support.commandline import assert_refused, run, written
@@ -76,7 +76,7 @@ def test_a_kind_is_no_file_beside_from(tmp_path, monkeypatch):
 def test_examples_of_help_run_on_a_new_triple(name, tmp_path):
     file = tmp_path / "my.toml"
     assert run("new", "triple", file).exit_code == 0
-    text = inspect.cleandoc(registry.get(name).__doc__ or "")
+    text = inspect.cleandoc(known_analyses.get(name).__doc__ or "")
     (line,) = (line for line in text.splitlines() if line.startswith("Example: "))
     words = shlex.split(line.removeprefix("Example: pendsus "))
     words = [str(file) if word == "my.toml" else word for word in words]

@@ -198,6 +198,17 @@ def test_distance_and_top_fraction_follow_from_modes(lossy):
     assert top == pytest.approx(modes.top_fraction[pitch], rel=LOSSLESS)
 
 
+def test_fractions_of_a_mode_are_those_of_modes_and_add_up_to_1(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    number = list(modes.label).index("test pitch")
+    motions = list(dict.fromkeys(names_of(lossy).labels))
+    parts = evaluate(lossy, *(f"fraction of {one} in test pitch" for one in motions))
+    assert max(parts) == pytest.approx(parts[motions.index("test pitch")], rel=RELATIVE)
+    own = modes.energy[number].ravel()
+    assert parts[motions.index("test pitch")] == pytest.approx(own.max(), rel=LOSSLESS)
+    assert 0.5 < sum(parts) <= 1 + RELATIVE
+
+
 def test_families_have_each_mode_once(lossy):
     modes = sus.modes(lossy, fidelity="beam")
     families = names_of(lossy).families
@@ -238,13 +249,74 @@ def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
     np.testing.assert_allclose(low[[0, -1]], high[[0, -1]], rtol=1e-12)
 
 
-@pytest.mark.parametrize("kind", vocabulary.every_kind(), ids=lambda kind: kind.pattern)
-def test_each_kind_says_what_is_wrong(kind):
-    """A name of a kind with another ending is refused in one line."""
-    names = names_of(sus.template("triple"))
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("peak of test.x/support.x:5:0.1", "has no band of frequencies"),
+        ("Q of tset pitch", "is the label of no mode; did you mean 'test pitch'?"),
+        ("decay of nothing", "is the label of no mode"),
+        ("settling of pitch", "is the label of no mode"),
+        ("dilution of test pitch", "is not known: loops store and take energy"),
+        ("tension tset.1", "names no wire or blade; did you mean 'test.1'?"),
+        ("tension upper blades", "is a quantity of wires"),
+        ("stress upper blades", "is not known: upper.blade1 has no geometry; give its geometry"),
+        ("stress fraction nothing", "names no wire or blade"),
+        ("sag of test wires", "is a quantity of blades"),
+        ("margin pitch.size", "is no margin; write margin LOOP.gain|phase|delay|distance"),
+        ("margin nothing.gain", "names no loop"),
+        ("top fraction of tset pitch", "is the label of no mode; did you mean 'test pitch'?"),
+        ("fraction of pitch in test yaw", "names no motion of a stage"),
+        ("fraction of test pitch", "names no mode; write fraction of test pitch in MODE"),
+        ("distance test pitch", "does not name two modes"),
+        ("difference test pitch, test pitch", "names one mode twice"),
+        ("test pitch#99", "is more than the 18 modes of the design"),
+        ("99", "is no number of a mode; give 1 to 18"),
+        ("lowest nothing", "is no degree of freedom"),
+        ("yaw 4", "is not one of the 3 modes of this family; give 1 to 3"),
+        ("longitudinal 1", "names no family of modes that couple by symmetry"),
+        ("noise test.x", "has no frequency; write noise MOTION:FREQUENCY"),
+        ("rms nothing.x", "names no body"),
+        ("test static speed", "is no static motion"),
+        ("tset height", "names no stage; did you mean 'test'?"),
+        ("test.x/support.x", "is no response; write OUTPUT/INPUT:FREQUENCY"),
+        ("couplings", "is no quantity of this design; did you mean 'coupling'?"),
+        ("thermal test.x:-1", "has no frequency; write thermal MOTION:FREQUENCY"),
+        ("force noise test.x:1", "is no force or torque; write test.force_x"),
+        ("test violin 0", "has no order from 1 to 100"),
+        ("modes", "means every mode, not one quantity"),
+    ],
+)
+def test_each_kind_says_what_is_wrong(triple, text, said):
+    """In one line, with the name as it was given."""
     with pytest.raises(sus.InputError) as raised:
-        vocabulary.parse(f"{kind.example} nonsense:", names)
-    assert len(str(raised.value).splitlines()) == 1
+        vocabulary.parse(text, names_of(triple))
+    [line] = str(raised.value).splitlines()
+    assert said in line
+
+
+@pytest.mark.parametrize("kind", vocabulary.every_kind(), ids=lambda kind: kind.pattern)
+def test_no_kind_ignores_the_end_of_a_name(kind, triple):
+    with pytest.raises(sus.InputError, match="nonsense"):
+        vocabulary.parse(f"{kind.example} nonsense:", names_of(triple))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value", "margin"),
+    [
+        (-math.inf, 1.0, 0.8, 0.2),
+        (-math.inf, 1.0, 1.2, -0.2),
+        (0.5, math.inf, 5.0, 9.0),
+        (0.5, 2.0, 1.9, 0.05),
+        (0.5, 2.0, 0.0, -1.0),
+        (0.0, 2.0, 0.5, 0.25),  # from a limit of 0, relative to the other one
+        (0.0, math.inf, 0.5, 0.5),
+        (0.5, math.inf, math.inf, math.inf),
+    ],
+)
+def test_a_margin_is_relative_to_the_nearer_limit(low, high, value, margin):
+    limits = requirements.Limits("test pitch", low, high)
+    found = requirements.find_one(limits, names_of(sus.template("triple")))
+    assert float(found.margin(np.array(value))) == pytest.approx(margin, abs=1e-15)
 
 
 @pytest.mark.parametrize(

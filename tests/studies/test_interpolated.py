@@ -1,4 +1,4 @@
-"""Interpolated maps of cross-couplings, against full solutions."""
+"""Interpolated maps, against full solutions."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses import registry, settings
+from suspension_cli.analyses import known_analyses, settings
 from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design.derive import mirror
 from suspension_cli.models import registry as models
 from suspension_cli.physics.couplings import parse_request
 from suspension_cli.studies.interpolated import determinants, interpolated
 from suspension_cli.studies.job import Axis
+from tools import map_trials
 
 K = Axis("k", tuple(np.linspace(0.6, 1.4, 40)))
 OFFSET = Axis("offset", tuple(np.linspace(-2e-3, 2e-3, 50)))
@@ -20,7 +21,7 @@ OFFSET = Axis("offset", tuple(np.linspace(-2e-3, 2e-3, 50)))
 
 def job_of(name: str, *axes: Axis, frequency: str = "50", level: str = "string") -> Sweep:
     design = sus.example(name)
-    setting = settings.merge(registry.get("xcouple"), design, {"frequency": frequency})
+    setting = settings.merge(known_analyses.get("xcouple"), design, {"frequency": frequency})
     system = models.by_name(level).system(design.design)
     asked = parse_request(system, setting, mirror(design.design))
     return Sweep(design.text, axes, asked, level=level)
@@ -84,7 +85,7 @@ def test_commands_say_how_a_map_was_computed(tmp_path):
     design = sus.example("husman2000/figure6")
     asked = {"sweep": {"k": list(K.values), "offset": list(OFFSET.values)}, "fidelity": "string"}
     mapped = sus.xcouple(design, **asked)
-    assert "points, interpolated at 2,000; largest difference at 16 points" in str(mapped)
+    assert "points, interpolated at 2,000; largest difference at " in str(mapped)
     assert mapped.document()["interpolation"] == mapped.interpolation
     mapped.save(tmp_path / "map.h5")
     assert sus.load(tmp_path / "map.h5").interpolation == mapped.interpolation
@@ -108,3 +109,43 @@ def test_a_sweep_of_responses_is_a_map_too():
     whole = sus.sweep(design, **asked, every_point=True)
     np.testing.assert_allclose(mapped.value, whole.value, rtol=1e-7)
     np.testing.assert_allclose(mapped.response, whole.response, rtol=1e-7)
+
+
+@pytest.mark.parametrize("level", ["string", "beam", "force"])
+def test_maps_of_poses_loads_and_modes_are_those_of_all_points(level):
+    design = sus.example("husman2000/table1-case3")
+    asked = {
+        "vary": {
+            "stage.test.wires.l": np.geomspace(0.4, 0.5, 20).tolist(),
+            "stage.test.wires.s": np.linspace(0.02, 0.03, 24).tolist(),
+        },
+        "results": [
+            *("test height", "test static x", "tension test wires"),
+            *("test pitch", "lowest yaw", "2"),
+        ],
+        "fidelity": level,
+    }
+    mapped = sus.sweep(design, **asked)
+    assert "interpolated at 480" in mapped.interpolation
+    whole = sus.sweep(design, **asked, every_point=True)
+    np.testing.assert_allclose(mapped.value, whole.value, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(mapped.omega_squared, whole.omega_squared, rtol=1e-8)
+    np.testing.assert_array_equal(mapped.label_mode, whole.label_mode)
+    np.testing.assert_array_equal(mapped.rank, whole.rank)
+
+
+def test_a_result_that_is_not_analytic_has_every_point_solved():
+    design = sus.example("husman2000/table1-case3")
+    numbers = np.linspace(0.4, 0.5, 200).tolist()
+    asked = {"vary": {"stage.test.wires.l": numbers}, "fidelity": "string"}
+    assert sus.sweep(design, results=["test height"], **asked).interpolation
+    noisy = ["test height", "thermal test.x:10"]
+    few = {"vary": {"stage.test.wires.l": numbers[::20]}}
+    assert sus.sweep(design, results=noisy, **few).interpolation is None
+
+
+@pytest.mark.parametrize("seed", [3, 101, 104])
+def test_stated_errors_are_honest(seed):
+    found = map_trials.run(seed)
+    assert found.stated is not None, found.text
+    assert found.ratio < map_trials.HONEST, found

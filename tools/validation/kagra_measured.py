@@ -56,7 +56,7 @@ def evaluate(*, repeat: bool) -> None:
         if repeat:
             file = str(MEASURED / f"{stem}.toml")
             found = sus.fit(file, _design(name), fidelity=MODEL, explain=False)
-            kept[name] = summary(found.data)
+            kept[name] = summary(found)
         one = compare(name, kept[name])
         kept[name]["resonance"] = [
             {

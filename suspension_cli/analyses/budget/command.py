@@ -13,9 +13,7 @@ from suspension_cli.analyses.analysis import (
     Document,
     Run,
     Settings,
-    describe_mirrors,
     name_mirrors,
-    table,
 )
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import (
@@ -111,14 +109,15 @@ class BudgetAnalysis(Analysis):
 
     def document(self, result: Budget) -> Document:
         """Return the budget of the first output flat, and those of the others."""
+        from suspension_cli.files import documents
+
         first, *others = [_document(one) for one in result.motions]
         if result.drive is not None:
-            columns = "coil force current voltage counts part_of_range=part cause"
-            first["drive_rms"] = table(result.drive, columns)
+            first["drive_rms"] = [documents.document(one) for one in result.drive]
         head: Document = {"frequency_hz": result.frequency}
         ground = _sources(result.motions[0])
         tilt = {"tilt_rad": result.largest_tilt} if result.largest_tilt else {}
-        about = {"other_outputs": others, "ground": ground} | describe_mirrors(result.mirrors)
+        about = {"other_outputs": others, "ground": ground, "mirrors": result.mirrors}
         return head | first | about | tilt
 
     def text(self, result: Budget) -> str:

@@ -139,11 +139,6 @@ class Budget(Record):
             for n, output in enumerate(self.output)
         )
 
-    @property
-    def data(self) -> list[MotionBudget]:
-        """The motions, as analyses that return a `Result` call them."""
-        return list(self.motions)
-
 
 def solve(analysis: Analysis, run: Run) -> Budget:
     """Compute the budget of every output."""

@@ -123,6 +123,7 @@ class CheckAnalysis(Analysis):
             if {shift, turn} != {_milli((0.0, 0.0, 0.0))}:
                 lines.append(
                     f"  {body.name} hangs ({shift}) mm and ({turn}) mrad from its nominal pose"
+                    " (string model)"
                 )
         lines += [
             f"  the table of link {link.label} covers {link.table[0]:g} to {link.table[1]:g} Hz;"

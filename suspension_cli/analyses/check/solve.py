@@ -105,7 +105,7 @@ def check(analysis: Analysis, run: Run) -> Check:
 
 def find_unknown_names(source: Source, found: Modes | None) -> list[ImplausibleNumber]:
     """Find unknown names in a design; those of quantities if modes are `found`."""
-    from suspension_cli.analyses import registry as analyses
+    from suspension_cli.analyses import known_analyses
 
     design = source.design
     raw = tomllib.loads(source.text)
@@ -132,7 +132,7 @@ def find_unknown_names(source: Source, found: Modes | None) -> list[ImplausibleN
             raise InputError([Fault("", f"names no {kind}", suggest(text, names))])
 
     unknown: list[ImplausibleNumber] = []
-    for analysis in map(analyses.get, ANALYSES):
+    for analysis in map(known_analyses.get, ANALYSES):
         parsers = analysis.parse_names(design, stages, known)
         unknown += [warning for parse in parsers for warning in _collect_faults(parse)]
     if found is not None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.analyses.options import argument
 from suspension_cli.grids import end_points
 
@@ -134,29 +134,23 @@ class CompareAnalysis(Analysis):
         return found
 
     def document(self, result: Comparison) -> Document:
-        """Return changed numbers, paired modes, quantities, and curves with ratios."""
-        document: Document = {
-            "designs": list(result.name),
-            "items": [
-                row | {"fidelity": row["fidelity"] or None}
-                for row in table(result, "name kind fidelity=models")
-            ],
-            "changes": {
-                name: table(changes, "path before after")
-                for name, changes in zip(result.name, result.change, strict=True)
-                if changes
-            },
+        """Add changed numbers, verdicts and reasons by design, and curves with their ratios."""
+        from suspension_cli.files import documents
+
+        document: Document = super().document(result) | {"designs": list(result.name)}
+        for row in document["items"]:
+            row["fidelity"] = row["fidelity"] or None
+        document["changes"] = {
+            name: [documents.document(one) for one in changes]
+            for name, changes in zip(result.name, result.change, strict=True)
+            if changes
         }
-        if result.modes is not None:
-            document["modes"] = table(result.modes, "label frequency_hz=frequency q overlap")
         if result.quantities is not None:
-            document["quantities"] = _list_quantities(result, result.quantities)
-        return document | {
-            "responses": [
-                _overlay(result, one) for one in result.overlay if one.kind == "response"
-            ],
-            "noises": [_overlay(result, one) for one in result.overlay if one.kind == "noise"],
-        }
+            for number, row in enumerate(document["quantities"]):
+                row |= _judge(result, result.quantities, number)
+        for key, kind in (("responses", "response"), ("noises", "noise")):
+            document[key] = [_overlay(result, one) for one in result.overlay if one.kind == kind]
+        return document
 
     def text(self, result: Comparison) -> str:
         """Return models and what they neglect, changed numbers, modes, quantities and ratios."""
@@ -226,33 +220,18 @@ def _overlay(found: Comparison, overlay: Overlay) -> Document:
     return head | {"unit": overlay.unit, "reference": reference, "curves": curves}
 
 
-def _list_quantities(found: Comparison, quantities: ComparedQuantities) -> list[Document]:
-    """Return quantities with the values of all items, verdicts, and reasons of missing values."""
-    rows = []
-    for row, name in enumerate(quantities.name):
-        judged = [one for one in quantities.verdict if one.quantity == row]
-        missing = [one for one in quantities.missing if one.quantity == row]
-        document: Document = {
-            "name": name,
-            "unit": quantities.quantity_unit[row],
-            "value": quantities.value[row],
-            "change_percent": quantities.change[row],
-        }
-        if judged:
-            document["requirements"] = [
-                {
-                    "design": found.name[one.item],
-                    "requirement": one.description,
-                    "note": one.note,
-                    "met": one.met,
-                    "margin": one.margin,
-                }
-                for one in judged
-            ]
-        if missing:
-            document["missing"] = {found.name[one.item]: one.reason for one in missing}
-        rows.append(document)
-    return rows
+def _judge(found: Comparison, quantities: ComparedQuantities, row: int) -> Document:
+    """Return the verdicts on a quantity, and reasons of missing values, if there are any."""
+    judged = [
+        {"design": found.name[one.item], "requirement": one.description}
+        | {"note": one.note, "met": one.met, "margin": one.margin}
+        for one in quantities.verdict
+        if one.quantity == row
+    ]
+    missing = {
+        found.name[one.item]: one.reason for one in quantities.missing if one.quantity == row
+    }
+    return ({"requirements": judged} if judged else {}) | ({"missing": missing} if missing else {})
 
 
 def _tabulate(found: Comparison, quantities: ComparedQuantities) -> list[str]:

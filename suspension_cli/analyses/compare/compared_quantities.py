@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from suspension_cli.analyses import verdicts
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.errors import InputError, join_errors
 from suspension_cli.files.declared import along, in_unit, scale_of
+from suspension_cli.files.documents import Layout
 from suspension_cli.models.choice import choose
 from suspension_cli.models.registry import MODELS, Choice
 from suspension_cli.physics import model_choice
@@ -66,6 +67,12 @@ class Missing:
 class ComparedQuantities:
     """Quantities of several items, a row per quantity; NaN where an item has no value, SI."""
 
+    in_json: ClassVar = Layout(
+        rows={"quantity": ""},
+        names={"name": "name", "quantity_unit": "unit", "change": "change_percent"},
+        without="verdict missing",
+        also="change",
+    )
     name: tuple[str, ...] = field(metadata=scale_of("quantity"))
     quantity_unit: tuple[str, ...] = field(metadata=along("quantity"))
     value: Float[np.ndarray, "quantity item"] = field(metadata=in_unit("{quantity_unit}"))

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from jaxtyping import Complex, Float
 
     from suspension_cli.analyses.analysis import Run
-    from suspension_cli.analyses.record import Presented
+    from suspension_cli.analyses.record import Record
     from suspension_cli.design.measured import Measured, Mode
     from suspension_cli.design.reader import Source
     from suspension_cli.measurements.transfer_function import MeasuredResponse
 
-    Given = str | Path | Presented | Source
+    Given = str | Path | Record | Source
 
 COMPARED = ("modes", "response", "thermal")
 """Results that can be compared."""
@@ -152,13 +152,13 @@ def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
 def _read(ask: Callable[..., Run], given: Given) -> Item:
     import h5py
 
-    from suspension_cli.analyses import registry
-    from suspension_cli.analyses.record import Presented
+    from suspension_cli.analyses import known_analyses
+    from suspension_cli.analyses.record import Record
     from suspension_cli.design import measured, reader
     from suspension_cli.files.hdf5 import is_results_file, open_results
     from suspension_cli.measurements.read import read_bare
 
-    if isinstance(given, Presented):
+    if isinstance(given, Record):
         return _of_result(given, given.run.design.file)
     if isinstance(given, reader.Source):
         run = ask(given)
@@ -173,7 +173,7 @@ def _read(ask: Callable[..., Run], given: Given) -> Item:
     is_data = h5py.is_hdf5(path) and not is_results_file(path)
     if ending in RESULT and os.path.isfile(path) and not is_data:
         with open_results(path) as stored:  # reports what is not HDF5
-            return _of_result(registry.loaded(stored, file), file)
+            return _of_result(known_analyses.loaded(stored, file), file)
     if ending in MEASUREMENT:
         return Item(path.stem, curves=_measured(read_bare(path)), file=file)
     raw = reader.read_toml(path)
@@ -244,7 +244,7 @@ def _calibrated(tables: Measured, path: Path) -> list[MeasuredResponse]:
     return found
 
 
-def _of_result(result: Presented, file: str) -> Item:
+def _of_result(result: Record, file: str) -> Item:
     run = result.run
     if run.analysis.name not in COMPARED:
         problem = f"has results of {run.analysis.command_name}, which are not compared"

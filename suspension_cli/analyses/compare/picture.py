@@ -29,6 +29,7 @@ from suspension_cli.drawing.style import (
     format_significant,
     shorten,
     single_line,
+    write_unit,
 )
 from suspension_cli.quantities.requirements import displayed_unit
 
@@ -65,8 +66,7 @@ def draw_quantities(found: Comparison, quantities: ComparedQuantities) -> Figure
         values = quantities.value[n]
         first = factor * values[np.isfinite(values).argmax()]
         name = single_line(quantities.name[n], LONGEST)
-        unit = unit.replace("Hz^0.5", "√Hz")
-        rows.append(f"{name}  {format_significant(first)} {unit}".rstrip())
+        rows.append(f"{name}  {format_significant(first)} {write_unit(unit)}".rstrip())
         failing = [
             found.name[one.item] for one in quantities.verdict if one.quantity == n and not one.met
         ]

@@ -15,11 +15,11 @@ import dataclasses
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from suspension_cli.analyses import registry, settings
+from suspension_cli.analyses import known_analyses, settings
 from suspension_cli.analyses.analysis import Analysis, RelayedLog, Run
 from suspension_cli.analyses.compare import compared_quantities
 from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
@@ -32,6 +32,7 @@ from suspension_cli.design.paths import format_with_unit
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, in_unit, scale_of
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear.mode_pairing import pair_by_overlap
 from suspension_cli.models.registry import AUTO, MODELS, Choice
@@ -53,6 +54,7 @@ class Change:
     `item` is the number, from 0, of the design that differs from the first.
     """
 
+    in_json: ClassVar = Layout(without="item")
     path: str
     before: str
     after: str
@@ -72,6 +74,7 @@ class PairedModes:
     `overlap` is that of the shape with that of the first design; NaN without shape.
     """
 
+    in_json: ClassVar = Layout(rows={"mode": ""}, names={"label": "label"})
     label: tuple[str, ...] = field(metadata=scale_of("mode"))
     frequency: Float[np.ndarray, "mode item"] = field(metadata=in_unit("Hz"))
     q: Float[np.ndarray, "mode item"]
@@ -111,6 +114,12 @@ class Comparison(Record):
         Responses and noises, each with a curve per item that has it.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"item": "items"},
+        names={"name": "name", "models": "fidelity"},
+        without="changes overlay",
+        sparse="modes quantities",
+    )
     name: tuple[str, ...] = field(metadata=scale_of("item"))
     kind: tuple[str, ...] = field(metadata=along("item"))
     models: tuple[str, ...] = field(metadata=along("item", name="model"))
@@ -144,7 +153,7 @@ class _Analyses:
 
     def compute(self, name: str, **given: object) -> dict[int, Any]:
         """Run an analysis for all designs with the most complete model that one needs."""
-        analysis = registry.get(name)
+        analysis = known_analyses.get(name)
 
         def one(run: Run, level: str) -> Any:
             own = dict(fidelity=level, tolerance=self.setting["tolerance"], as_json=True, **given)

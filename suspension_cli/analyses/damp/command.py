@@ -128,46 +128,13 @@ class DampAnalysis(Analysis):
             yield lambda one=loop: parse_end(one, "actuator", osems, stages, known)
 
     def document(self, result: Damped) -> Document:
-        """Return poles, margins and sensor noise."""
-        poles = [
-            {
-                "frequency_hz": float(frequency),
-                "q": None if growth else q,
-                "real_per_s": float(p.real),
-                "imag_per_s": float(p.imag),
-                "state": state,
-            }
-            | ({"growth_rate_per_s": float(growth)} if growth else {})
-            for frequency, q, growth, p, state in _rows(result.closed)
-        ]
-        matrices = [
-            vars(one) | {key: getattr(one, key).tolist() for key in ("to_euler", "to_coil")}
-            for one in result.osems or ()
-        ]
-        margins = sensitivity = None
-        if result.margin is not None and (peak := result.sensitivity) is not None:
-            gains = ("gain_up_db", "gain_down_db")
-            margins = [
-                {"loop": loop} | {key: getattr(one, key) for key in (*vars(one), *gains)}
-                for loop, one in zip(result.loop, result.margin, strict=True)
-            ]
-            sensitivity = {
-                "largest_singular_value": peak.size,
-                "frequency_hz": peak.frequency,
-                "gain_up": peak.gain_up,
-                "gain_down": peak.gain_down,
-                "phase": peak.phase,
-            }
-        return ({"osems": matrices} if matrices else {}) | {
-            "stable": result.stable,
-            "output": result.output,
-            "impulse": result.drive,
-            "poles": poles,
-            "margins": margins,
-            "sensitivity": sensitivity,
-            "frequency_hz": result.frequency.tolist(),
-            "sensor_noise_asd": ((result.noise**2).sum(1) ** 0.5).tolist(),
-        }
+        """Add the noise of all sensors; a pole that grows has no Q, an unstable loop no margins."""
+        document = super().document(result)
+        for pole in document["poles"]:
+            pole["q"] = None if "growth_rate_per_s" in pole else pole["q"]
+        if result.margin is None:
+            document["margins"] = None
+        return document | {"sensor_noise_asd": (result.noise**2).sum(1) ** 0.5}
 
     def text(self, result: Damped) -> str:
         """Return tables of poles and margins."""

@@ -16,7 +16,7 @@ poles of a closed loop with delay, those near poles of the state space are found
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from suspension_cli.design.derive import mirror
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.files.declared import along, derived, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import signals, statespace
 from suspension_cli.linear.statespace import Poles, with_constant_loss
@@ -75,6 +76,12 @@ class LocalControl:
         Matrices of the stages with OSEMs; None without OSEMs.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"loop": "margins"},
+        names={"closed": "poles", "drive": "impulse"},
+        without="open time impulse undamped sensor noise gain",
+        sparse="osems",
+    )
     loop: tuple[str, ...]
     open: Poles
     closed: Poles

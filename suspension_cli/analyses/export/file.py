@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import h5py
 import numpy as np
 
-from suspension_cli.analyses.analysis import as_json
 from suspension_cli.analyses.export import gwinc_tables
 from suspension_cli.analyses.export.solve import (
     AGREEMENT,
@@ -29,6 +28,7 @@ from suspension_cli.analyses.export.solve import (
     compute_zero_pole_gain,
     off_resonance,
 )
+from suspension_cli.analyses.record import as_json
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import foton, foton_file
 from suspension_cli.design.foton import Filter

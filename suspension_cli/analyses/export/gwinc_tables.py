@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses import registry
+from suspension_cli.analyses import known_analyses
 from suspension_cli.analyses.analysis import Analysis, Document, Run
 from suspension_cli.analyses.export import gwinc_budget
 from suspension_cli.analyses.export.gwinc_budget import Table, interpolate
@@ -84,7 +84,7 @@ def solve(analysis: Analysis, run: Run) -> GwincTables:
     band = parse_band(setting["band"] or "5:3000", "--band")  # gwinc's own
     few = "{!r}:{!r}:20".format(*band)  # enough for the choice of the model, and checks of losses
     wanted = {"outputs": (level, upright), "frequency": few, "arm": 0.0, "mirrors": 1.0}
-    found = registry.get("thermal").solve(replace(run, setting={**setting, **wanted}))
+    found = known_analyses.get("thermal").solve(replace(run, setting={**setting, **wanted}))
     model = found.run.choice.model.system(run.design)
     if (count := count_wire_modes(model, band[1])) > MOST_WIRE_MODES:
         problem = f"contains {count:,} modes of wires (at most {MOST_WIRE_MODES:,})"

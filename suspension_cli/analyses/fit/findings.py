@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses import tables
-from suspension_cli.analyses.analysis import Document, table
+from suspension_cli.analyses.analysis import Document
 from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
 from suspension_cli.analyses.fit.result import SAME, Candidate, Fitted, ResponseFit
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import escape_unprintable
+from suspension_cli.files import documents
 from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import TABLES
 from suspension_cli.quantities.requirements import displayed_unit
@@ -81,9 +82,11 @@ def short(name: str) -> str:
 def describe(problem: Problem, slope: Array, fitted: Fitted) -> tuple[str, ...]:
     """Say which parameters the data determine without priors, one statement per line."""
     p = problem.count
-    free = np.isinf(fitted.prior_sigma)
-    # of parameters without prior: the value itself
-    scale = problem.unknowns.scale[:p] * np.where(free, 1 / TYPICAL, 1.0)
+    # of parameters without prior: the value that was found
+    without = np.isinf(fitted.prior_sigma)
+    typical = problem.unknowns.scale[:p]
+    size = np.where(fitted.value != 0, np.abs(fitted.value), typical / TYPICAL)
+    scale: Array = np.where(without, size, typical)
     rows = problem.data_rows(slope) * scale
     spread = np.linalg.inv(rows.T @ rows + np.eye(p) / WEAK**2)
     sigma = np.sqrt(np.diag(spread))
@@ -472,67 +475,36 @@ def fitted_design(found: Fitted, number: int, file: str, measured: str, command:
 
 def document(found: Fitted, files: Sequence[str | None]) -> Document:
     """Return the JSON document; an uncertainty is null if it is infinite or at a bound."""
-    who = np.array(found.experiment)
-    parameters = table(found, "name start value sigma prior prior_sigma at_bound")
-    for row, shared in zip(parameters, found.shared, strict=True):
-        row["experiments"] = who[shared].tolist()
-        if row["prior_sigma"] is None:
-            row["prior"] = None
-    columns = "label measured_hz=measured uncertainty_hz=uncertainty before_hz=before"
-    modes = table(found, f"experiment=of {columns} after_hz=after residual")
-    for row in modes:
-        row["experiment"] = found.experiment[row["experiment"]]
-    columns = "name=quantity unit=quantity_unit measured=value_measured"
-    columns += " uncertainty=value_uncertainty before=value_before after=value_after"
-    quantities = table(found, f"experiment=value_of {columns} residual=value_residual")
-    for row in quantities:
-        row["experiment"] = found.experiment[row["experiment"]]
+    made: Document = documents.document(found)
+    for key in ("modes", "quantities"):
+        for row in made.get(key, ()):
+            row["experiment"] = found.experiment[row["experiment"]]
+    for row, shared in zip(made["parameters"], found.shared, strict=True):
+        row["experiments"] = np.array(found.experiment)[shared].tolist()
     exchange = None
     if found.exchange is not None:
-        one = found.exchange
-        exchange = {"experiment": found.experiment[one.experiment], "labels": [*one.labels]}
-        exchange["chi_squared"] = one.chi_squared
+        exchange = documents.document(found.exchange)
+        exchange["experiment"] = found.experiment[found.exchange.experiment]
     pairs = zip(found.experiment, files, strict=True)
-    return {
+    made |= {
         "experiments": [{"name": name, "design": file} for name, file in pairs],
-        "parameters": parameters,
         "covariance": found.covariance,
-        "modes": modes,
-        "quantities": quantities,
-        "chi_squared": found.chi_squared,
-        "chi_squared_of_starts": found.ends.tolist(),
-        "degrees_of_freedom": found.freedom,
-        "chi_squared_of_priors": found.prior_chi_squared,
+        "directions": found.direction,
         "far_from_priors": [{"name": name, "sigmas": by} for name, by in found.far],
-        "misfit": found.misfit,
-        "sigma_scale": found.scale,
         "exchange": exchange,
-        "singular_values": found.singular.tolist(),
-        "directions": found.direction.tolist(),
-        "determined": list(found.determined),
-    } | (_response_document(found.responses) if found.responses is not None else {})
+    }
+    return made if found.responses is None else made | _response_document(found.responses)
 
 
 def _response_document(found: ResponseFit) -> Document:
-    values = "change=nuisance_value sigma=nuisance_sigma prior_sigma=nuisance_prior"
+    """Return what a fit of transfer functions adds."""
+    made: Document = documents.document(found)
+    for row in made["wrong_channels"]:
+        row["side"] = TABLES[row["side"]]
+        row["also"] = row["also"] or None
     keys = ("measured_hz", "uncertainty_hz", "before_hz", "after_hz", "q", "functions")
-    columns = "kind side factor claimed_otherwise=known also"
-    wrong = table(found.corrections, f"{columns} chi_squared_without=chi_squared text")
-    for row, one in zip(wrong, found.corrections, strict=True):
-        row |= {"side": TABLES[one.side], "channels": [*one.channel], "also": one.also or None}
-    return {
-        "transfer_functions": table(
-            found, "name=function output input frequencies=points chi_squared"
-        ),
-        "channels": table(found, f"name=nuisance {values}"),
-        "resonances": [
-            {"label": name} | dict(zip(keys, (*row[:5], int(row[5])), strict=True))
-            for name, row in zip(found.mode, found.resonance, strict=True)
-        ],
-        "wrong_channels": wrong,
-        "chi_squared_before": found.chi_squared_before,
-        "single_changes": table(found.changes, "name start change chi_squared"),
-        "missing_links": table(found.links, "between stiffness chi_squared"),
-        "least_known": found.least or None,
-        "measure_next": table(found.candidates, "input output band_hz=band sigma"),
-    }
+    made["resonances"] = [
+        {"label": name} | dict(zip(keys, (*row[:5], int(row[5])), strict=True))
+        for name, row in zip(found.mode, found.resonance, strict=True)
+    ]
+    return made | {"least_known": found.least or None}

@@ -14,7 +14,7 @@ from suspension_cli.analyses.fit.result import Fitted, ResponseFit
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
-from suspension_cli.drawing.style import NOTE, PALE, PALETTE, LineLook, single_line
+from suspension_cli.drawing.style import NOTE, PALE, PALETTE, LineLook, single_line, write_unit
 from suspension_cli.quantities.requirements import displayed_unit as displayed
 
 if TYPE_CHECKING:
@@ -82,8 +82,8 @@ def _residuals(found: Fitted, verdict: str) -> Panel:
         ]
         for n, name in enumerate(found.quantities):
             unit, factor = displayed(found.quantity_unit[n])
-            value = f"{factor * found.value_measured[n]:.4g} {unit}".rstrip()
-            rows.append(f"{single_line(name, LONGEST)}  {value.replace('Hz^0.5', '√Hz')}")
+            value = f"{factor * found.value_measured[n]:.4g} {write_unit(unit)}".rstrip()
+            rows.append(f"{single_line(name, LONGEST)}  {value}")
     else:
         source = "peak read off"
         measured, uncertainty, before, after, q, _ = found.responses.resonance.T

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import ADDED, ATTRIBUTE, SI, along, derived, in_unit, scale_of
+from suspension_cli.files.documents import Layout
 from suspension_cli.measurements.transfer_function import TABLES, Channels
 
 if TYPE_CHECKING:
@@ -52,6 +53,14 @@ class Correction:
     explains the data as well. `chi_squared` is that of the fitted parameters without this change.
     """
 
+    in_json: ClassVar = Layout(
+        names={
+            "channel": "channels",
+            "known": "claimed_otherwise",
+            "chi_squared": "chi_squared_without",
+        },
+        also="text",
+    )
     kind: str
     side: int
     channel: tuple[str, ...]
@@ -150,6 +159,7 @@ class Candidate:
     `sigma` is the standard deviation of that parameter with this measurement.
     """
 
+    in_json: ClassVar = Layout(names={"band": "band_hz"})
     input: str
     output: str
     band: tuple[float, float]
@@ -193,6 +203,27 @@ class ResponseFit:
         In a misfit, links that the design lacks and that would explain it, best first.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"function": "transfer_functions", "nuisance": "channels"},
+        names={
+            "function": "name",
+            "points": "frequencies",
+            "nuisance": "name",
+            "nuisance_value": "change",
+            "nuisance_sigma": "sigma",
+            "nuisance_prior": "prior_sigma",
+            "corrections": "wrong_channels",
+            "changes": "single_changes",
+            "links": "missing_links",
+            "least": "least_known",
+            "candidates": "measure_next",
+        },
+        without=(
+            "of frequency uncertainty measured before after mode resonance resonance_column"
+            " resonance_unit"
+        ),
+        also="points chi_squared",
+    )
     function: tuple[str, ...]
     input: tuple[str, ...] = field(metadata=along("function"))
     output: tuple[str, ...] = field(metadata=along("function"))
@@ -295,6 +326,31 @@ class Fitted:
         Fit of transfer functions; None if none were measured.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"parameter": "parameters", "mode": "modes", "measured_quantity": "quantities"},
+        names={
+            "name": "name",
+            "parameter_unit": "unit",
+            "of": "experiment",
+            "value_of": "experiment",
+            "quantity": "name",
+            "quantity_unit": "unit",
+            "value_measured": "measured",
+            "value_uncertainty": "uncertainty",
+            "value_before": "before",
+            "value_after": "after",
+            "value_residual": "residual",
+            "freedom": "degrees_of_freedom",
+            "singular": "singular_values",
+            "ends": "chi_squared_of_starts",
+            "prior_chi_squared": "chi_squared_of_priors",
+        },
+        without=(
+            "experiment shared covariance direction exchange responses toml design_before"
+            " measurements title stem joint design_file measured_file other_parameter other_unit"
+        ),
+        also="prior_chi_squared",
+    )
     experiment: tuple[str, ...]
     name: tuple[str, ...] = field(metadata=scale_of("parameter"))
     shared: Bool[np.ndarray, "parameter experiment"]

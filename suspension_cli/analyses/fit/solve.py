@@ -10,7 +10,7 @@ transfer functions and priors.
 1. Exchanged, scaled and inverted channels are found (`start`).
 2. The parameters are fitted to the resonances, then all unknowns to the complex values, to modes
    and to quantities.
-3. While that is a misfit, the search starts again elsewhere (`search`).
+3. While that is a misfit, the search starts again elsewhere (`chi_squared_search`).
 
 Modes and quantities alone need one search. Uncertainties are those of the linear problem at the
 end: the covariance is (J^T J)^-1.
@@ -31,9 +31,9 @@ from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import findings, missing_links, start
 from suspension_cli.analyses.fit.changes import single_changes
+from suspension_cli.analyses.fit.chi_squared_search import Search, search
 from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.analyses.fit.result import Exchange, Fitted, ResponseFit, is_unlikely
-from suspension_cli.analyses.fit.search import Search, search
 from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader

@@ -103,32 +103,17 @@ class ModesAnalysis(Analysis):
         return found
 
     def document(self, result: Modes) -> Document:
-        """Return the modes, ascending."""
-        import numpy as np
-
-        rows = []
-        labels = result.label
-        verdicts = result.verdict
-        growth = result.growth_rate
-        for n, (body, dof) in enumerate(result.home):
-            row: Document = {"frequency_hz": result.frequency[n], "dof": dof}
-            row |= {"stage": body, "q": result.q[n]}
-            if np.isfinite(result.dilution[n]):
-                row["dilution"] = float(result.dilution[n])
-            if growth[n] > 0:
-                row["growth_rate_per_s"] = float(growth[n])
-            if result.overdamped[n]:
-                row["decay_rate_per_s"] = float(result.decay_rate[n])
-            row["label"] = labels[n]
-            row["fraction"] = float(result.fractions[n].max())
-            row["top_mass_fraction"] = float(result.top_fraction[n])
-            row["verdict"] = verdicts[n] or None
-            rows.append(row)
+        """Add where modes move most and can be damped; overdamped ones alone have a decay rate."""
         band = result.damping_band or None
-        at = result.damping_at
-        damping = band and {"band_hz": [*band], "at": at}
-        lossless = {"without_loss": result.without_loss}
-        return {"stable": result.stable, "modes": rows, "damping": damping} | lossless
+        damping = band and {"band_hz": [*band], "at": result.damping_at}
+        document: Document = super().document(result)
+        columns = (document["modes"], result.home, result.fractions, result.overdamped)
+        for row, (body, dof), fractions, overdamped in zip(*columns, strict=True):
+            row |= {"stage": body, "dof": dof, "fraction": fractions.max()}
+            row["verdict"] = row["verdict"] or None
+            if not overdamped:
+                row.pop("decay_rate_per_s", None)
+        return document | {"damping": damping}
 
     def text(self, result: Modes) -> str:
         """Return a table of the modes."""

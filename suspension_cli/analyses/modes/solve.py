@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -21,9 +21,11 @@ from suspension_cli.analyses.record import Record
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.files.declared import ADDED, ATTRIBUTE
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_band
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import DAMPING_BAND, TOP
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.models.choice import percent, shifts
 from suspension_cli.physics import growth, model_choice, near_limits, wire_modes
@@ -52,6 +54,15 @@ class Modes(Record, eigenmodes.Modes):
         Parts that have no loss.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"mode": "modes"},
+        names={"top_fraction": "top_mass_fraction"},
+        without=(
+            "body coordinate omega_squared shape energy tip_energy block wire wire_energy order top"
+            " degree_of_freedom tip shape_unit damping_band damping_at"
+        ),
+        sparse="dilution growth_rate decay_rate",
+    )
     without_loss: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE | ADDED)
 
 
@@ -123,8 +134,9 @@ def _solve(run: Run, most: int) -> tuple[Choice, LinearSystem, eigenmodes.Modes,
         _admit(run, most, number, top, "that of the highest mode")
 
     try:
+        solver = Solver(model)
         with run.log.progress() as bar:
-            listed = wire_modes.solve_bodies(model, admit, bar)
+            listed = wire_modes.solve_bodies(solver, admit, bar)
     except TooManyModes as many:
         if not auto:
             raise
@@ -136,12 +148,13 @@ def _solve(run: Run, most: int) -> tuple[Choice, LinearSystem, eigenmodes.Modes,
         worst = f"{percent(choice.error)} in {choice.what}, {shift} in the median mode"
         why = f"wire mass, {worst}, as its modes would take minutes"
         choice = replace(choice, reason=f"as --all is not given; neglected: {why}")
-        listed = wire_modes.solve_bodies(model)
+        solver = Solver(model)
+        listed = wire_modes.solve_bodies(solver)
     if highest is not None:
         listed = listed.up_to(highest)
         if not len(listed.q):
             raise wire_modes.no_mode_error(highest)
-    return choice, model, eigenmodes.solve(model), listed
+    return choice, model, solver.modes, listed
 
 
 def _state_losses(run: Run, choice: Choice) -> tuple[Choice, list[str]]:

@@ -17,7 +17,6 @@ from suspension_cli.analyses.analysis import (
     Log,
     Run,
     Settings,
-    table,
 )
 from suspension_cli.analyses.options import argument, option
 
@@ -26,17 +25,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.optimise.optimum import Found, Optimum
 
-COLUMNS = {
-    "numbers": "name follows=tied before after lower upper at_bound=bound multiplier",
-    "limits": "goal=group limit=name value margin room met active multiplier",
-    "quantities": "name unit before after model",
-    "modes": (
-        "name label before_hz=before after_hz=after top_mass_fraction_before=fraction_before"
-        " top_mass_fraction_after=fraction_after"
-    ),
-    "starts": "violation_before=before violation_after=after arrived_at=place",
-}
-"""Keys of JSON for each table of the result (`optimum`), with its columns where these differ."""
 TABLES = ("requirement", "objective", "goal", "free", "equal")
 """Of a file of goals."""
 BOUNDS = ("lower", "", "upper")
@@ -140,26 +128,11 @@ class OptimiseAnalysis(Analysis):
         return Optimum.extending(found, goals_file=str(file), run=run.origin(self, choice))
 
     def document(self, result: Optimum) -> Document:
-        """Return numbers, limits, quantities and modes; null where there is none."""
-        numbers, limits, quantities, modes, starts = (
-            table(getattr(result, name), columns) for name, columns in COLUMNS.items()
-        )
-        for row in numbers:
+        """Name the bound that a number is at, and give the error of search and check."""
+        document = super().document(result)
+        for row in document["parameters"]:
             row["at_bound"] = BOUNDS[row["at_bound"] + 1] or None
-        return {
-            "checked_on": result.fidelity,
-            "estimated_error": result.error,
-            "goals_met": result.met,
-            "parameters": numbers,
-            "limits": limits,
-            "quantities": quantities,
-            "unknown": list(result.unknown),
-            "remarks": list(result.remarks),
-            "modes": modes,
-            "starts": starts,
-            "objective": result.objective,
-            "stationarity": result.stationarity,
-        }
+        return document | {"estimated_error": result.error}
 
     def text(self, result: Optimum) -> str:
         """Return parameters, goals with their limits, and the ends of the searches."""

@@ -164,7 +164,9 @@ class Evaluator:
         for target in self.targets.target:
             limits = [one.asked for one in self.targets.limits_on(target)]
             floor = TINY
-            if target.quantity.unit == "Hz" or target.quantity.signed:
+            if self._is_logarithmic(target) and (
+                target.quantity.unit == "Hz" or target.quantity.signed
+            ):
                 default = LEAST_HERTZ if target.quantity.unit == "Hz" else TINY
                 floor = LINEAR_BELOW * min(limits, default=default)
             floors.append(floor**2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from suspension_cli.analyses.record import Record
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit, scale_of
+from suspension_cli.files.documents import Layout
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -32,6 +33,9 @@ class Numbers:
     bounds; NaN for a dependent number with only one bound.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"number": ""}, names={"name": "name", "tied": "follows", "bound": "at_bound"}
+    )
     name: tuple[str, ...] = field(metadata=scale_of("number"))
     tied: Bool[np.ndarray, " number"]
     before: Float[np.ndarray, " number"] = field(metadata=SI)
@@ -57,6 +61,7 @@ class Quantities:
     which the quantity is computed.
     """
 
+    in_json: ClassVar = Layout(rows={"quantity": ""}, names={"name": "name"}, without="mode")
     name: tuple[str, ...] = field(metadata=scale_of("quantity"))
     unit: tuple[str, ...] = field(metadata=along("quantity"))
     before: Float[np.ndarray, " quantity"] = field(metadata=SI)
@@ -77,6 +82,12 @@ class Limits:
     of the objective per unit by which the margin may shrink.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"limit": ""},
+        names={"name": "limit", "group": "goal"},
+        without="quantity scale logarithmic",
+        also="room",
+    )
     name: tuple[str, ...] = field(metadata=scale_of("limit"))
     group: tuple[str, ...] = field(metadata=along("limit"))
     quantity: Int[np.ndarray, " limit"]
@@ -125,8 +136,12 @@ class Limits:
         return self._relative_room(self.before)
 
     def _relative_room(self, value: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
-        """Distances of values from the limits relative to these; of equalities at most 0."""
-        return self._signed((value - self.asked) / self.scale) + 0.0  # -0.0 becomes 0.0
+        """Distances of values from the limits relative to these; of equalities at most 0.
+
+        As `quantities.requirements.Requirement.margin` of other commands.
+        """
+        size = np.where(self.asked == 0, self.scale, np.abs(self.asked))
+        return self._signed((value - self.asked) / size) + 0.0  # -0.0 becomes 0.0
 
     def _signed(self, above: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
         sense = np.array(self.sense, dtype=str)
@@ -142,6 +157,15 @@ class ModeTable:
     energy in the top mass.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"mode": ""},
+        names={
+            "name": "name",
+            "fraction_before": "top_mass_fraction_before",
+            "fraction_after": "top_mass_fraction_after",
+        },
+        without="number",
+    )
     name: tuple[str, ...] = field(metadata=scale_of("mode"))
     label: tuple[str, ...] = field(metadata=along("mode"))
     before: Float[np.ndarray, " mode"] = field(metadata=HERTZ)
@@ -159,6 +183,10 @@ class Starts:
     `place` is the number of the design reached, from 1, equal for equal designs; 0 if none.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"start": ""},
+        names={"before": "violation_before", "after": "violation_after", "place": "arrived_at"},
+    )
     before: Float[np.ndarray, " start"]
     after: Float[np.ndarray, " start"]
     objective: Float[np.ndarray, " start"]
@@ -190,6 +218,10 @@ class Found:
         Which modes share a motion in the optimised design.
     """
 
+    in_json: ClassVar = Layout(
+        names={"numbers": "parameters", "fidelity": "checked_on", "met": "goals_met"},
+        without="reason error toml goals goals_file",
+    )
     numbers: Numbers
     quantities: Quantities
     limits: Limits

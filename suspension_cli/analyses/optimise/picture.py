@@ -24,6 +24,7 @@ from suspension_cli.drawing.style import (
     format_raised,
     format_signed,
     single_line,
+    write_unit,
 )
 
 if TYPE_CHECKING:
@@ -50,8 +51,10 @@ def draw(found: Optimum, title: str) -> Figure:
     limits = found.limits
     others = np.flatnonzero(found.quantities.mode[limits.quantity] < 0)
     shown = [_modes(found), _numbers(found), *([_margins(found, others)] if len(others) else [])]
-    heading = f"Optimised: {int(limits.met.sum())} of {len(limits.name)} limits met"
-    heading += f", {int((limits.room_before >= -MET).sum())} before"
+    heading = "Optimised: no limits"
+    if limits.name:
+        heading = f"Optimised: {int(limits.met.sum())} of {len(limits.name)} limits met"
+        heading += f", {int((limits.room_before >= -MET).sum())} before"
     heading += f", {len(found.unknown)} unknown" if found.unknown else ""
     return panels.draw(heading, title, shown, notes=list(_objectives(found)))
 
@@ -63,9 +66,8 @@ def _objectives(found: Optimum) -> Iterator[str]:
     for name, unit, before, after, weight in rows:
         if weight:
             word = "minimised" if weight > 0 else "maximised"
-            shown = "" if unit == "1" else f" {unit}"
             values = f"{format_raised(before, 4)} → {format_raised(after, 4)}"
-            yield f"{word}: {name}, {values}{shown}"
+            yield f"{word}: {name}, {values} {write_unit(unit)}".rstrip()
 
 
 def _rows(
@@ -168,6 +170,11 @@ def _numbers(found: Optimum) -> Panel:
     return _rows(names, place, allowed, missed, across, title=title, beside=bounds, key=())
 
 
+def _write_limit(name: str) -> str:
+    """Write a limit as pictures have it: ``thermal test.x:10 ≤ 1e-19 m/√Hz``."""
+    return single_line(write_unit(name).replace("<=", "≤").replace(">=", "≥"), 40)
+
+
 def _margins(found: Optimum, which: Int[np.ndarray, " row"]) -> Panel:
     """Room between values and limits, other than those on modes."""
     limits = found.limits
@@ -180,7 +187,7 @@ def _margins(found: Optimum, which: Int[np.ndarray, " row"]) -> Panel:
     across = Across("margin (% of the limit)", "linear", (least - room, most + room))
     allowed = np.tile([[0.0], [np.inf]], len(which))
     return _rows(
-        [single_line(limits.name[n].replace("<=", "≤").replace(">=", "≥"), 40) for n in which],
+        [_write_limit(limits.name[n]) for n in which],
         ends,
         allowed,
         np.array([before < -MET, ~limits.met[which]]),

@@ -18,7 +18,7 @@ from suspension_cli.analyses.optimise import short_forms
 from suspension_cli.design import checks
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design, Perturbation
-from suspension_cli.errors import InputError, collect, join_errors
+from suspension_cli.errors import InputError, collect, format_value, join_errors
 from suspension_cli.quantities import requirements
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
@@ -176,7 +176,8 @@ class _Made:
         sign = int(goal.minimise) - int(goal.maximise)
         for quantity in meant.quantities:
             target = Target(quantity, perturbation)
-            self._add(target, key, sign * (goal.weight or 1.0))
+            self._add(target, key)
+            self._add_weight(target, key, sign * (goal.weight or 1.0))
             limits = Limits(quantity.text, *meant.limits, key=key)
             self._add_limits(target, limits, goal.name or goal.kind)
 
@@ -201,7 +202,9 @@ class _Made:
         perturbation = self._imperfections(given.perturbation, key)
         quantity = parse_one(getattr(given, word), self.names, f"{key}.{word}")
         sign = 1.0 if word == "minimise" else -1.0
-        self._add(Target(quantity, perturbation), key, sign * given.weight)
+        target = Target(quantity, perturbation)
+        self._add(target, key)
+        self._add_weight(target, key, sign * given.weight)
 
     def add_own_requirement(self, limits: Limits) -> None:
         """Add a requirement of the design itself."""
@@ -209,15 +212,23 @@ class _Made:
         self._add(target, limits.key)
         self._add_limits(target, limits, limits.note or target.text)
 
-    def _add(self, target: Target, key: str, weight: float = 0.0) -> None:
-        self.weight[target] = self.weight.get(target, 0.0) + weight
+    def _add(self, target: Target, key: str) -> None:
+        self.weight.setdefault(target, 0.0)
         self.key.setdefault(target, key)
 
+    def _add_weight(self, target: Target, key: str, weight: float) -> None:
+        """Minimise or maximise a target; raises `InputError` if another table does the opposite."""
+        if weight * self.weight[target] < 0:
+            problem = "is both minimised and maximised"
+            remedy = "give one objective for it, and limits for the rest"
+            raise InputError.of(key, problem, remedy, format_value(target.text))
+        self.weight[target] += weight
+
     def _add_limits(self, target: Target, limits: Limits, group: str) -> None:
-        known = {(one.target, one.sense, one.asked) for one in self.limits}
+        known = {(one.target, one.sense, one.asked, one.of_magnitude) for one in self.limits}
         of_magnitude = Requirement(target.quantity, limits).limits_magnitude
         for sense, asked in _sides(limits):
-            if (target, sense, asked) not in known:
+            if (target, sense, asked, of_magnitude) not in known:
                 one = OneLimit(target, sense, asked, of_magnitude, group, limits.key)
                 self.limits.append(one)
 

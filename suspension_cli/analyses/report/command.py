@@ -5,12 +5,19 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Result, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
+from suspension_cli.errors import InputError
 from suspension_cli.files.whole_files import write_bytes
+
+if TYPE_CHECKING:
+    import h5py
+
+    from suspension_cli.analyses.report.solve import Report
 
 
 class ReportAnalysis(Analysis):
@@ -25,7 +32,8 @@ class ReportAnalysis(Analysis):
 
     Returns
     -------
-    Path
+    Report
+        Record with the `path` of the page, its sections, commands and verdicts on requirements.
 
     Raises
     ------
@@ -36,8 +44,9 @@ class ReportAnalysis(Analysis):
     Examples
     --------
     >>> import suspension_cli as sus
-    >>> sus.report(sus.example("double"), "double.html", sections="numbers")
-    PosixPath('double.html')
+    >>> made = sus.report(sus.example("double"), "double.html", sections="numbers")
+    >>> made.path, [one.title for one in made.sections]
+    (PosixPath('double.html'), ['Main numbers'])
     """
 
     name = "report"
@@ -51,7 +60,7 @@ class ReportAnalysis(Analysis):
             "Of the file. Results files of the design in its folder are used where they save time.",
         ),
     )
-    returns = "Path"
+    returns = "analyses.report.solve.Report"
     parameters = (
         options.option(
             "--sections",
@@ -90,26 +99,45 @@ class ReportAnalysis(Analysis):
         folder = Path(files["path"]).parent if "path" in files else run.folder
         return dataclasses.replace(run, folder=folder)
 
-    def solve(self, run: Run) -> Result:
+    def solve(self, run: Run) -> Report:
         """Compose the page."""
-        from suspension_cli.analyses.report.sections import compose
-        from suspension_cli.models.registry import Choice
+        from suspension_cli.analyses.report import solve
 
-        return Result(self, run.source, Choice("all", ""), compose(run))
+        return solve.solve(self, run)
 
-    def path(self, result: Result, folder: Path) -> Path:
+    def text(self, result: Report) -> str:
+        """Return how many requirements are met, and what has no results."""
+        from suspension_cli.analyses import verdicts
+
+        lines = [verdicts.summarise(result.verdicts)] if result.verdicts else []
+        without = [one for one in result.sections if one.missing]
+        lines += [f"{one.title}: {one.missing}" for one in without]
+        return "\n".join(lines)
+
+    def document(self, result: Report) -> Document:
+        """Add the path of the page, and the verdicts as `check` gives them."""
+        from suspension_cli.analyses import verdicts
+
+        path = None if result.path is None else str(result.path)
+        judged = [verdicts.document(one) for one in result.verdicts]
+        return super().document(result) | {"path": path, "requirements": judged}
+
+    def path(self, result: Report, folder: Path) -> Path:
         """Path of the page."""
-        return folder / f"{result.given.stem()}-report.html"
+        return folder / f"{result.run.design.stem()}-report.html"
 
-    def save(self, path: Path, result: Result) -> None:
+    def save(self, path: Path, result: Report) -> None:
         """Write the page."""
-        write_bytes(path, result.data.encode())
+        write_bytes(path, result.page.encode())
 
-    def returned(self, result: Result, files: Settings) -> Path:
-        """Write the page, and return its path."""
-        path = Path(files["path"])
-        write_bytes(path, result.data.encode(), key="path")
-        return path
+    def fill(self, file: h5py.File, result: Report) -> None:
+        """Refuse: a page has no labelled arrays."""
+        raise InputError.of("", "a report has no labelled arrays", "take those of each analysis")
+
+    def returned(self, result: Report, files: Settings) -> Report:
+        """Write the page."""
+        result.save(files["path"])
+        return result.in_file(Path(files["path"]))
 
 
 ANALYSIS = ReportAnalysis()

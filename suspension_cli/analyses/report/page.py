@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from matplotlib.figure import Figure
 
+ADDRESS = {"svg": "data:image/svg+xml;base64,", "png": "data:image/png;base64,"}
+"""Start of the address of a picture of each kind."""
 LARGEST = 1_500_000
 """Size in bytes above which a picture is embedded as PNG instead of SVG."""
 WIDTH, ACROSS = 6.4, 880
@@ -107,17 +109,26 @@ def number(value: float, digits: int = 3) -> str:
     return _cell(f"{value:.{digits}g}")
 
 
-def picture(figure: Figure, caption: str) -> Picture:
-    """Embed a picture as SVG, or as PNG if that is too large."""
+def pictures(figures: Iterable[Figure], caption: str) -> Iterator[Picture]:
+    """Embed the pictures of one result: from the first one on that is too large as SVG, as PNG."""
+    kind = "svg"
+    for figure in figures:
+        found = picture(figure, caption, kind)
+        if found.address.startswith(ADDRESS["png"]):
+            kind = "png"
+        yield found
+
+
+def picture(figure: Figure, caption: str, kind: str = "svg") -> Picture:
+    """Embed a picture as SVG, or as PNG if that is asked for or SVG is too large."""
     from suspension_cli.drawing.style import encode
 
-    kind = "svg+xml"
-    data = encode(figure, "svg")
-    if len(data) > LARGEST:
+    data = encode(figure, kind)
+    if kind == "svg" and len(data) > LARGEST:
         kind = "png"
-        data = encode(figure, "png")
+        data = encode(figure, kind)
     across, up = (round(ACROSS / WIDTH * float(size)) for size in figure.get_size_inches())
-    return Picture(f"data:image/{kind};base64,{encode_text(data)}", across, up, caption)
+    return Picture(ADDRESS[kind] + encode_text(data), across, up, caption)
 
 
 def encode_text(data: bytes) -> str:
@@ -127,6 +138,8 @@ def encode_text(data: bytes) -> str:
 
 def printable(text: str) -> str:
     """Escape characters that a page cannot show."""
+    if text.isprintable():  # so are pictures, which are long
+        return text
     kept = ("\n", FIGURE_SPACE, NO_BREAK)
     return "".join(one if one in kept else escape_unprintable(one) for one in text)
 

@@ -1,31 +1,28 @@
-"""Sections of a report: each runs an analysis and captions its pictures; and their composition."""
+"""Sections of a report: each runs an analysis and captions its pictures."""
 
 from __future__ import annotations
 
 import re
 import shlex
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from suspension_cli.analyses import options, registry, settings, tables, verdicts
-from suspension_cli.analyses.analysis import RelayedLog, Result, Run
+from suspension_cli.analyses import known_analyses, options, settings, tables, verdicts
+from suspension_cli.analyses.analysis import RelayedLog, Run
 from suspension_cli.analyses.options import default_values
 from suspension_cli.analyses.report import page
 from suspension_cli.analyses.report.page import Block, Paragraph
-from suspension_cli.design import reader
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.imperfections import perturbed_part
 from suspension_cli.design.wires import cross_sections
-from suspension_cli.drawing.panels import page_width
 from suspension_cli.errors import Fault, InputError, format_value
-from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
+    from suspension_cli.analyses.record import Record
     from suspension_cli.design.reader import Source
     from suspension_cli.design.wires import Wire, WireSet
     from suspension_cli.models.registry import Choice
@@ -48,7 +45,8 @@ class Omitted(Exception):
     """Raised by a section that does not apply, with the reason."""
 
 
-class Part(NamedTuple):
+@dataclass(frozen=True)
+class Part:
     """An analysis of a report: its section, command line, model, and what that neglects."""
 
     title: str
@@ -72,7 +70,7 @@ class Composition:
     folder: Path
     parts: list[Part] = field(default_factory=list)
     title: str = ""
-    checked: Result | None = None
+    checked: Any = None
 
     @property
     def source(self) -> Source:
@@ -98,9 +96,9 @@ class Composition:
         changes = (word for override in self.source.overrides for word in ("--set", override))
         return shlex.join(["pendsus", name, self.file, *words, *changes])
 
-    def run(self, name: str, *words: str, **given: object) -> Result:
+    def run(self, name: str, *words: str, **given: object) -> Any:
         """Run an analysis, and list it with its settings as words of a command line (`words`)."""
-        analysis = registry.get(name)
+        analysis = known_analyses.get(name)
         own = self.request.setting
         names = {param.name for param in analysis.parameters}
         for key, default in default_values(SHARED).items():
@@ -112,33 +110,33 @@ class Composition:
         one = Run(self.source, setting, self.log, self.folder, command)
         with one.faults():
             result = analysis.solve(one)
-        self.list(command, result.choice if analysis.has_model else None)
+        self.list(command, result.run.choice if analysis.has_model else None)
         return result
 
-    def check(self) -> Result:
+    def check(self) -> Any:
         """Run `check`, once for the requirements on the first page and its own section."""
         if self.checked is None:
             self.checked = self.run("check")
         return self.checked
 
-    def answer(self, result: Result) -> Iterator[Block]:
+    def answer(self, result: Record) -> Iterator[Block]:
         """Return the printed text of a result."""
+        run = result.run
         with tables.collecting() as found:
             answer = str(result)
         first, _, rest = answer.partition("\n")
-        if first in (f"{result.given.title}  [{result.given.name}]", result.given.title):
+        if first in (f"{run.title}  [{run.name}]", run.title):
             answer = rest
-        yield from page.prose(answer, found, result.choice.line)
+        yield from page.prose(answer, found, run.choice.line)
 
-    def pictures(self, result: Result, caption: str) -> Iterator[Block]:
+    def pictures(self, result: Record, caption: str) -> Iterator[Block]:
         """Return the pictures of a result with one caption."""
-        for figure in result.figures().values():
-            yield page.picture(figure, caption)
+        yield from page.pictures(result.figures().values(), caption)
 
 
 def requirements(report: Composition) -> Iterator[Block]:
     """Verdicts on the requirements of the design, as `check` prints them."""
-    found: Sequence[Verdict] = report.check().data.verdicts
+    found: Sequence[Verdict] = report.check().verdicts
     if not found:
         raise Omitted("Not judged: no model of the design is stable or valid.")
     yield Paragraph([verdicts.summarise(found)], "verdict")
@@ -238,22 +236,21 @@ def response(report: Composition) -> Iterator[Block]:
         words = [word for name in inputs for word in ("--input", name)]
         words += [word for name in outputs for word in ("--output", name)]
         result = report.run("response", *words, *flags, inputs=inputs, outputs=outputs, **more)
-        if result.choice.line != line:
-            line = result.choice.line
+        if result.run.choice.line != line:
+            line = result.run.choice.line
             yield Paragraph([line], "model")
         yield from report.pictures(result, _describe_response(result))
 
 
-def _describe_response(result: Result) -> str:
-    data = result.data
-    largest = result.data.largest
+def _describe_response(result: Any) -> str:
+    largest = result.largest
     words = []
-    first = data.frequency[0]
-    last = data.frequency[-1]
-    for o, out in enumerate(data.output):
-        for i, into in enumerate(data.input):
-            size = np.abs(data.value[:, o, i])
-            unit = data.unit[o][i]
+    first = result.frequency[0]
+    last = result.frequency[-1]
+    for o, out in enumerate(result.output):
+        for i, into in enumerate(result.input):
+            size = np.abs(result.value[:, o, i])
+            unit = result.unit[o][i]
             name = f"{out} per {into}"
             if not size.any():
                 words.append(f"{name} is 0")
@@ -277,8 +274,8 @@ def tolerance(report: Composition) -> Iterator[Block]:
     if result is None:
         result = report.run("tolerance", "--builds", str(count), builds=count)
     else:
-        what = f"Read from {result.file.name}, the results of an earlier run of this design"
-        yield Paragraph([f"{what}: {result.command}."])
+        what = f"Read from {result.run.file.name}, the results of an earlier run of this design"
+        yield Paragraph([f"{what}: {result.run.command}."])
     yield from report.answer(result)
     yield from report.pictures(result, "Results of random builds.")
 
@@ -292,10 +289,10 @@ def _stored(report: Composition, name: str) -> Any:
         return None
     try:
         with open_results(path) as file:
-            result = registry.loaded(file, str(path))
+            result = known_analyses.loaded(file, str(path))
     except InputError:  # of another version, or incomplete
         return None
-    report.list(result.command, result.choice)
+    report.list(result.run.command, result.run.choice)
     return result
 
 
@@ -362,87 +359,3 @@ def parse_sections(text: str | None) -> tuple[str, ...]:
             fault = Fault("--sections", "a report has no such section", remedy, format_value(name))
             raise InputError([fault])
     return tuple(name for name in SECTIONS if name in names or not names)
-
-
-def compose(run: Run) -> str:
-    """Compute the sections of a report and return its HTML.
-
-    Raises `InputError` if a signal does not exist, or the design does not balance. Other errors in
-    one section are written in its place.
-    """
-    from markupsafe import escape
-
-    from suspension_cli.equilibrium.nominal import expand, expand_nominal
-
-    wanted = parse_sections(run.setting["sections"])
-    log = run.log
-    scene = expand_nominal(run.design)
-    expand(run.design)
-    _check_signals(run)
-    sections = []
-    judged: list[Block] = []
-    with tempfile.TemporaryDirectory(prefix="pendsus-") as folder, log.progress() as bar:
-        report = Composition(run, scene, RelayedLog(log), Path(folder))
-        if run.design.requirement:
-            report.title = REQUIREMENTS
-            judged = _contents(report, requirements)
-        for number, name in enumerate(wanted):
-            bar(number, len(wanted), 0.0)
-            report.title, build = SECTIONS[name]
-            log.detail(f"report: {name}")
-            sections.append((name, report.title, _contents(report, build)))
-        bar(len(wanted), len(wanted), 0.0)
-    text = _as_written(run.source)
-    return page.environment().get_template("page.html").render(
-        about=run.design.design, file=report.file, overrides=run.source.overrides,
-        version=__version__, requirements=judged, sections=sections, parts=report.parts,
-        text=escape(page.printable(text)),
-        encoded=page.encode_text(text.encode()),
-    )  # fmt: skip
-
-
-def _contents(report: Composition, build: Build) -> list[Block]:
-    """Return the contents of a section: warnings, and results or why there are none."""
-    contents = list[Block]()
-    try:
-        with page_width(page.WIDTH):
-            contents += build(report)
-    except Omitted as reason:
-        contents.append(Paragraph([str(reason)], "none"))
-    except InputError as error:
-        lines = "; ".join(fault.line("").removesuffix(UNSTABLE) for fault in error.faults)
-        contents.append(Paragraph([f"Not computed: {lines}."], "none"))
-        report.log.outer.warn(f"{report.title} not computed: {lines}")
-    name = f"{report.source.design.design.name}: "
-    lines = [line.removeprefix(name) for line in report.log.take()]
-    return [*(Paragraph([line], "warning") for line in lines), *contents]
-
-
-def _check_signals(run: Run) -> None:
-    """Raise `InputError` if a signal does not exist."""
-    inputs = run.setting["inputs"]
-    outputs = run.setting["outputs"]
-    if inputs or outputs:
-        from suspension_cli.linear import signals
-        from suspension_cli.models.registry import STRING
-
-        known = signals.bodies_with_signals(STRING.system(run.design))
-        for name in inputs:
-            signals.parse_input(name, known)
-        for name in outputs:
-            signals.parse_output(name, known)
-
-
-def _as_written(source: Source) -> str:
-    """Return the text of a design with the comments of its file, unless that says something else.
-
-    It does if values were overridden, or tables of numbers were read from other files.
-    """
-    if Path(source.file).is_file():
-        try:
-            text = reader.read_text(source.file)
-            if reader.write_toml(reader.read_toml(source.file, text)) == source.text:
-                return text
-        except InputError:
-            pass
-    return source.text

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy.optimize import elementwise, linear_sum_assignment
 
 from suspension_cli.analyses import readings
@@ -54,6 +55,8 @@ MANY = 8
 """Number of responses above which the frequencies of modes alone are added for the picture."""
 LOW = 0.1
 """Fraction of the largest magnitude on the grid from which a peak may be the largest."""
+NODES = 9
+"""Points between the neighbours of a peak from which its top is interpolated."""
 NOISY = 1 / 3
 """Uncertainty relative to the value from which a point is no evidence of a deviation."""
 RESIDUE = 1e-4
@@ -245,11 +248,11 @@ def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
         run.log.warn(text)
     if not items:
         at_all = partial(wanted.values, solver)
-        modes = np.empty(0) if closed else resonances
         few = found.value[0].size <= MANY
-        curve = add_from_model(lambda: (at_all, modes), found.frequency, found.value, few=few)
-        largest = find_peaks(found, at_all, resonances)
-        found = replace(found, largest=largest, fine_frequency=curve[0], fine=curve[1])
+        curve = add_from_model(lambda: (at_all, resonances), found.frequency, found.value, few=few)
+        found = replace(found, fine_frequency=curve[0], fine=curve[1])
+        resolved = few and len(curve[0]) > len(found.frequency)
+        found = replace(found, largest=find_peaks(found, at_all, resonances, resolved=resolved))
     return Response.extending(found, measured=measured, run=run.origin(analysis, choice))
 
 
@@ -329,20 +332,26 @@ def find_peaks(
     answer: response.Response,
     solve: Callable[[Array], Complex[np.ndarray, "frequency output input"]],
     modes: Array,
+    *,
+    resolved: bool,
 ) -> Peaks:
     """Find the largest magnitude of every response within the band of its grid.
 
-    Points are added until each peak is resolved, at `modes` (or poles, Hz) and at maxima
-    on the grid; then the magnitude is maximised between the neighbours of the highest point. A peak
-    narrower than the distance of neighbours can be is that of a pole without loss: infinite.
+    If the curve of the picture has `resolved` each peak, its highest points are taken; else points
+    are added first, at `modes` (or poles, Hz) and at maxima on the grid. Then the magnitude is
+    maximised between the neighbours of the highest point. A peak narrower than the distance of
+    neighbours can be is that of a pole without loss: infinite.
     """
-    frequency, order = np.unique(answer.frequency, return_index=True)
+    curve = (answer.frequency, answer.value)
+    if resolved and answer.fine_frequency is not None and answer.fine is not None:
+        curve = (answer.fine_frequency, answer.fine)
+    frequency, order = np.unique(curve[0], return_index=True)
+    value = curve[1][order]
     above = frequency > 0
-    points = frequency[above], answer.value[order][above]
-    if len(points[0]):
-        points = add_points(solve, *points, modes, least=LOW)
-    frequency = np.concatenate([frequency[~above], points[0]])
-    value = np.concatenate([answer.value[order][~above], points[1]])
+    if above.any() and not resolved:
+        points = add_points(solve, frequency[above], value[above], modes, least=LOW)
+        frequency = np.concatenate([frequency[~above], points[0]])
+        value = np.concatenate([value[~above], points[1]])
     size = np.abs(value).reshape(len(frequency), -1)
     top = size.argmax(0)
     best = size.max(0)
@@ -350,30 +359,51 @@ def find_peaks(
     pair = np.flatnonzero((top > 0) & (top < len(frequency) - 1) & (best > 0))
     low, middle, high = (frequency[top[pair] + shift] for shift in (-1, 0, 1))
     best[pair[high - low < 4 * NARROWEST * middle]] = np.inf
-
-    def negative_size(place: Array, pair: Index, middle: Array, span: Array) -> Array:
-        """Negative magnitude at a fraction of the span from the middle."""
-        found = solve((middle + place * span).ravel())
-        return -np.abs(found).reshape(len(found), -1)[np.arange(len(found)), pair.ravel()]
-
     inside = np.isfinite(best[pair]) & (low > 0)
     pair = pair[inside]
-    low = low[inside]
-    middle = middle[inside]
-    high = high[inside]
     if len(pair):
-        span = high - low
-        found = elementwise.find_minimum(
-            negative_size,
-            ((low - middle) / span, 0.0 * span, (high - middle) / span),
-            args=(pair, middle, span),
-            tolerances={"xatol": 1e-6, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
-        )
-        better = -found.f_x > best[pair]
-        best[pair[better]] = -found.f_x[better]
-        where[pair[better]] = (middle + found.x * span)[better]
+        place = _maximise(solve, frequency, top[pair], pair)
+        found = np.abs(solve(place)).reshape(len(pair), -1)[np.arange(len(pair)), pair]
+        better = found > best[pair]
+        best[pair[better]] = found[better]
+        where[pair[better]] = place[better]
     shape = answer.value.shape[1:]
     return Peaks(where.reshape(shape), best.reshape(shape))
+
+
+def _maximise(
+    solve: Callable[[Array], Complex[np.ndarray, "frequency output input"]],
+    frequency: Float[np.ndarray, " frequency"],
+    top: Index,
+    pair: Index,
+) -> Float[np.ndarray, " peak"]:
+    """Frequencies (Hz) of the largest magnitudes between the neighbours of the points `top`.
+
+    `pair` is the number of the response of each. Around a peak 1/|H|^2 is nearly a parabola in
+    frequency, so its interpolant on `NODES` Chebyshev points has the same minimum.
+    """
+    centre, which = np.unique(top, return_inverse=True)  # responses that share a mode share points
+    half = (frequency[centre + 1] - frequency[centre - 1]) / 2
+    middle = (frequency[centre + 1] + frequency[centre - 1]) / 2
+    node = chebyshev.chebpts1(NODES)
+    value = solve((middle[:, None] + half[:, None] * node).ravel())
+    size = np.abs(value).reshape(len(centre), NODES, -1)[which, :, pair]
+    highest = size.max(1, keepdims=True)
+    series = chebyshev.chebfit(node, ((highest / size) ** 2).T, NODES - 1)
+
+    def inverse_power(place: Array, number: Index) -> Array:
+        return chebyshev.chebval(place, series[:, number], tensor=False)
+
+    start = (frequency[top] - middle[which]) / half[which]
+    edge = np.ones(len(pair))
+    found = elementwise.find_minimum(
+        inverse_power,
+        (-edge, start, edge),
+        args=(np.arange(len(pair)),),
+        tolerances={"xatol": 1e-6, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
+    )
+    inside = np.where(np.isfinite(found.x), found.x, start)
+    return middle[which] + half[which] * inside
 
 
 def compare(

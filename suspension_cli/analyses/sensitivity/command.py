@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Run, Settings
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -112,17 +112,6 @@ class SensitivityAnalysis(Analysis):
                 " unbalances the suspension in its nominal pose"
             )
         return found
-
-    def document(self, result: Sensitivity) -> Document:
-        """Return derivatives, parameters first; null where there is none."""
-        return {
-            "parameters": table(result, "name=parameter value free step step_unit"),
-            "results": table(result, "name=result unit nominal"),
-            "derivative": result.derivative,
-            "derivative_error": result.derivative_error,
-            "one_percent": result.one_percent,
-            "per_step": result.per_step,
-        }
 
     def text(self, result: Sensitivity) -> str:
         """Return tables of the changes, some columns at a time."""

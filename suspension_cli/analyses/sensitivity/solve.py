@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
 from suspension_cli.errors import InputError, gather
 from suspension_cli.files.declared import along, derived, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import has_wire_mass
@@ -77,6 +78,10 @@ class Sensitivity(Record):
         responses, which are exact to rounding.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"parameter": "parameters", "result": "results"},
+        names={"parameter": "name", "result": "name"},
+    )
     parameter: tuple[str, ...]
     value: Float[np.ndarray, " parameter"] = field(metadata=in_unit("{parameter_unit}"))
     free: Bool[np.ndarray, " parameter"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.analyses.options import option
 from suspension_cli.errors import InputError, format_value
 
@@ -115,33 +115,20 @@ class SweepAnalysis(Analysis):
         return sweeping.fill(run, self, study, choice)
 
     def document(self, result: Sweep) -> Document:
-        """Return axes and results, first axis first; null for an unstable mode or failed point."""
+        """Add modes that share a motion, remarks, and the share of points that meet limits."""
         from suspension_cli.analyses.sweep import sharing
 
-        results = table(result, "name=result unit nominal")
-        labelled = sharing.labelled(result)
-        for n, row in enumerate(results):
-            row["values"] = result.value[..., n]
-            if n in labelled:
-                one = labelled[n]
-                row["fraction"] = one.content.fraction
-                row["other_values"] = one.other
-                row["other_fraction"] = one.content.other_fraction
-        document: Document = {
-            "axes": table(result.axes, "name values"),
-            "results": results,
-            "failures": result.failures,
-            "remarks": [*sharing.remarks(result)],
-        }
-        if result.margin is not None and result.met is not None and result.all_met is not None:
-            names = "requirement=required quantity=required_quantity unit=required_unit"
-            document["requirements"] = table(result, f"{names} at_least at_most")
+        document = super().document(result)
+        for n, one in sharing.labelled(result).items():
+            row = document["results"][n]
+            row["fraction"] = one.content.fraction
+            row["other_values"] = one.other
+            row["other_fraction"] = one.content.other_fraction
+        document["remarks"] = [*sharing.remarks(result)]
+        if result.met is not None and result.all_met is not None:
             for n, row in enumerate(document["requirements"]):
                 row["share"] = result.met[..., n].mean()
-                row["margin"] = result.margin[..., n]
             document["all_requirements"] = {"share": result.all_met.mean(), "met": result.all_met}
-        if result.interpolation:
-            document["interpolation"] = result.interpolation
         return document
 
     def text(self, result: Sweep) -> str:

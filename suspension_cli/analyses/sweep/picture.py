@@ -30,6 +30,7 @@ from suspension_cli.drawing.style import (
     format_raised,
     single_line,
     stage_colours,
+    write_unit,
 )
 from suspension_cli.linear import mode_content
 from suspension_cli.studies.job import Axis
@@ -203,7 +204,7 @@ def _name_requirements(swept: Sweep) -> list[str]:
     """Say what the zero line and the shade of maps mean."""
     if swept.required is None:
         return []
-    names = "; ".join(swept.required).replace("/Hz^0.5", "/√Hz")
+    names = write_unit("; ".join(swept.required))
     return [f"pale: not met, red line: just met: {names}"]
 
 
@@ -246,8 +247,8 @@ def _title(swept: Sweep, n: int) -> str:
 
 def _unit_label(swept: Sweep, n: int) -> str:
     """Unit of a result as axes have it; ratios of equal units are m/m or rad/rad, others none."""
-    unit = swept.unit[n].replace("/Hz^0.5", "/√Hz")
-    if unit != "1":
+    unit = write_unit(swept.unit[n])
+    if unit:
         return unit
     if not _is_response(swept, n):
         return ""
@@ -381,6 +382,8 @@ def _limits(swept: Sweep, own: list[int]) -> list[Rule]:
     if swept.required_quantity is None or swept.at_least is None or swept.at_most is None:
         return []
     found = []
+    # the text keeps clear of the vertical line of the design
+    at_right = float(np.mean(np.array(swept.axes[0].values) < swept.drawn[0])) < 0.5
     for n, name in enumerate(swept.required_quantity):
         if name not in names:
             continue
@@ -390,7 +393,8 @@ def _limits(swept: Sweep, own: list[int]) -> list[Rule]:
             if not np.isfinite(limit):
                 continue
             text = f"{prefix}{words} {limit:.4g}"
-            found.append(Rule(float(limit), text, colour=RED, dashes=LIMIT))
+            line = Rule(float(limit), text, colour=RED, dashes=LIMIT, at_right=at_right)
+            found.append(line)
             signed = of_magnitude and (swept.value[..., own[names.index(name)]] < 0).any()
             if signed:
                 found.append(Rule(-float(limit), "", colour=RED, dashes=LIMIT))

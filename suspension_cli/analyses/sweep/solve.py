@@ -30,10 +30,12 @@ from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.files.hdf5 import Stored, add_dataset
 from suspension_cli.linear import eigenmodes, mode_content, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_content import Content
+from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.quantities.kinds.modes import Frequency
 from suspension_cli.quantities.kinds.responses import Ratio
@@ -41,13 +43,13 @@ from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.requirements import Requirement
 from suspension_cli.quantities.solved import Solved, of_designs
-from suspension_cli.studies import builds, interpolated, variants
+from suspension_cli.studies import builds, system_functions, variants
 from suspension_cli.studies.extremes import MOST, find_extremes
 from suspension_cli.studies.job import Axis, Grid, nominal_system
 from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
     from suspension_cli.analyses.record import Origin
 
@@ -151,58 +153,78 @@ class ParameterSweep(Grid):
             return f"at {at}: {error.faults[0].line('')}"
         return ""
 
-    compared: ClassVar[tuple[str, ...]] = ("value",)
-    """Columns by which an interpolated map is compared with full solutions."""
+    @property
+    def compared(self) -> dict[str, Any]:
+        """Columns by which an interpolated map is compared with full solutions.
+
+        And the sizes below which their differences are relative to these.
+        """
+        columns: dict[str, Any] = {"value": np.array([one.negligible for one in self.results])}
+        if self.has_modes:
+            columns["omega_squared"] = 0.0
+        return columns
 
     @property
     def is_analytic(self) -> bool:
         """Whether `sample` gives functions from which all results follow."""
-        return all(isinstance(one, Ratio) for one in self.quantities)
+        return all(one.analytic or one.undamped for one in self.quantities)
+
+    @cached_property
+    def _analytic(self) -> tuple[Quantity, ...]:
+        """Results that have analytic functions of their own; others follow from the modes."""
+        return tuple(one for one in self.quantities if one.analytic)
+
+    @cached_property
+    def _matrices(self) -> system_functions.Layout | None:
+        """Elements of the linear system, if modes are asked for."""
+        if all(one.analytic for one in self.quantities):
+            return None
+        return system_functions.Layout(nominal_system(self.text, self.level))
+
+    @property
+    def least(self) -> Float[np.ndarray, " function"]:
+        """Sizes of the functions of `sample` below which they are rounding errors."""
+        sizes = [np.full(one.function_count, one.negligible) for one in self._analytic]
+        if self._matrices is not None:
+            sizes.append(self._matrices.least)
+        return np.concatenate(sizes)
 
     def sample(
         self, values: dict[str, Float[np.ndarray, " point"]]
-    ) -> Complex[np.ndarray, "point function"]:
-        """Numerators, then denominators of all responses and couplings.
+    ) -> Inexact[np.ndarray, "point function"]:
+        """Functions of all results, then the elements of the linear system if modes need them.
 
-        Both are times the determinant of the dynamic stiffness, so analytic in the values where a
-        mode crosses the frequency. NaN where a design has no result.
+        NaN where a design has no result, or other coordinates.
         """
-        asked = [one for one in self.quantities if isinstance(one, Ratio)]
         count = len(next(iter(values.values())))
-        over = np.full((count, len(asked)), np.nan + 0j)
-        under = over.copy()
+        result = np.full((count, len(self.least)), np.nan, complex if self.ratios else float)
         nominal = nominal_system(self.text, self.level)
         designs = variants.designs_at(self.text, values)
         for places, batch in of_designs(
             designs, self.level, self.needs, allow_unstable=self.allow_unstable
         ):
-            model = batch.found.model
-            if model.coordinate != nominal.coordinate:
+            if not _are_alike(batch.found.model, nominal):
                 continue
-            steady = batch.is_steady
-            for n, one in enumerate(asked):
-                own = interpolated.determinants(model, 2 * np.pi * one.frequency)
-                upper = own * batch.response(one.input, one.over, one.frequency)
-                lower = own
-                if one.under is not None:
-                    lower = own * batch.response(one.input, one.under, one.frequency)
-                over[places, n] = np.where(steady, upper, np.nan)
-                under[places, n] = np.where(steady, lower, np.nan)
-        return np.hstack([over, under])
+            parts = [one.functions(batch) for one in self._analytic]
+            if self._matrices is not None:
+                parts.append(self._matrices.functions(batch.found.model))
+            found = np.hstack(parts)
+            result[places] = np.where(batch.is_steady[:, None], found, np.nan)
+        return result
 
-    def columns_of(self, functions: Complex[np.ndarray, "point function"]) -> Columns:
+    def columns_of(self, functions: Inexact[np.ndarray, "point function"]) -> Columns:
         """Results that follow from the functions of `sample`."""
-        over, under = np.split(functions, 2, axis=1)
-        found = dict(zip(self.quantities, builds.divide(over, under).T, strict=True))
-        columns: Columns = {
-            "status": np.full(len(functions), builds.GOOD, dtype=np.uint8),
-            "value": np.stack([np.abs(found[one]) for one in self.results], axis=-1),
-            "response": np.stack([found[one] for one in self.ratios], axis=-1),
-        }
-        if self.requirements:
-            limited = [np.abs(found[one.quantity]) for one in self.requirements]
-            columns["limited"] = np.stack(limited, axis=-1)
-        return columns
+        count = len(functions)
+        ends = np.cumsum([one.function_count for one in self._analytic], dtype=int)
+        *parts, rest = np.split(functions, ends, axis=1)
+        found = {one: one.of_functions(own) for one, own in zip(self._analytic, parts, strict=True)}
+        batch = None
+        if self._matrices is not None:
+            batch = Solved.of_systems(self._matrices.system(np.real(rest)), self.design, self.level)
+            others = set(self.quantities) - set(self._analytic) - set(self.followed)
+            found |= {one: one.values(batch) for one in others}
+        status = np.full(count, builds.GOOD, dtype=np.uint8)
+        return {"status": status, **self._columns_of(found, batch)}
 
     def compute(self, start: int, stop: int) -> Columns:
         """Compute status and quantities of points start to stop - 1."""
@@ -250,22 +272,35 @@ class ParameterSweep(Grid):
 
     def _evaluate(self, batch: Solved) -> dict[str, np.ndarray]:
         """Evaluate all columns but the status; modes that are followed are NaN until they are."""
-        unknown = np.full(batch.count, np.nan)
-        known: dict[Quantity, np.ndarray] = dict.fromkeys(self.followed, unknown)
+        found = {}
         for one in self.quantities:
-            if one not in known:
-                known[one] = one.values(batch)
-        found = {"value": np.stack([known[one] for one in self.results], axis=-1)}
+            if isinstance(one, Ratio):
+                found[one] = np.where(batch.is_steady, one.read(batch), builds.NOTHING)
+            elif one not in self.followed:
+                found[one] = one.values(batch)
+        return self._columns_of(found, batch)
+
+    def _columns_of(
+        self, found: dict[Quantity, np.ndarray], batch: Solved | None
+    ) -> dict[str, np.ndarray]:
+        """All columns but the status, from the values of quantities, complex of responses.
+
+        Modes are read from the batch.
+        """
+        size = {one: np.abs(own) if np.iscomplexobj(own) else own for one, own in found.items()}
+        if batch is not None:
+            size |= dict.fromkeys(self.followed, np.full(batch.count, np.nan))
+        columns = {"value": np.stack([size[one] for one in self.results], axis=-1)}
         if self.requirements:
-            limited = [known[one.quantity] for one in self.requirements]
-            found["limited"] = np.stack(limited, axis=-1)
+            limited = [size[one.quantity] for one in self.requirements]
+            columns["limited"] = np.stack(limited, axis=-1)
         if self.ratios:
-            complex_values = np.stack([one.read(batch) for one in self.ratios], axis=-1)
-            found["response"] = np.where(batch.is_steady[:, None], complex_values, builds.NOTHING)
-        if self.has_modes:
-            found["omega_squared"] = batch.spectrum.omega_squared
-            found["shape"] = batch.spectrum.shape
-        return found | self._find_labelled(batch)
+            columns["response"] = np.stack([found[one] for one in self.ratios], axis=-1)
+        if self.has_modes and batch is not None:
+            columns["omega_squared"] = batch.spectrum.omega_squared
+            columns["shape"] = batch.spectrum.shape.astype("f4")
+            columns |= self._find_labelled(batch)
+        return columns
 
     def _find_labelled(self, batch: Solved) -> dict[str, np.ndarray]:
         """Find the modes that labels mean at each point, and those that share their motions."""
@@ -273,11 +308,19 @@ class ParameterSweep(Grid):
             return {}
         found = [mode_content.find(batch.fractions, one.motion) for one in self.labelled]
         return {
-            "label_mode": np.stack([one.mode for one in found], axis=-1),
-            "other_mode": np.stack([one.other for one in found], axis=-1),
+            "label_mode": np.stack([one.mode for one in found], axis=-1).astype("i2"),
+            "other_mode": np.stack([one.other for one in found], axis=-1).astype("i2"),
             "label_fraction": np.stack([one.fraction for one in found], axis=-1),
             "other_fraction": np.stack([one.other_fraction for one in found], axis=-1),
         }
+
+
+def _are_alike(model: LinearSystem, nominal: LinearSystem) -> bool:
+    """Whether systems have the same coordinates, in the same combinations."""
+    same = model.coordinate == nominal.coordinate and model.k.shape[-1] == nominal.k.shape[-1]
+    return same and bool(
+        (model.massless == nominal.massless).all() and (model.basis == nominal.basis).all()
+    )
 
 
 def has_modes(status: Int[np.ndarray, "*build"]) -> Bool[np.ndarray, "*build"]:
@@ -341,6 +384,23 @@ class Sweep(Record):
         whether it meets it; points without a value do not.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"result": "results", "required": "requirements"},
+        names={
+            "result": "name",
+            "value": "values",
+            "required": "requirement",
+            "required_quantity": "quantity",
+            "required_unit": "unit",
+        },
+        without=(
+            "drawn start degree status status_meaning overlap mode mode_number coordinate"
+            " response_name response_unit response omega_squared shape rank labelled label_mode"
+            " other_mode label_fraction other_fraction"
+        ),
+        also="failures",
+        sparse="interpolation",
+    )
     axes: tuple[Axis, ...] = field(metadata=AXES)
     drawn: tuple[float, ...]
     start: tuple[int, ...]

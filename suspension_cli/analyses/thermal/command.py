@@ -10,7 +10,6 @@ from suspension_cli.analyses.analysis import (
     Document,
     Run,
     Settings,
-    describe_mirrors,
     name_mirrors,
     only_one,
 )
@@ -75,21 +74,12 @@ class ThermalAnalysis(Analysis):
         return solve.solve(self, run)
 
     def document(self, result: Thermal) -> Document:
-        """Return the noise of one output flat, that of several in a list."""
-        each = [
-            {
-                "output": noise.output,
-                "unit": f"{noise.unit}/sqrt(Hz)",
-                "tilt_rad": noise.tilt,
-                "displacement_asd": noise.amplitude,
-                "contributions": noise.parts,
-            }
-            for noise in result.motions
-        ]
-        head: Document = {"frequency_hz": result.frequency}
-        losses = {"without_loss": result.without_loss, "missing_losses": result.missing_losses}
-        mirrors = describe_mirrors(result.mirrors)
-        return head | only_one(each, "noises") | losses | mirrors
+        """Add contributions by source; the noise of one output is flat, not in a list."""
+        document = super().document(result)
+        noises = document.pop("noises")
+        for row, noise in zip(noises, result.motions, strict=True):
+            row |= {"unit": f"{noise.unit}/sqrt(Hz)", "contributions": noise.parts}
+        return document | only_one(noises, "noises")
 
     def text(self, result: Thermal) -> str:
         """Return the noise at a few frequencies, and its leading causes there."""

@@ -12,7 +12,7 @@ frequencies than are asked for (`Thermal.fine`).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from suspension_cli.design.derive import mirror
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import decade_points, parse_frequencies
 from suspension_cli.linear.solver import Solver
 from suspension_cli.physics import model_choice, near_limits, thermal_noise
@@ -70,6 +71,11 @@ class Thermal(Record):
         Losses that materials lack, and how large they are.
     """
 
+    in_json: ClassVar = Layout(
+        rows={"output": "noises"},
+        names={"amplitude": "displacement_asd"},
+        without="unit source contribution",
+    )
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
     output: tuple[str, ...]
     unit: tuple[str, ...] = field(metadata=along("output"))
@@ -105,11 +111,6 @@ class Thermal(Record):
         if self.fine_frequency is None or self.fine is None:
             return self.motions
         return self._split(self.fine_frequency, self.fine)
-
-    @property
-    def data(self) -> list[MotionNoise]:
-        """The motions, as analyses that return a `Result` call them."""
-        return list(self.motions)
 
     def _split(self, frequency: Array, contribution: Array) -> tuple[MotionNoise, ...]:
         return tuple(

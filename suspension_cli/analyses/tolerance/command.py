@@ -24,11 +24,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.record import Origin
+    from suspension_cli.analyses.tolerance.estimates import Estimates
     from suspension_cli.analyses.tolerance.solve import RandomBuilds
     from suspension_cli.analyses.tolerance.summary import Spread, Tolerance
+    from suspension_cli.studies.run import Columns
 
 LOW, MEDIAN, HIGH = 1, 3, 5
 """Places of 5, 50 and 95 % among the quantiles of `summary.QUANTILES`."""
+BUILDS = 10_000
+"""Builds without ``--precision``."""
+MOST_BUILDS = 1_000_000
+"""Most builds with it."""
+FIRST_ROUND = 2048
+"""Builds after which their number is decided."""
 NEGLIGIBLE = 1e-7
 """Standard deviation of statics (m or rad) below which they are not printed."""
 LEADING = 5
@@ -76,8 +84,17 @@ class ToleranceAnalysis(Analysis):
         option(
             "--builds",
             type=click.IntRange(1, 1_000_000_000),
-            default=10_000,
-            help="Number of random builds.",
+            help=f"Number of random builds (default {BUILDS}); with --precision the largest one"
+            f" (default {MOST_BUILDS}).",
+        ),
+        option(
+            "--precision",
+            type=click.FloatRange(0.0, 1.0, min_open=True),
+            help=(
+                "Add builds until standard errors are below this fraction of the spread, and those"
+                " of yields below this number: of the coupling, of quantities with requirements and"
+                " of each --result. For example 0.01."
+            ),
         ),
         option(
             "--seed",
@@ -121,7 +138,7 @@ class ToleranceAnalysis(Analysis):
     def solve(self, run: Run) -> Tolerance:
         """Compute all builds, then their statistics."""
         from suspension_cli.analyses import sweeping
-        from suspension_cli.analyses.tolerance import solve, summary
+        from suspension_cli.analyses.tolerance import solve
         from suspension_cli.models import registry
         from suspension_cli.physics import model_choice
 
@@ -129,14 +146,16 @@ class ToleranceAnalysis(Analysis):
         source = run.source
         job = _make_job(run)
         job.check()
+        estimator = _Estimator(setting["limit"])
         study = sweeping.Study(
             lambda level: dataclasses.replace(job, level=level),
             (registry.STRING, registry.BEAM),
             solve.compare_models(job),
             solve.first_points(job),
             solve.extreme_points,
-            partial(summary.write, limit=setting["limit"]),
+            partial(_write, estimator, setting["precision"] or 0.0),
             _warnings,
+            partial(_more_builds, run, estimator),
         )
         choice = study.choose(source, setting)
         model_choice.stable_system(source, choice, setting["allow_unstable"], run.log, bends=True)
@@ -149,13 +168,16 @@ class ToleranceAnalysis(Analysis):
     def document(self, result: Tolerance) -> Document:
         """Return statistics of all quantities, yields and causes."""
         from suspension_cli.analyses.tolerance.build_statistics import strongest
-        from suspension_cli.analyses.tolerance.summary import QUANTILES
+        from suspension_cli.analyses.tolerance.estimates import QUANTILES
 
         def leading(one: Spread) -> list[tuple[str, float]]:
             chosen = strongest(one.rank, LEADING)
             return [(result.factor[n], float(one.rank[n])) for n in chosen]
 
-        spread = "mean_hz=mean mean_error_hz=error std_hz=deviation quantiles_hz=quantiles"
+        spread = (
+            "mean_hz=mean mean_error_hz=error std_hz=deviation std_error_hz=deviation_error"
+            " quantiles_hz=quantiles quantile_errors_hz=quantile_errors"
+        )
         rows = table(result.modes, f"label=name {spread}")
         modes = [
             row | {"nominal_hz": frequency, "leading": leading(one)}
@@ -163,7 +185,10 @@ class ToleranceAnalysis(Analysis):
                 rows, result.nominal_frequency, result.modes, strict=True
             )
         ]
-        spread = "quantity=name unit mean mean_error=error std=deviation quantiles"
+        spread = (
+            "quantity=name unit mean mean_error=error std=deviation std_error=deviation_error"
+            " quantiles quantile_errors"
+        )
         statics = [
             row | {"leading": leading(one)}
             for row, one in zip(table(result.static, spread), result.static, strict=True)
@@ -177,12 +202,15 @@ class ToleranceAnalysis(Analysis):
         required: list[Document] = []
         if result.joint is not None:
             every = (*result.yields, result.joint)
-            *required, together = table(every, "requirement=name yield=fraction interval")
+            *required, together = table(every, "requirement=name yield=fraction interval error")
         return {
             "builds": result.builds,
             "good": result.good,
             "failures": result.failures,
             "seed": int(result.seed),
+            "precision": result.precision or None,
+            "largest_error": result.largest_error,
+            "largest_error_of": result.largest_error_of,
             "levels": list(QUANTILES),
             "significant_correlation": result.significant,
             "modes": modes,
@@ -192,7 +220,13 @@ class ToleranceAnalysis(Analysis):
                 "limit": result.limit,
                 "fraction_under_limit": result.under.fraction,
                 "fraction_under_limit_interval": result.under.interval,
+                "fraction_under_limit_error": result.under.error,
+                "mean": result.coupling.mean,
+                "mean_error": result.coupling.error,
+                "std": result.coupling.deviation,
+                "std_error": result.coupling.deviation_error,
                 "quantiles": result.coupling.quantiles,
+                "quantile_errors": result.coupling.quantile_errors,
                 "leading": leading(result.coupling),
                 "leading_signed": leading(result.signed),
             },
@@ -213,6 +247,7 @@ class ToleranceAnalysis(Analysis):
         """Return tables of modes, statics, other quantities and yields, and their causes."""
         lines = [result.run.choice.line]
         lines.append(f"{result.good:,} of {result.builds:,} builds hang on taut wires")
+        lines.append(_precision(result))
         blocks = (_modes(result), _coupling(result), _statics(result), _others(result))
         for block in (*blocks, _yields(result), _shares(result)):
             own = list(block)
@@ -231,6 +266,68 @@ class ToleranceAnalysis(Analysis):
         from suspension_cli.analyses.tolerance import picture
 
         return {"": picture.draw(result, result.subtitle)}
+
+
+@dataclasses.dataclass
+class _Estimator:
+    """Estimates of the last job that was finished: of its precision, then for its file."""
+
+    limit: float
+    job: RandomBuilds | None = None
+    estimates: Estimates | None = None
+
+    def of(self, columns: Columns, job: RandomBuilds) -> Estimates:
+        """Estimate the statistics of a finished job."""
+        from suspension_cli.analyses.tolerance.estimates import estimate
+
+        if self.estimates is None or self.job != job:
+            self.job = job
+            self.estimates = estimate(columns, job, self.limit)
+        return self.estimates
+
+
+def _write(
+    estimator: _Estimator,
+    precision: float,
+    group: h5py.Group,
+    columns: Columns,
+    job: RandomBuilds,
+    origin: Origin,
+) -> Tolerance:
+    """Write the group of the results file."""
+    from suspension_cli.analyses.tolerance import summary
+
+    estimates = estimator.of(columns, job)
+    return summary.write(
+        group,
+        columns,
+        job,
+        origin,
+        limit=estimator.limit,
+        precision=precision,
+        estimates=estimates,
+    )
+
+
+def _more_builds(
+    run: Run, estimator: _Estimator, job: RandomBuilds, columns: Columns
+) -> RandomBuilds | None:
+    """Add builds to those of a job if standard errors exceed ``--precision``."""
+    from suspension_cli.analyses.tolerance.estimates import builds_needed
+
+    precision = run.setting["precision"]
+    most = run.setting["builds"] or MOST_BUILDS
+    if precision is None or job.count >= most:
+        return None
+    largest, of_what = estimator.of(columns, job).largest_error(job)
+    count = min(builds_needed(job, largest, precision), most)
+    if count == job.count:
+        return None
+    run.log.say(
+        f"{run.name}: largest standard error after {job.count:,} builds {100 * largest:.2g} %"
+        f" ({of_what}); computing {count:,} builds"
+    )
+    return dataclasses.replace(job, count=count)
 
 
 def _warnings(found: Tolerance, job: RandomBuilds) -> Iterator[str]:
@@ -252,6 +349,9 @@ def _make_job(run: Run) -> RandomBuilds:
     setting = run.setting
     design = run.design
     names = names_of(run.source, setting)
+    count = setting["builds"] or (MOST_BUILDS if setting["precision"] else BUILDS)
+    if setting["precision"]:
+        count = min(count, FIRST_ROUND)
     limits = [
         *requirements.of_tolerance(design),
         *requirements.of_design(design),
@@ -259,7 +359,7 @@ def _make_job(run: Run) -> RandomBuilds:
     ]
     return solve.RandomBuilds(
         run.source.text,
-        setting["builds"],
+        count,
         setting["seed"],
         parse_request(registry.STRING.system(design), setting, mirror(design)),
         setting["allow_unstable"],
@@ -268,23 +368,49 @@ def _make_job(run: Run) -> RandomBuilds:
     )
 
 
+def _precision(found: Tolerance) -> str:
+    """Line on the standard errors, and on whether they are as small as was asked for."""
+    import math
+
+    text = "standard errors in brackets, in units of the last digit"
+    if math.isnan(found.largest_error):
+        return text
+    text += f"; largest {100 * found.largest_error:.2g} % ({found.largest_error_of})"
+    if not found.precision:
+        return text
+    text += f", asked for: {100 * found.precision:g} %"
+    if found.largest_error > found.precision:
+        text += "; more --builds reach it"
+    return text
+
+
 def _modes(found: Tolerance) -> Iterator[str]:
     rows = []
     for nominal, one in zip(found.nominal_frequency, found.modes, strict=True):
-        spread = 100 * one.deviation / nominal if nominal else None
-        low, high = one.quantiles[[LOW, HIGH]]
+        spread = None
+        if nominal:
+            per = 100 / nominal
+            spread = tables.with_error(per * one.deviation, per * one.deviation_error)
+        low, high = (_quantile(one, place) for place in (LOW, HIGH))
         rows.append((nominal, low, high, spread, one.name, _causes(found, one, 2)))
-    columns = dict.fromkeys(("nominal\nHz", "5 %\nHz", "95 %\nHz"), "#.5g")
-    columns |= {"std\n%": ".2f", "mode": "", "depends most on (rank correlation, change)": ""}
+    columns = {"nominal\nHz": "#.5g", "5 %\nHz": " ", "95 %\nHz": " ", "std\n%": " "}
+    columns |= {"mode": "", "depends most on (rank correlation, change)": ""}
     yield tables.render(columns, rows)
 
 
+def _quantile(one: Spread, place: int, per: float = 1.0) -> str:
+    """Write a quantile with its standard error, in units of 1/per."""
+    return tables.with_error(
+        per * float(one.quantiles[place]), per * float(one.quantile_errors[place])
+    )
+
+
 def _coupling(found: Tolerance) -> Iterator[str]:
-    quantiles = found.coupling.quantiles
+    one = found.coupling
     under = found.under
     yield (
-        f"|{found.ratio}| at {found.frequency:g} Hz: median {quantiles[MEDIAN]:.3g}, 95 % below"
-        f" {quantiles[HIGH]:.3g}"
+        f"|{found.ratio}| at {found.frequency:g} Hz: mean {tables.with_error(one.mean, one.error)},"
+        f" median {_quantile(one, MEDIAN)}, 95 % below {_quantile(one, HIGH)}"
     )
     low, high = under.interval
     failed = found.good < found.builds
@@ -318,10 +444,11 @@ def _table_of_spreads(found: Tolerance, spreads: list[Spread], heading: str) -> 
     rows = []
     for one in spreads:
         unit, per = one.displayed
-        values = (one.mean, one.error, one.deviation, *one.quantiles[[LOW, HIGH]])
-        shown = [per * value for value in values]
-        rows.append((*shown, unit, one.name, _causes(found, one, 1)))
-    columns = dict.fromkeys(("mean", "error\nof mean", "std", "5 %", "95 %"), "#.3g")
+        mean = tables.with_error(per * one.mean, per * one.error)
+        std = tables.with_error(per * one.deviation, per * one.deviation_error)
+        low, high = (_quantile(one, place, per) for place in (LOW, HIGH))
+        rows.append((mean, std, low, high, unit, one.name, _causes(found, one, 1)))
+    columns = dict.fromkeys(("mean", "std", "5 %", "95 %"), " ")
     columns |= {"unit": "", heading: "", "depends most on": ""}
     return tables.render(columns, rows)
 
@@ -333,8 +460,9 @@ def _yields(found: Tolerance) -> Iterator[str]:
     for one in (*found.yields, found.joint):
         low, high = one.interval
         interval = f"{100 * low:.2f} to {100 * high:.2f}"
-        rows.append((100 * one.fraction, interval, one.name))
-    columns = {"yield\n%": ".2f", "95 % confidence\n%": " ", "requirement": ""}
+        percent = tables.with_error(100 * one.fraction, 100 * one.error)
+        rows.append((percent, interval, one.name))
+    columns = {"yield\n%": " ", "95 % confidence\n%": " ", "requirement": ""}
     yield tables.render(columns, rows)
     for name, count in found.shared.items():
         yield f"  in {count:,} of {found.good:,} builds two modes share {name}"

@@ -186,6 +186,12 @@ class RandomBuilds(Job):
         uniform = sampling.uniforms(self.seed, start, stop, len(self.factors))
         return sampling.deviations(self.factors, uniform)
 
+    def further_deviations(self, start: int, stop: int) -> Float[np.ndarray, "stop-start factor"]:
+        """Draw deviations of points that are independent of all builds."""
+        seed = self.seed + sampling.FURTHER
+        uniform = sampling.uniforms(seed, start, stop, len(self.factors))
+        return sampling.deviations(self.factors, uniform)
+
     def balance(self, deviations: Deviations) -> Solved:
         """Balance builds with these deviations."""
         return solved.of_builds(

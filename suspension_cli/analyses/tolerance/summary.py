@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.record import Record
-from suspension_cli.analyses.tolerance.build_statistics import (
-    Yield,
-    slopes,
-    standard_error,
-    unit_ranks,
-    with_sign,
+from suspension_cli.analyses.tolerance.build_statistics import Yield, slopes, unit_ranks
+from suspension_cli.analyses.tolerance.estimates import (
+    QUANTILES,
+    Estimates,
+    Statistics,
+    signed_coupling,
 )
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.variance_shares import fit
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.record import Origin
 
-QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
-"""Quantiles that are reported."""
 RANKED = 20_000
 """Number of first builds for rank correlations and shares, whose errors are then below 0.01."""
 SIGNIFICANT = 3.0
@@ -53,10 +51,10 @@ class Spread:
 
     Attributes
     ----------
-    mean, error, deviation
-        Mean, its standard error, and standard deviation.
-    quantiles
-        At `QUANTILES`.
+    mean, error, deviation, deviation_error
+        Mean and standard deviation, each with its standard error.
+    quantiles, quantile_errors
+        At `QUANTILES`, with their standard errors.
     rank
         Rank correlations with the deviations of numbers; of the coupling without sign, with their
         magnitudes.
@@ -78,7 +76,9 @@ class Spread:
     mean: float
     error: float
     deviation: float
+    deviation_error: float
     quantiles: Float[np.ndarray, " quantile"]
+    quantile_errors: Float[np.ndarray, " quantile"]
     rank: Float[np.ndarray, " factor"]
     slope: Float[np.ndarray, " factor"]
     share: Float[np.ndarray, " group"]
@@ -107,22 +107,32 @@ class Tolerance(Record):
         Numbers that vary, and the tolerance that each belongs to.
     coupling_frequency, input, over_signal, under_signal
         The cross-coupling.
-    limit, fraction_under_limit, fraction_under_limit_interval
-        Limit on the cross-coupling, and the fraction of the builds that hang with a smaller one.
+    limit, fraction_under_limit, fraction_under_limit_interval, fraction_under_limit_error
+        Limit on the cross-coupling, and the fraction of the builds that hang with a smaller one,
+        with its 95 % confidence interval and its standard error.
+    precision, largest_error, largest_error_of
+        The standard error that was asked for (0: none); the largest one of the coupling, of
+        quantities with requirements and of those asked for, over the spread of each, or of a yield;
+        and of what it is.
     quantity
         Names of the quantities of builds: modes, coupling, static poses, and others.
     result
         Those names, and the coupling with its sign.
     missing, infinite, missing_reason
         How many builds that hang have no value or an infinite one, and why they may have none.
-    result_mean, result_error, result_std, result_quantiles
+    result_mean, result_std, result_quantiles
         Statistics over the builds with a finite value.
+    result_error, result_std_error, result_quantile_errors
+        Their standard errors.
     ranked
         Number of first builds in `rank`, `slope` and `share`.
     requirement, requirement_name, requirement_quantity, low, high, of_magnitude, open
         What is required: as for ``--require``, in usual units, of which quantity, and its limits.
-    yields, yield_interval, yield_of_all, yield_of_all_interval
-        Fractions of builds that meet each requirement, and all.
+    yields, yield_interval, yield_error
+        Fractions of builds that meet each requirement, with 95 % confidence intervals and standard
+        errors.
+    yield_of_all, yield_of_all_interval, yield_of_all_error
+        The same for all requirements together.
     labelled, shared_count
         Modes that are meant by their motion, and in how many builds another mode shares that.
     sample
@@ -140,6 +150,10 @@ class Tolerance(Record):
     limit: float
     fraction_under_limit: float
     fraction_under_limit_interval: tuple[float, float]
+    fraction_under_limit_error: float
+    precision: float
+    largest_error: float
+    largest_error_of: str
     ranked: int
     coupling_frequency: Float[np.ndarray, " coupling_frequency"] = field(metadata=in_unit("Hz"))
     factor: tuple[str, ...]
@@ -161,7 +175,9 @@ class Tolerance(Record):
     result_mean: Float[np.ndarray, " result"] = field(metadata=UNIT)
     result_error: Float[np.ndarray, " result"] = field(metadata=UNIT)
     result_std: Float[np.ndarray, " result"] = field(metadata=UNIT)
+    result_std_error: Float[np.ndarray, " result"] = field(metadata=UNIT)
     result_quantiles: Float[np.ndarray, "result quantile"] = field(metadata=UNIT)
+    result_quantile_errors: Float[np.ndarray, "result quantile"] = field(metadata=UNIT)
     rank: Float[np.ndarray, "result factor"]
     slope: Float[np.ndarray, "result factor"] = field(
         metadata=in_unit("{result_unit}/{factor_unit}")
@@ -183,8 +199,10 @@ class Tolerance(Record):
         default=None, metadata=in_unit("", name="yield")
     )
     yield_interval: Float[np.ndarray, "requirement interval"] | None = None
+    yield_error: Float[np.ndarray, " requirement"] | None = None
     yield_of_all: float | None = None
     yield_of_all_interval: tuple[float, float] | None = None
+    yield_of_all_error: float | None = None
     labelled: tuple[str, ...] | None = None
     shared_count: Int[np.ndarray, " labelled"] | None = None
     sample: Float[np.ndarray, "build quantity"] | None = field(default=None, metadata=NOT_STORED)
@@ -244,23 +262,33 @@ class Tolerance(Record):
     @property
     def under(self) -> Yield:
         """Fraction of the builds that hang with a coupling below the limit."""
-        return Yield("", self.fraction_under_limit, self.fraction_under_limit_interval)
+        return Yield(
+            "",
+            self.fraction_under_limit,
+            self.fraction_under_limit_interval,
+            self.fraction_under_limit_error,
+        )
 
     @property
     def yields(self) -> tuple[Yield, ...]:
         """Yield of each requirement."""
-        if self.yield_ is None or self.yield_interval is None or self.requirement_name is None:
+        if self.yield_ is None or self.yield_interval is None or self.yield_error is None:
             return ()
-        columns = self.requirement_name, self.yield_.tolist(), self.yield_interval.tolist()
-        rows = zip(*columns, strict=True)
-        return tuple(Yield(name, share, (low, high)) for name, share, (low, high) in rows)
+        columns = self.yield_, self.yield_interval, self.yield_error
+        rows = zip(
+            self.requirement_name or (), *(column.tolist() for column in columns), strict=True
+        )
+        return tuple(
+            Yield(name, share, (low, high), error) for name, share, (low, high), error in rows
+        )
 
     @property
     def joint(self) -> Yield | None:
         """Yield of all requirements together; None without requirements."""
-        if self.yield_of_all is None or self.yield_of_all_interval is None:
+        interval = self.yield_of_all_interval
+        if self.yield_of_all is None or interval is None or self.yield_of_all_error is None:
             return None
-        return Yield("all together", self.yield_of_all, self.yield_of_all_interval)
+        return Yield("all together", self.yield_of_all, interval, self.yield_of_all_error)
 
     @property
     def shared(self) -> dict[str, int]:
@@ -311,7 +339,9 @@ class Tolerance(Record):
             mean=float(self.result_mean[n]),
             error=float(self.result_error[n]),
             deviation=float(self.result_std[n]),
+            deviation_error=float(self.result_std_error[n]),
             quantiles=self.result_quantiles[n],
+            quantile_errors=self.result_quantile_errors[n],
             rank=self.rank[n],
             slope=self.slope[n],
             share=self.share[n],
@@ -351,13 +381,27 @@ def load(group: Any, run: Origin) -> Tolerance:
 
 
 def write(
-    group: h5py.Group, columns: Columns, job: RandomBuilds, run: Origin, *, limit: float
+    group: h5py.Group,
+    columns: Columns,
+    job: RandomBuilds,
+    run: Origin,
+    *,
+    limit: float,
+    precision: float,
+    estimates: Estimates,
 ) -> Tolerance:
-    """Write all builds and their statistics, and return these."""
+    """Write all builds and their statistics, and return these.
+
+    `precision` is the standard error that was asked for, or 0.
+    """
+    largest, of_what = estimates.largest_error(job)
     record = FileContents(
         **dict(_describe(job, limit)),
-        **dict(_summarise(columns, job, limit)),
-        **dict(_count_yields(columns, job)),
+        **dict(_summarise(columns, job, estimates)),
+        **dict(_yields(columns, job, estimates)),
+        precision=precision,
+        largest_error=largest,
+        largest_error_of=of_what,
         build=np.arange(job.count, dtype=np.uint32),
         value=columns["value"],
         complex_ratio=columns["ratio"],
@@ -399,46 +443,34 @@ def _describe(job: RandomBuilds, limit: float) -> Iterator[tuple[str, Any]]:
 
 
 def _summarise(
-    columns: Mapping[str, Any], job: RandomBuilds, limit: float
+    columns: Mapping[str, Any], job: RandomBuilds, estimates: Estimates
 ) -> Iterator[tuple[str, Any]]:
     """Yield the statistics of all quantities."""
     status = columns["status"]
     good = status == GOOD
     yield "good", int(good.sum())
     yield "status_count", tuple(int((status == code).sum()) for code in range(len(STATUS)))
-    coupling = columns["value"][good, job.quantities.index(job.coupling)]
-    under = Yield.of("", coupling < limit)
+    under = estimates.under
     yield "fraction_under_limit", under.fraction
     yield "fraction_under_limit_interval", under.interval
-    rows = []
+    yield "fraction_under_limit_error", under.error
+    for name, values in Statistics.columns(estimates.results).items():
+        yield f"result_{name}", values
+    missing = []
+    infinite = []
     first = []
-    signed = with_sign(columns["ratio"][:, -1])
+    signed = np.real(signed_coupling(columns))
     for column in (*columns["value"].T, signed):  # one after another, as there may be many builds
-        rows.append(_describe_column(column[good]))
+        missing.append(int(np.isnan(column[good]).sum()))
+        infinite.append(int(np.isinf(column[good]).sum()))
         first.append(column[:RANKED])
-    names = (
-        *("missing", "infinite", "result_mean", "result_error", "result_std"),
-        "result_quantiles",
-    )
-    for name, values in zip(names, zip(*rows, strict=True), strict=True):
-        yield name, np.array(values)
+    yield "missing", np.array(missing)
+    yield "infinite", np.array(infinite)
     kept = np.flatnonzero(good[:RANKED])
     yield "ranked", len(kept)
     value = np.stack(first, axis=1)[kept]
     deviations = job.deviations(0, min(RANKED, job.count))[kept]
     yield from _find_causes(value, deviations, job)
-
-
-def _describe_column(values: Float[np.ndarray, " build"]) -> tuple[Any, ...]:
-    """Count values that are missing and infinite; mean, its error, deviation and quantiles."""
-    known = values[np.isfinite(values)]
-    missing = int(np.isnan(values).sum())
-    infinite = int(np.isinf(values).sum())
-    if not len(known):
-        none = np.full(len(QUANTILES), np.nan)
-        return missing, infinite, np.nan, np.nan, np.nan, none
-    quantiles = np.quantile(known, QUANTILES)
-    return missing, infinite, known.mean(), standard_error(known), known.std(), quantiles
 
 
 def _find_causes(
@@ -467,7 +499,9 @@ def _find_causes(
     yield "r_squared", shares.r_squared
 
 
-def _count_yields(columns: Mapping[str, Any], job: RandomBuilds) -> Iterator[tuple[str, Any]]:
+def _yields(
+    columns: Mapping[str, Any], job: RandomBuilds, estimates: Estimates
+) -> Iterator[tuple[str, Any]]:
     """Yield the limits of requirements, and the fractions of builds that meet them."""
     if job.labelled:
         yield "labelled", tuple(one.text for one in job.labelled)
@@ -486,13 +520,10 @@ def _count_yields(columns: Mapping[str, Any], job: RandomBuilds) -> Iterator[tup
     yield "high", np.array([band.high for band in bands])
     yield "of_magnitude", np.array([band.of_magnitude for band in bands])
     yield "open", np.array([band.open for band in bands])
-    places = [job.quantities.index(one.quantity) for one in required]
-    met = [
-        one.is_met(columns["value"][:, place]) for one, place in zip(required, places, strict=True)
-    ]
-    each = [Yield.of("", one) for one in met]
-    joint = Yield.of("", np.all(met, axis=0))
+    *each, joint = estimates.met
     yield "yield_", np.array([one.fraction for one in each])
     yield "yield_interval", np.array([one.interval for one in each])
+    yield "yield_error", np.array([one.error for one in each])
     yield "yield_of_all", joint.fraction
     yield "yield_of_all_interval", joint.interval
+    yield "yield_of_all_error", joint.error

@@ -28,13 +28,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.analyses.tolerance.linear_fit import LinearFit, fits_of_columns
+
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
-
-SPARE = 3
-"""Builds per fitted number below which a fit is not made: its R^2 would be a matter of chance."""
-ROUNDING = 1e-12
-"""Scatter of a quantity over its size that is a rounding error."""
 
 
 @dataclass(frozen=True)
@@ -69,67 +66,40 @@ def fit(
     share = np.full((quantities, count), np.nan)
     error = np.full((quantities, count), np.nan)
     r_squared = np.full(quantities, np.nan)
-    known = np.isfinite(values)
-    fits: dict[bytes, _Fit] = {}
-    for n in range(quantities):
-        own = known[:, n]
-        if own.sum() < SPARE * (len(group) + 1):
-            continue
-        key = own.tobytes()
-        if key not in fits:
-            fits[key] = _Fit.of(deviations[own], group, count)
-        y = values[own, n]
-        if y.std() > ROUNDING * np.abs(y).max():
-            share[n], error[n], r_squared[n] = fits[key].shares(y)
+    members = np.arange(count)[:, None] == group
+    for n, own, prepared in fits_of_columns(values, deviations):
+        of_group = members[:, prepared.varies]
+        share[n], error[n], r_squared[n] = _shares(prepared, of_group, values[own, n])
     return Shares(share, error, r_squared)
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """Deviations of builds in units of their scatter, ready for fits of quantities.
-
-    Numbers that do not scatter have no influence. `solved` is x C^-1 of each build.
-    """
-
-    x: Float[np.ndarray, "build factor"]
-    solved: Float[np.ndarray, "build factor"]
-    members: Bool[np.ndarray, "group factor"]
-
-    @staticmethod
-    def of(deviations: Float[np.ndarray, "build factor"], group: np.ndarray, count: int) -> _Fit:
-        apart = deviations - deviations.mean(0)
-        scale = apart.std(0)
-        varies = scale > 0
-        x = apart[:, varies] / scale[varies]
-        covariance = x.T @ x / len(x)
-        solved = np.linalg.lstsq(covariance, x.T, rcond=None)[0].T
-        return _Fit(x, solved, np.arange(count)[:, None] == group[varies])
-
-    def shares(
-        self, values: Float[np.ndarray, " build"]
-    ) -> tuple[Float[np.ndarray, " group"], Float[np.ndarray, " group"], float]:
-        """Compute the shares of one quantity, their standard errors, and R^2."""
-        count, factors = self.x.shape
-        y = values - values.mean()
-        slope = self.solved.T @ y / count
-        left = y - self.x @ slope
-        variance = float((y**2).mean())
-        freedom = (count - 1) / (count - 1 - factors)
-        unexplained = float((left**2).mean()) * freedom
-        share = np.zeros(len(self.members))
-        error = np.zeros(len(self.members))
-        moved = self.solved * left[:, None] * np.sqrt(freedom)  # influence of builds on slopes
-        for n, member in enumerate(self.members):
-            x = self.x[:, member]
-            b = slope[member]
-            covariance = x.T @ x / count
-            noise = covariance @ (moved[:, member].T @ moved[:, member]) / count**2
-            caused = float(b @ covariance @ b)
-            influence = 2 * moved[:, member] @ (covariance @ b)
-            influence += (x @ b) ** 2 - caused - caused / variance * (y**2 - variance)
-            share[n] = (caused - np.trace(noise)) / variance
-            first_order = float((influence**2).mean()) / count
-            second_order = 2 * float(np.trace(noise @ noise))
-            scatter = max(first_order - second_order, second_order)
-            error[n] = np.sqrt(scatter) / variance
-        return share, error, 1 - unexplained / variance
+def _shares(
+    prepared: LinearFit,
+    members: Bool[np.ndarray, "group varying"],
+    values: Float[np.ndarray, " build"],
+) -> tuple[Float[np.ndarray, " group"], Float[np.ndarray, " group"], float]:
+    """Compute the shares of one quantity, their standard errors, and R^2."""
+    count, factors = prepared.x.shape
+    y = values - values.mean()
+    slope = prepared.slopes(values)
+    left = y - prepared.x @ slope
+    variance = float((y**2).mean())
+    freedom = (count - 1) / (count - 1 - factors)
+    unexplained = float((left**2).mean()) * freedom
+    share = np.zeros(len(members))
+    error = np.zeros(len(members))
+    moved = prepared.solved * left[:, None] * np.sqrt(freedom)  # influence of builds on slopes
+    for n, member in enumerate(members):
+        x = prepared.x[:, member]
+        b = slope[member]
+        covariance = x.T @ x / count
+        noise = covariance @ (moved[:, member].T @ moved[:, member]) / count**2
+        caused = float(b @ covariance @ b)
+        influence = 2 * moved[:, member] @ (covariance @ b)
+        influence += (x @ b) ** 2 - caused - caused / variance * (y**2 - variance)
+        share[n] = (caused - np.trace(noise)) / variance
+        first_order = float((influence**2).mean()) / count
+        second_order = 2 * float(np.trace(noise @ noise))
+        scatter = max(first_order - second_order, second_order)
+        error[n] = np.sqrt(scatter) / variance
+    return share, error, 1 - unexplained / variance

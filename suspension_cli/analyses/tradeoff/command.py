@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -86,23 +86,20 @@ class TradeoffAnalysis(Analysis):
 
     def document(self, result: Tradeoff) -> Document:
         """Return times, errors, advice and the choice of ``auto`` by question."""
+        from suspension_cli.files import documents
+
         questions = []
         for answer in result.answers:
-            auto = answer.automatic
             question: Document = {
                 "quantity": answer.entries[0].quantity,
                 "question": answer.question,
                 "reference": answer.reference or None,
                 "best": answer.best and answer.best.model,
                 "advice": answer.advice,
-                "models": table(answer.entries, "model time_s=time error where left_out"),
+                "models": [documents.document(one) for one in answer.entries],
             }
-            if auto is not None:
-                question["auto"] = {
-                    "fidelity": auto.model,
-                    "reason": auto.reason,
-                    "estimated_error": auto.error,
-                }
+            if answer.automatic is not None:
+                question["auto"] = documents.document(answer.automatic)
             questions.append(question)
         return {"first_violin_hz": result.first_violin, "questions": questions}
 

@@ -9,14 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses import registry as analyses
-from suspension_cli.analyses import settings
+from suspension_cli.analyses import known_analyses, settings
 from suspension_cli.analyses.options import MOST_WIRE_MODES
 from suspension_cli.analyses.record import Record
 from suspension_cli.design.derive import mirror
@@ -28,6 +27,7 @@ from suspension_cli.drawing.style import NOTE, PALE, PALETTE
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import INLINE, along, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import signals
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
@@ -83,6 +83,7 @@ class Entry:
     own is 0; NaN without a result), `where` its mode or frequency.
     """
 
+    in_json: ClassVar = Layout(without="quantity question")
     quantity: str
     question: str
     model: str
@@ -104,6 +105,9 @@ class Automatic:
     `error` is what `auto` states, relative; NaN if unknown.
     """
 
+    in_json: ClassVar = Layout(
+        names={"model": "fidelity", "error": "estimated_error"}, without="question"
+    )
     question: str
     model: str
     reason: str
@@ -317,7 +321,7 @@ def _spectrum(source: Source, quantity: str, words: str, low: float, high: float
 def _coupling(source: Source) -> Question:
     """Cross-coupling of imperfect builds: wire, signals and frequency of `pendsus xcouple`."""
     design = source.design
-    setting = settings.merge(analyses.get("xcouple"), source, {})
+    setting = settings.merge(known_analyses.get("xcouple"), source, {})
     asked = parse_request(registry.STRING.system(design), setting, mirror(design))
     asked = replace(asked, frequency=asked.frequency[:1])
     count = len(STIFFNESSES) * len(OFFSETS)

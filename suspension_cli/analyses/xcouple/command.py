@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings, table
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.analyses.options import option
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.errors import InputError, format_value
@@ -141,23 +141,13 @@ class CouplingAnalysis(Analysis):
         return sweeping.fill(run, self, study, choice)
 
     def document(self, result: Coupling) -> Document:
-        """Return axes and ratios, first axis first; null for a failed build."""
-        import numpy as np
-
-        single = len(result.frequency) == 1
-        ratio = result.ratio[..., 0] if single else result.ratio
-        return {
-            "axes": table(result.axes, "name values"),
-            **({"interpolation": result.interpolation} if result.interpolation else {}),
-            "ratio_real": np.real(ratio),
-            "ratio_imag": np.imag(ratio),
-            "frequency_hz": result.frequency[0] if single else result.frequency.tolist(),
-            "input": result.input,
-            "over": result.over,
-            "under": result.under,
-            "hold": result.hold,
-            "failures": result.failures,
-        }
+        """Leave out the dimension of a single frequency."""
+        document = super().document(result)
+        if len(result.frequency) == 1:
+            single = {"frequency_hz": result.frequency[0]}
+            single |= {key: document[key][..., 0] for key in ("ratio_real", "ratio_imag")}
+            document |= single
+        return document
 
     def text(self, result: Coupling) -> str:
         """Return the largest coupling and where it is."""
@@ -236,18 +226,6 @@ class MatrixAnalysis(Analysis):
         motions = request(model)
         found = response.solve(model, frequency, motions.inputs, motions.outputs)
         return CouplingMatrix.extending(found, run=run.origin(self, choice))
-
-    def document(self, result: CouplingMatrix) -> Document:
-        """Return a matrix for each frequency."""
-        import numpy as np
-
-        return {
-            "frequency_hz": result.frequency.tolist(),
-            "input": result.input,
-            "output": result.output,
-            "matrix_real": np.real(result.value).tolist(),
-            "matrix_imag": np.imag(result.value).tolist(),
-        }
 
     def text(self, result: CouplingMatrix) -> str:
         """Return a table for each frequency."""

@@ -22,6 +22,7 @@ from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.errors import InputError
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import response
 from suspension_cli.models import registry
 from suspension_cli.models.base import Model
@@ -75,13 +76,21 @@ class Sweep(Grid):
         """Compute the couplings of builds start to stop - 1, see `couplings`."""
         return self.compute_at(self.values(start, stop))
 
-    compared: ClassVar[tuple[str, ...]] = ("ratio",)
-    """Columns by which an interpolated map is compared with full solutions."""
+    compared: ClassVar[dict[str, float]] = {"ratio": 0.0}
+    """Columns by which an interpolated map is compared with full solutions.
+
+    And the sizes below which their differences are relative to these.
+    """
 
     @property
     def is_analytic(self) -> bool:
         """Couplings follow from the functions of `sample`."""
         return True
+
+    @property
+    def least(self) -> Float[np.ndarray, " function"]:
+        """Sizes of these functions below which they are rounding errors."""
+        return np.zeros(3 * len(self.question.frequency))
 
     def sample(
         self, values: dict[str, Float[np.ndarray, " build"]]
@@ -188,6 +197,11 @@ class Coupling(Record):
         At how many points a map was computed, and how well it was checked; None if at all.
     """
 
+    in_json: ClassVar = Layout(
+        without="status status_meaning over_input under_input residual slack_wire",
+        also="failures",
+        sparse="interpolation",
+    )
     axes: tuple[Axis, ...] = field(metadata=AXES)
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
     ratio: Complex[np.ndarray, "*axes frequency"]
@@ -237,6 +251,8 @@ class CouplingMatrix(Record, response.Response):
     value
         Complex, SI.
     """
+
+    in_json: ClassVar = Layout(names={"value": "matrix"}, without="closed_loop largest")
 
 
 def write(group: h5py.Group, columns: Columns, job: Sweep, run: Origin) -> Coupling:

@@ -77,12 +77,16 @@ def parse(what: What, text: str, names: Names, option: str) -> Sequence[Quantity
     word, of, label = text.partition(" of ")
     if not of or word != what:
         return ()
+    if what == "dilution" and names.design.control is not None and names.design.control.loop:
+        problem = "is not known: loops store and take energy"
+        remedy = f"take Q of {label}, or leave out [[control.loop]]"
+        raise InputError.of(option, problem, remedy, format_value(text))
     if label == ALL:
         return [Decay(text, UNITS[what], what, None)]
     motion = find_motion(label, names)
     if motion is None:
         remedy = suggest(label, [*names.labels, ALL])
-        raise InputError.of(option, "is the label of no mode", remedy, format_value(label))
+        raise InputError.of(option, "is the label of no mode", remedy, format_value(text))
     return [Decay(text, UNITS[what], what, motion)]
 
 
@@ -90,7 +94,7 @@ SUMMARIES: dict[What, str] = {
     "Q": "quality factor of a mode with all losses, dampers and loops",
     "decay": "decay rate of its amplitude",
     "settling": "time in which its amplitude falls to 1/e",
-    "dilution": "its energy over that in lossy elements",
+    "dilution": "its energy over that in lossy elements; of a design without loops",
 }
 KINDS = tuple(
     Kind(f"{what} of MODE", f"{what} of test pitch", UNITS[what], about, partial(parse, what))

@@ -35,6 +35,8 @@ class StaticPose(Quantity):
 
     signed: ClassVar[bool] = True
     steady: ClassVar[bool] = False
+    analytic: ClassVar[bool] = True
+    negligible: ClassVar[float] = 1e-5
     missing = "does not hang on taut wires"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -58,6 +60,7 @@ class Height(Quantity):
     body: int
 
     steady: ClassVar[bool] = False
+    analytic: ClassVar[bool] = True
     missing = "does not hang on taut wires"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

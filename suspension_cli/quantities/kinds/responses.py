@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved
-from suspension_cli.studies import builds
+from suspension_cli.studies import builds, interpolated
 
 if TYPE_CHECKING:
     from jaxtyping import Complex
@@ -44,7 +44,31 @@ class Ratio(Quantity):
     input: Signal
     frequency: float
 
+    analytic: ClassVar[bool] = True
     missing = "has no steady state, or a response that is divided by is 0"
+
+    @property
+    def function_count(self) -> int:
+        """Numerator and denominator."""
+        return 2
+
+    def functions(self, solved: Solved) -> Complex[np.ndarray, "design 2"]:
+        """Numerator and denominator, both times the determinant of the dynamic stiffness.
+
+        So they are analytic also where a mode crosses the frequency.
+        """
+        own = interpolated.determinants(solved.found.model, 2 * np.pi * self.frequency)
+        over = own * solved.response(self.input, self.over, self.frequency)
+        under = own
+        if self.under is not None:
+            under = own * solved.response(self.input, self.under, self.frequency)
+        return np.stack([over, under], axis=1)
+
+    def of_functions(
+        self, functions: Complex[np.ndarray, "design 2"]
+    ) -> Complex[np.ndarray, " design"]:
+        """Divide the numerator by the denominator."""
+        return builds.divide(functions[:, 0], functions[:, 1])
 
     @property
     def needs(self) -> Needs:

@@ -21,7 +21,7 @@ from suspension_cli.quantities.solved import Solved
 from suspension_cli.scene.scene import select_scenes
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
+    from jaxtyping import Float, Inexact
 
     from suspension_cli.physics.loads import BladeLoad, WireLoad
 
@@ -38,26 +38,43 @@ class Load(Quantity):
     numbers: tuple[int, ...]
 
     steady: ClassVar[bool] = False
+    analytic: ClassVar[bool] = True
     missing = "does not hang on taut wires"
+
+    @property
+    def function_count(self) -> int:
+        """One of each part: the largest of several is not analytic where another is largest."""
+        return len(self.numbers)
+
+    def functions(self, solved: Solved) -> Float[np.ndarray, "design part"]:
+        """Those of all parts."""
+        found = solved.on_strings(self._of_parts)
+        return np.broadcast_to(found.reshape(solved.count, -1), (solved.count, len(self.numbers)))
+
+    def of_functions(
+        self, functions: Inexact[np.ndarray, "design part"]
+    ) -> Float[np.ndarray, " design"]:
+        """The largest of the parts."""
+        return np.real(functions).max(-1)
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Read the largest of the parts in each design."""
-        return solved.on_strings(self._read)
+        return self.of_functions(self.functions(solved))
 
-    def _read(self, solved: Solved) -> Float[np.ndarray, " design"]:
+    def _of_parts(self, solved: Solved) -> Float[np.ndarray, "design part"]:
+        shape = solved.count, len(self.numbers)
         if self.what == "tension":
             tension = solved.equilibrium.tension[..., list(self.numbers)]
-            return np.broadcast_to(tension.max(-1), (solved.count,)).astype(float)
-        result = np.full(solved.count, np.nan)
+            return np.broadcast_to(tension, shape).astype(float)
+        result = np.full(shape, np.nan)
         list_loads = statics.wire_loads if self.part == "wire" else statics.blade_loads
         for n in np.flatnonzero(solved.hangs).tolist():
             scene = select_scenes(solved.scene, n)
             balanced = solved.equilibrium.select(n)
             loads = list(list_loads(solved.designs[n], scene, balanced))
-            values = [VALUES[self.what](loads[place]) for place in self.numbers]
-            known = [value for value in values if value is not None]
-            if len(known) == len(values):
-                result[n] = max(known)
+            for k, place in enumerate(self.numbers):
+                value = VALUES[self.what](loads[place])
+                result[n, k] = np.nan if value is None else value
         return result
 
 
@@ -112,7 +129,8 @@ def _demand_known(quantity: Load, names: Names, option: str) -> None:
     loads = names.statics.wires if quantity.part == "wire" else names.statics.blades
     for number in quantity.numbers:
         if VALUES[quantity.what](loads[number]) is None:
-            missing = "cross-section" if loads[number].stress is None else "tensile_strength"
+            needed = "cross-section" if quantity.part == "wire" else "geometry"
+            missing = needed if loads[number].stress is None else "tensile_strength"
             problem = f"is not known: {loads[number].label} has no {missing}"
             remedy = f"give its {missing}"
             raise InputError.of(option, problem, remedy, format_value(quantity.text))

@@ -41,7 +41,7 @@ def test_the_document(file, tmp_path):
     keys = (
         "command design fidelity frequency_hz output unit displacement_asd "
         "contributions rms rms_velocity rms_by_cause rms_velocity_by_cause "
-        "cumulative_rms cumulative_rms_velocity other_outputs ground estimated_error"
+        "cumulative_rms cumulative_rms_velocity other_outputs ground mirrors estimated_error"
     )
     assert list(answer) == keys.split()
     assert (answer["command"], answer["output"], answer["unit"]) == (
@@ -102,7 +102,7 @@ def test_several_mirrors_along_the_beam_of_an_arm(file, tmp_path):
     up = json_of(file, tmp_path, "--output", "test.z", *words[2:])
     four = json_of(file, tmp_path, *words, "--arm", "4000", "--mirrors", "4")
     assert (four["mirrors"], four["tilt_rad"]) == (4.0, compute_arm_tilt(4000.0))
-    assert "mirrors" not in tilted and "tilt_rad" not in one
+    assert tilted["mirrors"] == 1.0 and "tilt_rad" not in one
     for cause, part in four["contributions"].items():
         np.testing.assert_allclose(part, 2 * np.array(tilted["contributions"][cause]), rtol=1e-12)
     assert four["rms"] == pytest.approx(2 * tilted["rms"], rel=1e-12)

@@ -63,7 +63,7 @@ def test_a_variant_is_the_design_with_other_values(folder, tmp_path):
     for name in ("modes", "responses"):
         assert found[name] == other[name]
     both = sus.compare(DOUBLE, variants=["stage.upper.wires.l=0.303; stage.test.wires.d=2e-3"])
-    assert both.data.name == ("double", "upper.wires.l=0.303, test.wires.d=2e-3")
+    assert both.name == ("double", "upper.wires.l=0.303, test.wires.d=2e-3")
     assert [change.path for change in both.change[1]] == [
         "stage.upper.wires.l",
         "stage.test.wires.d",
@@ -207,7 +207,7 @@ def test_text_pictures_and_stored_comparison(folder, tmp_path):
             for name in ("fine", "fine_frequency"):
                 if name in curve:
                     del curve[name]
-    (curves,) = [one.curves for one in sus.load(tmp_path / f"{stem}.h5").data.overlay]
+    (curves,) = [one.curves for one in sus.load(tmp_path / f"{stem}.h5").overlay]
     assert [one.fine for one in curves] == [None] * 3
     assert run("plot", tmp_path / f"{stem}.h5", "--out", tmp_path / "again").exit_code == 0
 

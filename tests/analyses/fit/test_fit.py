@@ -100,6 +100,18 @@ def test_one_number_by_hand():
     assert found.freedom == 0 and found.chi_squared < 1e-12
 
 
+def test_what_is_determined_does_not_depend_on_the_start():
+    """f^2 is proportional to E, whose relative uncertainty is twice that of f."""
+    measured = [Mode(frequency=11.4, uncertainty=0.1, label="test vertical")]
+    for start in (2e9, 2e11):
+        number = Free(name="materials.steel302.youngs_modulus", start=start)
+        found = fit.solve(
+            [CASE.read_text()], Measured(mode=measured, parameter=[number]), level="string"
+        )
+        [line] = found.determined
+        assert line == "determined: materials.steel302.youngs_modulus (to 1.8 %)"
+
+
 def test_priors_bounds_and_what_the_data_cannot_tell():
     """E and radius only count as E r^2: a prior on one gives the other; without, that combination
     alone is known."""

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 import suspension_cli as sus
-from suspension_cli.analyses.fit import changes, findings, picture, search, start
+from suspension_cli.analyses.fit import changes, chi_squared_search, findings, picture, start
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.analyses.fit.result import name_factor
 from suspension_cli.analyses.fit.solution import Solution
@@ -207,7 +207,7 @@ def test_a_search_goes_on_from_its_own_better_suggestion():
     z[problem.parts[2]] = np.log(0.05)
     stuck = Solution(problem, z, problem.chi_squared(z))
     assert stuck.misfit
-    found = search.Search.of(begin, stuck).go_on()
+    found = chi_squared_search.Search.of(begin, stuck).go_on()
     assert not found.misfit
     assert found.z[[item.name for item in free].index("stage.upper.wires.d")] == pytest.approx(
         0.0035, abs=1e-4
@@ -258,7 +258,7 @@ def test_a_missing_cable_is_suggested(monkeypatch):
     """5 N/m between the masses, which heights and lengths absorb only in part: named with its
     bodies, its stiffness within a few per cent, and the chi^2 of a model that has it. Other ways to
     explain the misfit, which take most of the time, are left out."""
-    monkeypatch.setattr(search.Search, "go_on", lambda this: this.found)
+    monkeypatch.setattr(chi_squared_search.Search, "go_on", lambda this: this.found)
     cable = (
         '\n[[link]]\nname = "cable"\nbetween = ["upper", "test"]\n'
         "stiffness = [5.0, 5.0, 5.0, 0.0, 0.0, 0.0]\n"

@@ -61,6 +61,7 @@ GOALS = {
     "stress fraction WIRE, stress fraction STAGE wires|blades": ("stress fraction test.1", RADIUS),
     "sag of BLADE, sag of STAGE blades": ("sag of test blades", MASS),
     "margin LOOP.gain|phase|delay|distance": ("margin x.delay", MASS),
+    "fraction of STAGE MOTION in MODE": ("fraction of upper pitch in test pitch", LENGTH),
     "top fraction of MODE": ("top fraction of test pitch", LENGTH),
     "distance MODE, MODE": ("distance test pitch, lowest yaw", LENGTH),
     "difference MODE, MODE": ("difference test pitch, yaw 1", LENGTH),
@@ -84,7 +85,7 @@ KINDS = [kind.pattern for kind in vocabulary.every_kind()]
 
 def design_for(pattern: str) -> str:
     """Text of the design for a kind: with two bodies, or undamped, where that matters."""
-    if pattern == "top fraction of MODE":
+    if pattern in ("top fraction of MODE", "fraction of STAGE MOTION in MODE"):
         return DOUBLE
     if pattern == "dilution of MODE":  # only losses in wires
         return sus.template("single").text
@@ -171,6 +172,48 @@ def test_a_static_angle_gives_the_height_of_the_wires():
         assert found.numbers.after[0] == pytest.approx(1e-4 / math.tan(largest), rel=1e-5)
         assert found.met
     assert "|" not in found.limits.name[0]
+
+
+def test_a_limit_on_a_magnitude_counts_beside_one_on_the_signed_value():
+    """The larger band allows angles to -0.1, the magnitude only to -0.04."""
+    displaced = f'{SMALL}\n[[perturbation]]\nbody = "test"\ncom_offset = [-1e-4, 0.0, 0.0]\n'
+    largest = 0.04
+    wanted = [
+        QuantityRequirement(quantity="test static pitch", at_least=-0.1, at_most=largest),
+        QuantityRequirement(quantity="test static pitch", at_most=largest),
+    ]
+    found = pendulum([free("d", 1e-3, 5e-3)], displaced, requirement=wanted)
+    assert found.quantities.before[0] < -largest
+    assert len(found.limits.name) == 3
+    assert found.numbers.after[0] == pytest.approx(1e-4 / math.tan(largest), rel=1e-5)
+    assert found.met
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("limits", [{"at_most": 0.0}, {"equals": 0.0}])
+def test_a_limit_of_0_is_one_on_the_value(limits):
+    """Wires that end at the centre of mass turn it by nothing that a symmetry forbids."""
+    wanted = [QuantityRequirement(quantity="test static pitch", **limits)]
+    found = pendulum([free("l", 0.1, 1.0)], requirement=wanted)
+    assert found.met
+    assert found.limits.room.tolist() == [0.0]
+
+
+def test_margins_are_those_of_check():
+    """Of a design that meets one requirement and misses the other."""
+    limits = {"test transverse": {"at_most": 0.8}, "test height": {"at_least": 0.1, "at_most": 0.9}}
+    tables = [
+        f'\n[[requirement]]\nquantity = "{name}"\n'
+        + "".join(f"{side} = {limit}\n" for side, limit in each.items())
+        for name, each in limits.items()
+    ]
+    design = sus.parse(VERTICAL.read_text() + "".join(tables))
+    found = searching.solve(design, Goals(free=[free("l", 0.1, 1.0)]), level="beam")
+    checked = [verdict.margin for verdict in sus.check(design).verdicts]
+    room = found.limits.room_before
+    nearest = [room[found.limits.quantity == n].min() for n in range(len(limits))]
+    assert checked[0] < 0 < checked[1]
+    np.testing.assert_allclose(nearest, checked, rtol=1e-6)
 
 
 def test_a_short_form_and_a_requirement_mean_the_same():

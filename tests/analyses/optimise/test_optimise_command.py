@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses import registry
+from suspension_cli.analyses import known_analyses
 from suspension_cli.design import reader
 from suspension_cli.files.hdf5 import open_results
 from tests.support.commandline import (
@@ -86,8 +86,8 @@ def test_what_is_not_met_has_exit_code_1(tmp_path):
     assert "NOT MET" in result.stdout and "1 limit, 1 NOT MET" in result.stdout
     assert f"what is not met is limited by the lower bound of {WIRES}.l" in result.stdout
     with open_results(tmp_path / "husman2000-table1-case1-optimise.h5") as file:
-        loaded = registry.loaded(file, "")
-    assert f"{loaded}\n" == result.stdout and loaded.analysis.exit_code(loaded) == 1
+        loaded = known_analyses.loaded(file, "")
+    assert f"{loaded}\n" == result.stdout and loaded.run.analysis.exit_code(loaded) == 1
     text = (tmp_path / "husman2000-table1-case1-optimised.toml").read_text()
     assert re.search(r"^# .* NOT MET +test longitudinal >= 3 Hz$", text, re.MULTILINE)
 

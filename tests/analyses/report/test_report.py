@@ -173,9 +173,34 @@ def test_unstable_design_says_why(tmp_path):
 def test_same_bytes_again(tmp_path):
     design = sus.example("double")
     path = tmp_path / "a.html"
-    first = sus.report(design, path, sections=["drawing", "check"]).read_bytes()
-    assert sus.report(design, path, sections=["drawing", "check"]).read_bytes() == first
+    first = sus.report(design, path, sections=["drawing", "check"])
+    assert path.read_bytes() == first.page.encode()
+    assert sus.report(design, path, sections=["drawing", "check"]).page == first.page
     assert [one.name for one in tmp_path.iterdir()] == ["a.html"]
+
+
+def test_record_says_what_is_in_the_page(tmp_path):
+    """Also without the page: what was left out, commands and models, verdicts on requirements."""
+    limits = [{"quantity": "test pitch", "at_most": 0.1}, {"quantity": "test yaw", "at_most": 9.0}]
+    design = sus.example("double").replace({"requirement": limits})
+    sections = ["check", "modes", "tolerance"]
+    made = sus.report(design, tmp_path / "a.html", sections=sections, fidelity="string")
+    assert (made.path, made.title) == (tmp_path / "a.html", design.title)
+    assert [one.name for one in made.sections] == sections
+    check, modes, tolerance = (one.missing for one in made.sections)
+    assert not check and not modes and "no [tolerance] table" in tolerance
+    assert [(one.title, one.model) for one in made.parts] == [
+        ("Requirements", ""),
+        ("Modes", "string"),
+    ]
+    assert [one.met for one in made.verdicts] == [False, True]
+    text = "1 of 2 requirements is NOT met.\nTolerances: Left out, as the design has no"
+    assert str(made).startswith(text)
+    document = made.document()
+    assert [one["met"] for one in document["requirements"]] == [False, True]
+    assert [one["name"] for one in document["sections"]] == sections and len(document["parts"]) == 2
+    with pytest.raises(sus.InputError, match="a report has no labelled arrays"):
+        made.to_xarray()
 
 
 def test_tolerances_are_read_if_computed_before(tmp_path):
@@ -206,7 +231,7 @@ def test_tables_have_readable_numbers():
 def test_text_of_the_design_is_escaped(tmp_path):
     title = "a <b>&amp; +- 1 m/sqrt(Hz)\u202e"
     design = sus.example("double").replace({"design.title": title})
-    text = sus.report(design, tmp_path / "a.html", sections=["numbers"]).read_text()
+    text = sus.report(design, tmp_path / "a.html", sections=["numbers"]).page
     assert "<b>" not in text and "\u202e" not in text
     assert "a <b>&amp; ± 1 m/√Hz\\u202e" in Page(text).text
 

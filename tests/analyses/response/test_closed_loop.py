@@ -55,7 +55,7 @@ def test_a_pendulum_by_hand(reference, tmp_path):
     (stored,) = tmp_path.glob("*-response.h5")
     with open_results(stored) as results:
         assert results["response"].attrs["closed_loop"]
-    assert isinstance(sus.load(stored).data, Response)
+    assert isinstance(sus.load(stored), Response)
     assert sus.load(stored).closed_loop
 
 

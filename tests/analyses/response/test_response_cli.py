@@ -161,3 +161,22 @@ def test_no_pole_beyond_the_grid_counts(tmp_path):
     (up,) = largest(tmp_path, *options)
     assert up[1] == 200.0
     assert up[0] == pytest.approx(1 / ((200 / natural()) ** 2 - 1), rel=2e-3)
+
+
+def test_largest_values_of_many_responses():
+    """Peaks of a matrix of responses are those of each response alone, and above all points of a
+    dense grid around them."""
+    design = sus.read(CONFIGS / "geo-silica-triple.toml")
+    supports = [f"support.{dof}" for dof in "xyz"]
+    motions = [f"test.{dof}" for dof in "xyz"]
+    grid = np.geomspace(0.1, 30, 300)
+    peaks = sus.response(design, inputs=supports, outputs=motions, frequency=grid).largest
+    for n, (into, out) in enumerate(zip(supports, motions, strict=True)):
+        alone = sus.response(design, inputs=[into], outputs=[out], frequency=grid).largest
+        at = peaks.frequency[n, n]
+        size = peaks.size[n, n]
+        assert size == pytest.approx(alone.size[0, 0], rel=1e-6)
+        assert at == pytest.approx(alone.frequency[0, 0], rel=1e-8)
+        near = at * (1 + np.linspace(-1e-3, 1e-3, 2001))
+        around = sus.response(design, inputs=[into], outputs=[out], frequency=near).value
+        assert size >= np.abs(around).max() * (1 - 1e-9)

@@ -99,7 +99,7 @@ def test_models_that_are_left_out(monkeypatch):
     assert max(entry.error for entry in found.answers[0].options) < 1e-12
     assert found.answers[4].advice == "left out: nothing dissipates"
     assert found.answers[5].advice == "left out: the mirror hangs on no wire"
-    assert_legible(draw(found.data, "Springs"))
+    assert_legible(draw(found, "Springs"))
 
 
 # Advice.
@@ -136,7 +136,7 @@ def test_choices_of_auto_are_those_of_the_commands(found, answers):
     response = sus.response(design, **into, frequency=low)
     for name, result in (("modes", modes), ("low", response)):
         chosen = answers[name].automatic
-        assert (chosen.model, chosen.line) == (result.model, result.choice.line)
+        assert (chosen.model, chosen.line) == (result.model, result.run.choice.line)
         assert chosen.error == pytest.approx(result.estimated_error)
         assert chosen.line in str(found)
     assert answers["sweep"].automatic is None and answers["coupling"].automatic is None
