@@ -18,7 +18,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.sweeps import BUILDS, RANDOM, TRIPLE, coupling_question, sweep
+import suspension_cli as sus
+from bench.sweeps import BUILDS, CHUNK, RANDOM, TRIPLE, coupling_question, sweep
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tradeoff.measure import (
     COLOUR,
@@ -64,7 +65,7 @@ CHAINS = (5, 10, 20, 40, 80)
 """Numbers of stages of a chain."""
 FREQUENCIES = (100, 1_000, 10_000, 100_000)
 POINTS = (1_000, 10_000, 100_000, MILLION)
-RANDOM_BUILDS = (512, 2_048, 8_192)
+RANDOM_BUILDS = (512, 2_048, 8_192, 32_768)
 ALONE = 20
 """Designs of the loop that solves one at a time."""
 
@@ -201,6 +202,50 @@ def measure_start() -> float:
 
 
 @dataclass(frozen=True)
+class BuildsCost:
+    """What the mean magnitude of a coupling of random builds costs.
+
+    Attributes
+    ----------
+    builds
+        Numbers of builds.
+    time, error
+        Processor times, s, and standard errors relative to the mean, with control variates.
+    plain_time, plain_error
+        Without.
+    """
+
+    builds: Sequence[int]
+    time: list[float]
+    error: list[float]
+    plain_time: list[float]
+    plain_error: list[float]
+
+
+def measure_builds() -> BuildsCost:
+    """Measure standard errors and times of random builds."""
+    source = read(RANDOM)
+    names = tuple(stage.name for stage in source.design.stage)
+    cost = BuildsCost(RANDOM_BUILDS, [], [], [], [])
+    for count in cost.builds:
+        job = RandomBuilds(source.text, count, 7, coupling_question(names, 0), level="string")
+        plain = elapsed(lambda job=job: solve_all(job))
+        begin = time.process_time()
+        found = sus.tolerance(str(RANDOM), builds=count, seed=7, fidelity="string").coupling
+        cost.time.append(time.process_time() - begin)
+        cost.error.append(found.error / found.mean)
+        cost.plain_time.append(plain)
+        cost.plain_error.append(found.deviation / count**0.5 / found.mean)
+    return cost
+
+
+def solve_all(job: Any) -> None:
+    """Compute all builds or points of a job, in chunks."""
+    for start in range(0, job.count, CHUNK):
+        job.compute(start, min(start + CHUNK, job.count))
+
+
+@dataclass(frozen=True)
 class Growth:
     """Processor times, s, of work of several sizes."""
 
@@ -242,11 +287,11 @@ def measure_growth() -> list[Growth]:
 
     def every_point(count: int) -> Callable[[], Any]:
         job = map_of(TRIPLE, count)
-        return lambda: [job.compute(n, min(n + 512, job.count)) for n in range(0, job.count, 512)]
+        return lambda: solve_all(job)
 
     def random(count: int) -> Callable[[], Any]:
         job = RandomBuilds(source.text, count, 7, question, level="string")
-        return lambda: [job.compute(n, min(n + 512, count)) for n in range(0, count, 512)]
+        return lambda: solve_all(job)
 
     def modes(stages: int) -> Callable[[], Any]:
         design = parse(chain(stages))
@@ -280,7 +325,9 @@ NARROW, WIDE, HIGH = 2.4, 6.0, 2.3
 """Widths and height of panels, in."""
 
 
-def draw_many(maps: Sequence[MapCost], designs: dict[str, list[Point]], start: float) -> Figure:
+def draw_many(
+    maps: Sequence[MapCost], random: BuildsCost, designs: dict[str, list[Point]], start: float
+) -> Figure:
     """Draw error against time: a map, and the modes of all shipped designs."""
     with house_style():
         figure = new_figure(7.0, 6.9)
@@ -289,6 +336,9 @@ def draw_many(maps: Sequence[MapCost], designs: dict[str, list[Point]], start: f
         title = "A map of 1,000,000 points"
         said = "Some hundred solutions determine it; numbers: how many."
         _draw_maps(_panel(figure, LEFT, 0.6, NARROW, title, said), maps)
+        title = "Random builds: mean of |coupling|"
+        said = "Numbers: builds that are solved."
+        _draw_builds(_panel(figure, RIGHT, 0.6, NARROW, title, said), random)
         title = "Mode frequencies of all shipped designs"
         said = "Circled: the model that auto takes. Dashed: the start of the program."
         axes = _panel(figure, LEFT, 3.8, WIDE, title, said)
@@ -320,6 +370,23 @@ def _draw_maps(axes: Axes, maps: Sequence[MapCost]) -> None:
     alone = np.sqrt(maps[0].alone * maps[1].alone)
     for across, text in ((every, "every point"), (alone, "one design\nat a time")):
         axes.annotate(text, (across, 1e-12), fontsize=7.5, color=NOTE, ha="center")
+    axes.legend(loc="upper right", fontsize=7.5, frameon=False, borderaxespad=0.1)
+    label_points(axes, points, texts, colours)
+
+
+def _draw_builds(axes: Axes, cost: BuildsCost) -> None:
+    axes.set(xlabel="processor time (s)", ylabel="standard error, relative")
+    points, texts, colours = [], [], []
+    plain = ("solved builds alone", cost.plain_time, cost.plain_error)
+    controlled = ("with control variates", cost.time, cost.error)
+    for (name, across, up), colour in zip((plain, controlled), PALETTE, strict=False):
+        axes.plot(across, up, "o-", color=colour, ms=4, lw=1, label=name)
+        points += list(zip(across, up, strict=True))
+        texts += [f"{count:,}" for count in cost.builds]
+        colours += [colour] * len(cost.builds)
+    low, high = axes.get_xlim()
+    axes.set_xlim(low / 2, high * 4)
+    axes.set_ylim(min(cost.error) / 3, max(cost.plain_error) * 10)
     axes.legend(loc="upper right", fontsize=7.5, frameon=False, borderaxespad=0.1)
     label_points(axes, points, texts, colours)
 
@@ -384,3 +451,111 @@ def draw_growth(lines: Sequence[Growth]) -> Figure:
             axes, ends + beside, texts + blank, [*PALETTE[: len(lines)], *[INK] * len(blank)]
         )
     return figure
+
+
+def document(
+    maps: Sequence[MapCost],
+    random: BuildsCost,
+    designs: dict[str, list[Point]],
+    growth: Sequence[Growth],
+) -> str:
+    """Format the page."""
+    lines = [
+        "# Many designs",
+        "",
+        "Made by `make tradeoff`, on one core; times are processor times.",
+        "",
+        "![Error against time of maps, random builds and all shipped designs](tradeoff_many.png)",
+        "",
+        "## A map of a million points",
+        "",
+        "Longitudinal over vertical motion at 50 Hz against stiffness and place of a wire; largest"
+        f" difference from full solutions at {COMPARED} random points. In the second design a mode"
+        " crosses the frequency within the map.",
+        "",
+        "| design | points solved: time, error | every point | one design at a time |",
+        "|---|---|---|---|",
+    ]
+    for one in maps:
+        solved = [
+            f"{count:,}: {format_time(taken)}, {error:.0e}"
+            for count, taken, error in zip(one.points, one.time, one.error, strict=True)
+        ]
+        full = f"{format_time(one.full)} | {format_time(one.alone)}"
+        lines.append(f"| {one.name} | {'<br>'.join(solved)} | {full} |")
+    lines += [
+        "",
+        "The last two columns are the times of some thousand points, and of some twenty designs, in"
+        " proportion.",
+        "",
+        "## Random builds",
+        "",
+        "Standard error of the mean magnitude of the coupling of `triple-tolerance`, relative:",
+        "",
+        "| builds | solved builds alone | with control variates |",
+        "|---|---|---|",
+    ]
+    for n, count in enumerate(random.builds):
+        plain = f"{percent(random.plain_error[n])}, {format_time(random.plain_time[n])}"
+        controlled = f"{percent(random.error[n])}, {format_time(random.time[n])}"
+        lines.append(f"| {count:,} | {plain} | {controlled} |")
+    lines += [
+        "",
+        "The time with control variates is that of a whole call, with the choice of statistics of"
+        " all modes and poses; the other that of the builds alone.",
+        "",
+        "## Growth of cost",
+        "",
+        "![Growth of cost with points, builds, stages and frequencies](tradeoff_growth.png)",
+        "",
+        "| work | sizes: times | power at the end |",
+        "|---|---|---|",
+    ]
+    for line in growth:
+        times = ", ".join(
+            f"{size:,}: {format_time(taken)}"
+            for size, taken in zip(line.size, line.time, strict=True)
+        )
+        lines.append(f"| {line.name} ({line.unit}) | {times} | {line.exponent:.1f} |")
+    lines += [
+        "",
+        "## Mode frequencies of all shipped designs",
+        "",
+        "Largest error against the most complete model that lists its modes in seconds; bold: the"
+        " model that `auto` takes.",
+        "",
+        f"| design | {' | '.join(registry.FILES)} |",
+        "|---|" + "---|" * len(registry.FILES),
+    ]
+    for name, points in designs.items():
+        cells = {point.model: _cell(point) for point in points}
+        every = " | ".join(cells.get(model, "–") for model in registry.FILES)
+        lines.append(f"| {name} | {every} |")
+    return "\n".join(lines) + "\n"
+
+
+def _cell(point: Point) -> str:
+    error = percent(point.error) if point.error else "reference"
+    text = f"{error} · {format_time(point.time)}"
+    return f"**{text}**" if point.automatic else text
+
+
+def main() -> None:
+    """Measure and draw all."""
+    folder = ROOT / "results"
+    maps = [measure_map(file) for file in (SINGLE, TRIPLE)]
+    random = measure_builds()
+    designs: dict[str, list[Point]] = {}
+    for file in sorted((ROOT / "configs").rglob("*.toml")):
+        source = read(file)
+        print(source.design.design.name, file=sys.stderr)
+        designs[source.design.design.name] = measure_design(source)
+    growth = measure_growth()
+    save(draw_many(maps, random, designs, measure_start()), folder / "tradeoff_many.png")
+    save(draw_growth(growth), folder / "tradeoff_growth.png")
+    page = document(maps, random, designs, growth)
+    write_bytes(folder / "tradeoff_many.md", page.encode())
+
+
+if __name__ == "__main__":
+    main()
