@@ -95,16 +95,14 @@ def solve(model: LinearSystem, blocks: tuple[Index, ...] | None = None) -> Spect
         np.zeros((count, modes, size)),
         np.zeros((count, modes), dtype=np.intp),
     )
-    for own_blocks, same in _alike(model):
-        for start in range(0, len(same), CHUNK):
-            members = same[start : start + CHUNK]
-            first = int(members[0])
-            last = int(members[-1]) + 1
-            # without copies, if they follow each other
-            where = slice(first, last) if last - first == len(members) else members
-            found = _solve_blocks(_select(model, where), own_blocks)
+    for start in range(0, count, CHUNK):
+        some = _select(model, slice(start, start + CHUNK))
+        here = {name: values[start : start + CHUNK] for name, values in vars(result).items()}
+        for own_blocks, same in _alike(some):
+            all_alike = len(same) == len(here["block"])
+            found = _solve_blocks(some if all_alike else some.select(same), own_blocks)
             for name, values in vars(found).items():
-                getattr(result, name)[where] = values
+                here[name][same] = values
     return result
 
 
@@ -127,11 +125,12 @@ def _alike(model: LinearSystem) -> list[tuple[tuple[Index, ...], Int[np.ndarray,
     return found
 
 
-def _select(model: LinearSystem, members: Index | slice) -> LinearSystem:
-    """Undamped systems of some builds."""
+def _select(model: LinearSystem, members: slice) -> LinearSystem:
+    """Undamped systems of some builds, with the builds first in memory, too."""
     undamped = np.zeros((model.size, model.size))
     mass = np.broadcast_to(model.mass, (*model.batch, *undamped.shape))
-    return replace(model, mass=mass, damping=undamped, terms=()).select(members).lossless
+    some = replace(model, mass=mass, damping=undamped, terms=()).select(members).lossless
+    return replace(some, mass=np.ascontiguousarray(some.mass), soft=np.ascontiguousarray(some.soft))
 
 
 def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:

@@ -246,7 +246,7 @@ def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
     for axis in (0, 1):
         possible = np.broadcast_to(_has_mirror(scene, axis), scene.batch)
         if possible.any():
-            some = select_scenes(scene, possible) if scene.batch else scene
+            some = scene if possible.all() else select_scenes(scene, possible)
             result[possible, axis] = _mirror(some, axis)[0]
     return result
 
@@ -424,7 +424,8 @@ def _alike(
     Computed numbers, and all vectors unless `exact`, may differ by rounding.
     """
     kind = type(part)
-    pairs = np.ones((1, 1), dtype=bool)
+    pairs = np.ones((len(_bodies_of(part)),) * 2, dtype=bool)
+    compared = []
     for name, (is_vector, is_computed) in signed(kind).items():
         values = getattr(part, name)
         own = inner_axes(kind).get(name)
@@ -437,7 +438,10 @@ def _alike(
         flat = values.reshape(*values.shape[: values.ndim - len(shape)], math.prod(shape))
         images = flat @ _on_components(shape, operation).T if is_vector else flat
         rounded = is_computed or (is_vector and not exact)
-        pairs = pairs & _equal(flat, images, ROUNDING if rounded else 0.0)
+        compared.append((flat, images, ROUNDING if rounded else 0.0))
+    # those that all builds share first: few pairs are left for the others
+    for flat, images, tolerance in sorted(compared, key=lambda one: one[0].size):
+        pairs = _still_equal(pairs, flat, images, tolerance)
     return pairs
 
 
@@ -475,10 +479,27 @@ def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item
 
 
 def _equal(
-    values: Inexact[np.ndarray, "*batch item component"],
-    images: Inexact[np.ndarray, "*batch item component"],
+    values: Inexact[np.ndarray, "item component"],
+    images: Inexact[np.ndarray, "item component"],
+    tolerance: float,
+) -> Bool[np.ndarray, "item item"]:
+    """Pair items that equal the image of another, but for a fraction of the largest component."""
+    return _still_equal(np.ones((len(values),) * 2, dtype=bool), values, images, tolerance)
+
+
+def _still_equal(
+    pairs: Bool[np.ndarray, "*#batch item item"],
+    values: Inexact[np.ndarray, "*#batch item component"],
+    images: Inexact[np.ndarray, "*#batch item component"],
     tolerance: float,
 ) -> Bool[np.ndarray, "*batch item item"]:
-    """Pair items that equal the image of another, but for a fraction of the largest component."""
-    limit = tolerance * np.abs(values).max((-2, -1), initial=0.0)[..., None, None, None]
-    return (np.abs(values[..., :, None, :] - images[..., None, :, :]) <= limit).all(-1)
+    """Keep those of some pairs of items that also equal in these values, see `_equal`."""
+    one, other = np.nonzero(pairs.any(tuple(range(pairs.ndim - 2))))
+    limit = tolerance * np.abs(values).max((-2, -1), initial=0.0)[..., None]
+    equal = np.ones((*values.shape[:-2], len(one)), dtype=bool)
+    for component in range(values.shape[-1]):
+        own = values[..., component]
+        equal &= np.abs(own[..., one] - images[..., other, component]) <= limit
+    result = np.zeros(np.broadcast_shapes(pairs.shape, (*equal.shape[:-1], 1, 1)), dtype=bool)
+    result[..., one, other] = pairs[..., one, other] & equal
+    return result

@@ -126,17 +126,14 @@ class Solved:
         return Spectrum(*(_put(own, hung, self.count) for own in vars(found).values()))
 
     @cached_property
-    def _modes(
+    def _exact(
         self,
-    ) -> tuple[Float[np.ndarray, "design mode"], Float[np.ndarray, "design mode place"]]:
-        """omega^2, (rad/s)^2, ascending, and fractions of the kinetic energy in each motion."""
-        squared = self.spectrum.omega_squared
-        with np.errstate(all="ignore"):
-            fractions = mode_content.of_spectrum(self.found.model, self.spectrum)
+    ) -> tuple[Float[np.ndarray, "design mode"], Float[np.ndarray, "design mode place"]] | None:
+        """`omega_squared` and `fractions` with the mass of wires, if that is asked for."""
         if not (self.exact_modes and self.has_wire_mass):
-            return squared, fractions
-        squared = np.full_like(squared, np.nan)
-        fractions = np.full_like(fractions, np.nan)
+            return None
+        squared = np.full_like(self.spectrum.omega_squared, np.nan)
+        fractions = np.full_like(self._plain_fractions, np.nan)
         for n in np.flatnonzero(self.hangs).tolist():
             with contextlib.suppress(InputError):
                 modes = wire_modes.solve_undamped_bodies(self.solver(n).system)
@@ -148,12 +145,18 @@ class Solved:
     @property
     def omega_squared(self) -> Float[np.ndarray, "design mode"]:
         """omega^2 of the undamped modes, (rad/s)^2, ascending; negative for those that grow."""
-        return self._modes[0]
+        return self.spectrum.omega_squared if self._exact is None else self._exact[0]
 
     @property
     def fractions(self) -> Float[np.ndarray, "design mode place"]:
         """Fractions of the kinetic energy of each mode in each motion."""
-        return self._modes[1]
+        return self._plain_fractions if self._exact is None else self._exact[1]
+
+    @cached_property
+    def _plain_fractions(self) -> Float[np.ndarray, "design mode place"]:
+        """Those of the modes of wires without mass."""
+        with np.errstate(all="ignore"):
+            return mode_content.of_spectrum(self.found.model, self.spectrum)
 
     @cached_property
     def energy(self) -> Float[np.ndarray, "design mode body 6"]:
@@ -166,7 +169,7 @@ class Solved:
     def top_fraction(self) -> Float[np.ndarray, "design mode"]:
         """Fraction of the kinetic energy of each mode in the top mass of its chain."""
         energy = self.energy
-        if not (self.exact_modes and self.has_wire_mass):
+        if self._exact is None:
             # small fractions have smaller rounding errors from the shapes of unit length
             shape = self.spectrum.shape[..., : 6 * energy.shape[2]]
             energy = (shape**2).reshape(energy.shape)
