@@ -19,12 +19,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import suspension_cli as sus
-from bench.sweeps import BUILDS, CHUNK, RANDOM, TRIPLE, coupling_question, sweep
+from bench.sweeps import BUILDS, CHUNK, RANDOM, SINGLE, TRIPLE, coupling_question, sweep
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tradeoff.measure import (
     COLOUR,
     Question,
     ask,
+    format_time,
     median_times,
 )
 from suspension_cli.analyses.xcouple.solve import Sweep
@@ -40,10 +41,12 @@ from suspension_cli.drawing.style import (
     add_axes,
     house_style,
     new_figure,
+    save,
     write_heading,
     write_text,
 )
 from suspension_cli.errors import InputError
+from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from suspension_cli.models.choice import percent
@@ -61,7 +64,7 @@ OFFSET = (-2e-3, 2e-3)
 """Ranges of a map: factor on the stiffness of a wire, and offset of its end, m."""
 ROUNDING = 1e-13
 """Errors of full solutions."""
-CHAINS = (5, 10, 20, 40, 80)
+CHAINS = (5, 10, 20, 50, 100)
 """Numbers of stages of a chain."""
 FREQUENCIES = (100, 1_000, 10_000, 100_000)
 POINTS = (1_000, 10_000, 100_000, MILLION)
@@ -501,7 +504,7 @@ def document(
         lines.append(f"| {count:,} | {plain} | {controlled} |")
     lines += [
         "",
-        "The time with control variates is that of a whole call, with the choice of statistics of"
+        "The time with control variates is that of a whole call, with the statistics of"
         " all modes and poses; the other that of the builds alone.",
         "",
         "## Growth of cost",
