@@ -68,8 +68,9 @@ thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
 stability: $(READY) ## where methods fail, and that ours does not
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.atlas
 
-tradeoff: $(READY) ## speed against accuracy of every model, and of methods for a response (two minutes)
+tradeoff: $(READY) ## speed against accuracy of every model, and of methods for a response (six minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.tradeoff
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.many_designs
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python -m tools.youngs_modulus

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from suspension_cli.drawing.style import house_style, save
 from suspension_cli.files.whole_files import write_bytes
 from tests.support.paths import ROOT
-from tools.stability import beams, blades, couplings, frequency, geometry, masses, modal
+from tools.stability import beams, blades, couplings, frequency, geometry, maps, masses, modal
 from tools.stability.draw import count_pages, draw_pages
 from tools.stability.overview import draw_overview, format_number
 from tools.stability.row import BROKEN, SHIPPED, Row
@@ -32,6 +32,7 @@ ROWS: dict[str, Callable[[], Row]] = {
     "quality": modal.quality,
     "masses": masses.row,
     "short-sections": beams.short_sections,
+    "maps": maps.compute,
 }
 """Rows of the atlas, in order."""
 

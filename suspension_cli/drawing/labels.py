@@ -166,7 +166,8 @@ def label_points(
 ) -> list[Text]:
     """Label points (x, y), from the left, at the nearest place beside each that is free.
 
-    The axes have their limits and place. `pad` is the room around each text, points.
+    The axes have their limits and place. `pad` is the room around each text, points. Labels keep off
+    points with an empty text, too.
     """
     pixel = axes.figure.dpi / 72
     low, high = np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel
@@ -186,7 +187,7 @@ def label_points(
         placed = np.append(placed, boxes[best][None], axis=0)
         look: Any = {"textcoords": "offset points", "ha": "center", "va": "center", "zorder": 5}
         look |= {"fontsize": size, "color": colours[n]}
-        if best >= len(SIDES):
+        if texts[n] and best >= len(SIDES):
             look["arrowprops"] = {"arrowstyle": "-", "color": NOTE, "lw": 0.4, "shrinkB": 0.0}
         text = axes.annotate(str(texts[n]), tuple(points[n]), tuple(shifts[best]), **look)
         text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])

@@ -41,6 +41,12 @@ CASES = {
         {"": lambda value: EPS * (20 + 3 * value)},
         {"cosh and sinh, 4": (10, 100), "cosh and sinh, closed": (600, 800)},
     ),
+    # the accuracy of a map that was compared with full solutions
+    "maps": (
+        [0.05, 0.1, 0.3],
+        {"": 1e-6},
+        {"polynomial": (0.1, 0.3), "spline": (0.1, 0.3)},
+    ),
     "short-sections": (
         [1e-2, 1e-4, 1e-6, 1e-7],
         {"": 1e-12},
