@@ -118,7 +118,7 @@ class Design(Source):
             wires = one.wires.count if one.wires else len(one.wire)
             blades = one.blades.count if one.blades else len(one.blade)
             rows.append((one.name, f"{body_mass(one.body):.6g}", str(wires), str(blades)))
-        title = html.escape(self.design.design.title or self.name)
+        title = html.escape(self.title)
         cells = "".join(
             f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows
         )

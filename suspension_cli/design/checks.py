@@ -23,6 +23,7 @@ from suspension_cli.design import faults, foton, materials, schema, units
 from suspension_cli.design.derive import (
     add_keystones,
     com_positions,
+    drop_keystones,
     part_loss,
     set_geometry,
     with_bodies_above,
@@ -30,6 +31,7 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
+from suspension_cli.design.locked_stages import as_in_file, check_locked
 from suspension_cli.design.materials import MECHANISMS, AgainstTemperature
 from suspension_cli.design.schema import Body, Design, Spring, Stage
 from suspension_cli.design.towers import SUFFIX, leg_count
@@ -98,6 +100,8 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
         if link.strands is not None and not any(fault.key.startswith(own) for fault in found):
             strands = _check_strands(design, link, link.strands, f"link.{link.name}.strands")
             found += [fault_of(design, "", *one) for one in strands]
+    if not found:
+        found = [fault_of(design, "", *one) for one in check_locked(design)]
     for part, fault in () if found else find_active(design, tables):
         if not part.active:
             remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
@@ -393,7 +397,12 @@ class ImplausibleNumber(Fault):
 
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
-    found: list[Row] = [*_check_ranges(design), *_check_planes(design), *_check_signs(design)]
+    design = as_in_file(design)
+    found: list[Row] = [
+        *_check_ranges(drop_keystones(design)),
+        *_check_planes(design),
+        *_check_signs(design),
+    ]
     bodies = {stage.name: stage.body for stage in design.stage}
     for stage, above in with_bodies_above(design):
         own = [

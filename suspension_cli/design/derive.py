@@ -13,7 +13,7 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import materials, towers
 from suspension_cli.design.links import Link
 from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.towers import SUFFIX, keystone_inertia
+from suspension_cli.design.towers import SUFFIX, Filter, keystone_inertia
 from suspension_cli.design.wires import (
     AnyBlade,
     BladeGeometry,
@@ -297,6 +297,8 @@ class Keystone(Stage, frozen=True):
 
     blades_of: str
     """Name of the stage with the filter."""
+    blades_table: Filter
+    """The filter."""
 
 
 def add_keystones(design: Design) -> Design:
@@ -309,8 +311,15 @@ def add_keystones(design: Design) -> Design:
             name = stage.name + SUFFIX
             body = Body(mass=table.mass, inertia=list(keystone_inertia(table)))
             position = stage.filter.at
-            own = stage.name
-            stages.append(Keystone(name=name, body=body, position=position, blades_of=own))
+            stages.append(
+                Keystone(
+                    name=name,
+                    body=body,
+                    position=position,
+                    blades_of=stage.name,
+                    blades_table=stage.filter,
+                )
+            )
     return msgspec.structs.replace(design, stage=stages)
 
 

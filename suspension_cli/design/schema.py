@@ -227,6 +227,10 @@ class Stage(Table, frozen=True):
         " end of the longest chain",
         False,
     )
+    locked: bool = key(
+        "whether it is clamped to the support, and all stages above it, so that none moves",
+        False,
+    )
     position: units.Vector | None = key(
         "nominal COM from the COM above (or support point), m, unless implied", plausible=TALL
     )

@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import SetGeometry, set_geometry, with_bodies_above
+from suspension_cli.design.locked_stages import title_of
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import dimension_tables, parts, style
 from suspension_cli.drawing.dimension_tables import SIZE, separation
@@ -95,7 +96,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         below = FOOT + sum(table.height + 0.1 for table in listed) + LINE * len(key) + 0.1
         plan, scale = _plan(sketch, low, high, below)
         figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * (high - low)[2] + below)
-        style.write_heading(figure, _heading(factor), design.design.title or design.design.name)
+        style.write_heading(figure, _heading(factor), title_of(design))
         canvas = full_canvas(figure)
         colours = tuple(style.stage_colours(scene.bodies.name).values())
         _draw_views(canvas, plan, shown, colours, is_displaced=factor is not None)
@@ -118,7 +119,9 @@ def _extent(sketch: Sketch, shown: Strokes) -> tuple[Array, Array]:
     """Smallest and largest coordinates of all that is drawn, the support included, m."""
     strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
     points = np.concatenate([*(one.points for one in strokes), parts.support_box(sketch)])
-    return points.min(0), points.max(0)
+    high = points.max(0)
+    high[2] = max(high[2], 0.0)  # the suspension point, where heights begin
+    return points.min(0), high
 
 
 def _heading(factor: float | None) -> str:

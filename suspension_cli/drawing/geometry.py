@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.schema import Body, Design
+from suspension_cli.design.derive import com_positions
+from suspension_cli.design.locked_stages import as_in_file, locked_names
+from suspension_cli.design.schema import Body, Design, body_inertia, body_mass
 from suspension_cli.scene import spring_rows
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.places import Places
@@ -156,9 +158,10 @@ def _ends(scene: Scene, pose: Pose, lines: Wires | Springs, moved: Array | float
 class Stroke:
     """A line (p, 3) in space, m.
 
-    `kind` is "body", "blade", "spring", "damper" or a key of `parts.WIDTHS`; `body` is the number
-    of a body from 0, `grounded` whether a spring stands on the ground. Springs have their two ends,
-    and before them the middle of the body that holds them, if they are not on the ground.
+    `kind` is "body", "locked", "blade", "spring", "damper" or a key of `parts.WIDTHS`; `body` is
+    the number of a body from 0, `grounded` whether a spring stands on the ground. Springs have
+    their two ends; those that are not on the ground, before them the middle of the body that holds
+    them.
     """
 
     kind: str
@@ -191,7 +194,13 @@ class Sketch:
     def strokes(self, normal: int) -> list[Stroke]:
         """All lines in a view along an axis, except the support; the order is that of the scene."""
         if normal not in self._strokes:
-            parts = _bodies(self, normal), _brackets(self), _lines(self), _springs(self)
+            parts = (
+                _locked(self.design, normal, SMALLEST * self.size),
+                _bodies(self, normal),
+                _brackets(self),
+                _lines(self),
+                _springs(self),
+            )
             self._strokes[normal] = [stroke for part in parts for stroke in part]
         return self._strokes[normal]
 
@@ -209,6 +218,18 @@ def sketch_at_rest(design: Design, scene: Scene, thick: float = 0.0) -> Sketch:
         for stage, m, i in zip(design.stage, bodies.mass, bodies.inertia, strict=True)
     ]
     return Sketch(design, scene, outlines, nominal_pose(scene), size, thick * size)
+
+
+def _locked(design: Design, normal: int, least: float) -> Iterator[Stroke]:
+    """Sections of locked bodies, with half extents of at least `least`, m."""
+    whole = as_in_file(design)
+    place = com_positions(whole)
+    held = locked_names(design)
+    for stage in whole.stage:
+        if stage.name in held:
+            inertia = np.array(body_inertia(stage.body))
+            shape = outline(stage.body, body_mass(stage.body), inertia, least)
+            yield Stroke("locked", place[stage.name] + shape.section(normal))
 
 
 def _bodies(sketch: Sketch, normal: int) -> Iterator[Stroke]:
@@ -305,7 +326,7 @@ def _filter_blades(sketch: Sketch, number: int, tip: Array) -> Iterator[Stroke]:
     """Blades of a filter, schematic: four arcs from its rim to the tip on its keystone (3,), m."""
     springs = sketch.scene.springs
     body = int(springs.upper[number])
-    half = sketch.outlines[body - 1].half
+    half = sketch.outlines[body - 1].half if body else np.full(3, 0.2 * sketch.size)
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         rim = np.array([x, y, 0]) * 0.85 * half + springs.upper_point[number] * (not x, not y, 1)
         root = sketch.locate(body, rim)

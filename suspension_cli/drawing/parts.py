@@ -145,6 +145,8 @@ def draw_suspension(
             width, above = WIDTHS[one.kind]
             colour = look.edge[one.body] if one.kind in ("bore", "bracket") else look.line
             canvas.line(line, colour, width * look.width, look.order + above)
+        if one.kind == "locked":
+            canvas.line(line, NOTE, 0.9 * look.width, look.order - 0.5, (0, (4, 2)))
         if one.kind == "blade":
             _draw_blade(canvas, line, look)
         elif one.kind == "leg":  # a thick bar between thin flexures

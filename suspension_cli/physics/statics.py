@@ -284,13 +284,12 @@ def _legs(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[LegLo
 
 def _filters(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[FilterLoad]:
     """Compute the working points of filters."""
-    stages = {one.name: one for one in design.stage}
     pose = balanced.pose
     springs = scene.springs
     for number, stage in enumerate(design.stage, 1):
-        table = stages[stage.blades_of].filter if isinstance(stage, Keystone) else None
-        if table is None or not isinstance(stage, Keystone):
+        if not isinstance(stage, Keystone):
             continue
+        table = stage.blades_table
         spring = int(np.flatnonzero(springs.lower == number)[-1])
         upper = int(springs.upper[spring])
         above = springs.upper_point[spring]

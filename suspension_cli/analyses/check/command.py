@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Run
+from suspension_cli.design.locked_stages import locked_names
 from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
@@ -88,6 +89,8 @@ class CheckAnalysis(Analysis):
             if parts := getattr(loads, name):
                 key = "inverted_pendulums" if name == "legs" else name
                 document[key] = list_documents(parts)
+        if held := locked_names(result.run.design.design):
+            document["locked"] = held
         document["warnings"] = [
             {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
             for item in result.warnings
@@ -130,6 +133,8 @@ class CheckAnalysis(Analysis):
             for link in loads.links
             if link.table is not None
         ]
+        if held := locked_names(result.run.design.design):
+            lines.append(f"  locked, so at rest with the support: {', '.join(held)}")
         lowest = sorted(loads.lowest, key=lambda low: low.z)[:3]
         points = ", ".join(f"{low.name} {low.z:.4g} m ({low.point})" for low in lowest)
         lines.append(f"  height {loads.height:.4g} m; lowest points: {points}")
