@@ -30,9 +30,9 @@ from suspension_cli.analyses.python_functions import demand_known_arguments, des
 from suspension_cli.analyses.record import Presented, Record
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
+from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.reader import Source
-from suspension_cli.design.schema import body_mass
 from suspension_cli.errors import InputError, PendsusWarning, text_of
 
 Grid = str | float | Sequence[float] | np.ndarray

@@ -14,7 +14,13 @@ from msgspec.structs import replace
 
 from suspension_cli.conventions import BETWEEN, GROUND, SUPPORT
 from suspension_cli.design.control import Loop
-from suspension_cli.design.derive import Point, add_keystones, com_positions, with_bodies_above
+from suspension_cli.design.derive import (
+    Point,
+    add_keystones,
+    add_points,
+    origin_positions,
+    with_bodies_above,
+)
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Problems
@@ -78,7 +84,7 @@ def check_locked(design: Design) -> Problems:
     held = find_held(whole)
     locked = {stage.name: stage.locked for stage in whole.stage}
     lowest = [stage.name for stage in whole.stage if stage.locked][-1]
-    place = com_positions(whole)
+    place = origin_positions(whole)
     if len(held) == len(whole.stage):
         problem = "leaves nothing that moves: the stages above a locked one are held too"
         yield f"stage.{lowest}.locked", problem, "remove it, or lock a stage above"
@@ -105,7 +111,7 @@ def check_locked(design: Design) -> Problems:
 
 def _without(whole: Design, held: Sequence[str]) -> PartlyLocked:
     """Make the design without its held stages."""
-    place = com_positions(whole)
+    place = origin_positions(whole)
     stages = [
         _hung(stage, above, held, place[above])
         for stage, above in with_bodies_above(whole)
@@ -163,7 +169,7 @@ def _against_support(loop: Loop, held: Sequence[str]) -> Loop:
 
 
 def _hung(stage: Stage, above: str, held: Sequence[str], place: Point) -> Stage:
-    """Hang a stage from the support instead of a held one, whose COM is at `place`, m."""
+    """Hang a stage from the support instead of a held one, whose origin is at `place`, m."""
     damping = stage.damping
     if damping is not None and damping.against in held:
         damping = replace(damping, against=SUPPORT)
@@ -172,14 +178,14 @@ def _hung(stage: Stage, above: str, held: Sequence[str], place: Point) -> Stage:
     changed: dict[str, Any] = {
         "hangs_from": SUPPORT,
         "damping": damping,
-        "wire": [replace(wire, upper=_sum(place, wire.upper)) for wire in stage.wire],
+        "wire": [replace(wire, upper=add_points(place, wire.upper)) for wire in stage.wire],
         "blade": [
-            blade if blade.at is None else replace(blade, at=_sum(place, blade.at))
+            blade if blade.at is None else replace(blade, at=add_points(place, blade.at))
             for blade in stage.blade
         ],
     }
     if stage.position is not None:
-        changed["position"] = _sum(place, stage.position)
+        changed["position"] = add_points(place, stage.position)
     if stage.wires is not None:
         wires = stage.wires
         changed["wires"] = replace(wires, d_upper=wires.d_upper - place[2])
@@ -201,7 +207,7 @@ def _between_free(
         if second in held:
             row = replace(row, between=[first, SUPPORT])
             if isinstance(row, Link) and row.strands is not None:
-                strands = replace(row.strands, to=_sum(place[second], row.strands.to))
+                strands = replace(row.strands, to=add_points(place[second], row.strands.to))
                 row = replace(row, strands=strands)
         result.append(row)
     return result
@@ -215,19 +221,14 @@ def _turned(row: Joint, place: dict[str, Point]) -> Joint:
         return replace(row, between=between, radii=row.radii[::-1])
     shift = _difference(place[first], place[second])
     if isinstance(row, Damper) or row.strands is None:
-        turned = replace(row, between=between, at=_sum(shift, row.at))
+        turned = replace(row, between=between, at=add_points(shift, row.at))
     else:
-        points = [_sum(shift, point) for point in reversed(row.strands.points)]
+        points = [add_points(shift, point) for point in reversed(row.strands.points)]
         strands: Strands = replace(row.strands, to=row.at, points=points)
         turned = replace(row, between=between, at=row.strands.to, strands=strands)
     if isinstance(turned, Link):
         turned = replace(turned, preload=[-value for value in turned.preload])
     return turned
-
-
-def _sum(one: Sequence[float], other: Sequence[float]) -> Point:
-    x, y, z = (a + b for a, b in zip(one, other, strict=True))
-    return x, y, z
 
 
 def _difference(one: Sequence[float], other: Sequence[float]) -> Point:

@@ -14,8 +14,9 @@ import tomli_w
 
 import suspension_cli as sus
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
+from suspension_cli.design.bodies import Body, body_inertia
 from suspension_cli.design.cross_sections import circle, rectangle
-from suspension_cli.design.schema import Body, Gas, body_inertia
+from suspension_cli.design.schema import Gas
 from suspension_cli.elements import loss as drag
 
 AIR = Gas(pressure=1e-5, molar_mass=0.028, temperature=300.0)

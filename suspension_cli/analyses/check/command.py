@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Run
+from suspension_cli.design.bodies import Point, body_mass, centre_of_mass
 from suspension_cli.design.locked_stages import locked_names
 from suspension_cli.errors import escape_unprintable
 
@@ -89,6 +90,9 @@ class CheckAnalysis(Analysis):
             if parts := getattr(loads, name):
                 key = "inverted_pendulums" if name == "legs" else name
                 document[key] = list_documents(parts)
+        if parts := _bodies_of_parts(result):
+            keys = ("name", "mass", "com")
+            document["bodies_of_parts"] = [dict(zip(keys, one, strict=True)) for one in parts]
         if held := locked_names(result.run.design.design):
             document["locked"] = held
         document["warnings"] = [
@@ -133,6 +137,10 @@ class CheckAnalysis(Analysis):
             for link in loads.links
             if link.table is not None
         ]
+        lines += [
+            f"  {name}: {mass:.6g} kg in parts, COM at ({_milli(centre)}) mm from their origin"
+            for name, mass, centre in _bodies_of_parts(result)
+        ]
         if held := locked_names(result.run.design.design):
             lines.append(f"  locked, so at rest with the support: {', '.join(held)}")
         lowest = sorted(loads.lowest, key=lambda low: low.z)[:3]
@@ -145,6 +153,14 @@ class CheckAnalysis(Analysis):
         if result.verdicts:
             lines.append(verdicts.tabulate(result.verdicts))
         return "\n".join(lines)
+
+
+def _bodies_of_parts(result: Check) -> list[tuple[str, float, Point]]:
+    """List stages whose body consists of parts, with its mass, kg, and COM from its origin, m."""
+    bodies = {stage.name: stage.body for stage in result.run.design.design.stage}
+    return [
+        (name, body_mass(body), centre_of_mass(body)) for name, body in bodies.items() if body.parts
+    ]
 
 
 def _link_tables(links: Sequence[LinkLoad]) -> list[str]:
