@@ -27,7 +27,16 @@ T = TypeVar("T", bound=Table)
 LONGEST_STEM = 150
 """Letters of the start of a file's name; systems take 255 bytes for the whole name."""
 EXAMPLES = Path(__file__).parents[1] / "examples"
-TEMPLATES = ("single", "double", "triple", "quad", "blades")
+TEMPLATES = (
+    "single",
+    "double",
+    "triple",
+    "quad",
+    "blades",
+    "two-wires",
+    "torsion",
+    "payload",
+)
 """Starting designs of `pendsus new`."""
 KINDS = {
     "design": ("stage",),
