@@ -209,7 +209,9 @@ def _support_points(sketch: Sketch) -> Array:
         blades = [one.points[:1] for one in sketch.strokes(0) if one.kind == "blade"]
         yield from (blades[n] for n in np.flatnonzero(scene.blades.body == 0))
         held = free[(scene.springs.upper[free] == 0) & ~scene.springs.grounded[free]]
-        yield scene.springs.upper_point[held] * (1, 1, 0)
+        of_filter = np.array([scene.springs.label[n].endswith(".blades") for n in held], dtype=bool)
+        yield scene.springs.upper_point[held[of_filter]]  # in a locked filter
+        yield scene.springs.upper_point[held[~of_filter]] * (1, 1, 0)
         yield scene.struts.upper_point[scene.struts.upper == 0]
 
     found = np.concatenate([*attached()])
