@@ -57,20 +57,42 @@ HELD = {
 @pytest.mark.parametrize("name", HELD)
 def test_matrices_are_those_of_the_coordinates_that_are_free(name):
     """Rows and columns of the held bodies, and of blades on what is above, are struck out."""
-    held = HELD[name]
+    compare_free_coordinates(sus.example(name), *HELD[name])
 
+
+def compare_free_coordinates(design: sus.Design, *held: str) -> None:
     def system(design):
         scene = expand(design.design)
         made = linear_model(scene, split=False)
         return with_dampers(made, design.design, nominal_positions(design.design))
 
-    free = system(locked(name, *held))
-    whole = system(sus.example(name))
+    free = system(design.replace({f"stage.{stage}.locked": True for stage in held}))
+    whole = system(design)
     rows = [whole.coordinate.index(one) for one in free.coordinate if not one.startswith(SUPPORT)]
     for quantity in ("mass", "stiffness", "damping"):
         wanted = getattr(whole, quantity)[np.ix_(rows, rows)]
         own = getattr(free, quantity)[6:, 6:]
         np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-11 * np.abs(wanted).max())
+
+
+STRANDS = {"to": [0.05, 0.1, 0.02], "material": "aluminium", "diameter": 1e-3}
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(
+    "element",
+    [
+        {"strands": STRANDS | {"shape": "u", "length": 1.8}},
+        {"strands": STRANDS | {"shape": "points", "points": [[0.0, 0.2, -0.4]]}},
+        {"stiffness": [1e3, 2e3, 3e3, 4.0, 5.0, 6.0], "damping": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
+    ],
+)
+def test_links_to_locked_stages_end_at_the_support(element, swapped):
+    raw = tomllib.loads(sus.example("quadruple").text)
+    ends = ["upper", "test"]
+    link = {"name": "cable", "between": ends[::-1] if swapped else ends, "at": [0.02, 0.03, 0.04]}
+    raw["link"] = [link | element]
+    compare_free_coordinates(sus.parse(reader.write_toml(raw)), "upper")
 
 
 def test_analyses_say_what_is_locked(tmp_path):

@@ -107,9 +107,10 @@ def test_chain_below_a_body_of_parts():
     """Upper ends, links and the place of what hangs below are from the origin too."""
     raw = tomllib.loads(sus.example("triple-damped").text)
     raw.pop("control")
+    stiffness = {"stiffness": [5.0, 7.0, 9.0, 0.1, 0.2, 0.3]}
     raw["link"] = [
-        {"name": "cable", "between": ["middle", "upper"], "at": [0.02, 0.0, 0.01]}
-        | {"stiffness": [5.0, 7.0, 9.0, 0.1, 0.2, 0.3]}
+        {"name": "down", "between": ["middle", "upper"], "at": [0.02, 0.0, 0.01]} | stiffness,
+        {"name": "up", "between": ["upper", "support"], "at": [0.03, 0.0, 0.01]} | stiffness,
     ]
     plain = reader.convert(raw)
     stage = raw["stage"][0]
@@ -119,6 +120,7 @@ def test_chain_below_a_body_of_parts():
     mass = body_mass(given)
     whole = {"mass": mass, "inertia": [list(row) for row in body_inertia(given)]}
     stage["body"] = {"parts": [whole | {"at": [0.0, 0.0, -low]}]}
+    raw["link"][1]["at"][2] -= low
     stage["wires"]["d"] = stage["wires"].get("d", 0.0) - low
     raw["stage"][1]["wires"]["d_upper"] = raw["stage"][1]["wires"].get("d_upper", 0.0) + low
     model = registry.STRING

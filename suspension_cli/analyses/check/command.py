@@ -91,7 +91,7 @@ class CheckAnalysis(Analysis):
                 key = "inverted_pendulums" if name == "legs" else name
                 document[key] = list_documents(parts)
         if parts := _bodies_of_parts(result):
-            keys = ("name", "mass", "com")
+            keys = ("stage", "mass_kg", "com_m")
             document["bodies_of_parts"] = [dict(zip(keys, one, strict=True)) for one in parts]
         if held := locked_names(result.run.design.design):
             document["locked"] = held
