@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Run
-from suspension_cli.design.bodies import Point, body_mass, centre_of_mass
-from suspension_cli.design.locked_stages import locked_names
 from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.solve import Check
+    from suspension_cli.design.bodies import Point
     from suspension_cli.physics.loads import LinkLoad
 
 
@@ -74,6 +73,7 @@ class CheckAnalysis(Analysis):
         """Return loads, warnings and stability."""
         from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import list_documents
+        from suspension_cli.design.locked_stages import locked_names
 
         loads = result.statics
         own = result.weights
@@ -109,6 +109,7 @@ class CheckAnalysis(Analysis):
         """Return tables of loads, the lowest points, the pose and the stability."""
         from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import render
+        from suspension_cli.design.locked_stages import locked_names
 
         loads = result.statics
         count = len(result.warnings)
@@ -157,6 +158,8 @@ class CheckAnalysis(Analysis):
 
 def _bodies_of_parts(result: Check) -> list[tuple[str, float, Point]]:
     """List stages whose body consists of parts, with its mass, kg, and COM from its origin, m."""
+    from suspension_cli.design.bodies import body_mass, centre_of_mass
+
     bodies = {stage.name: stage.body for stage in result.run.design.design.stage}
     return [
         (name, body_mass(body), centre_of_mass(body)) for name, body in bodies.items() if body.parts
