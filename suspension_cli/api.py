@@ -30,9 +30,9 @@ from suspension_cli.analyses.python_functions import demand_known_arguments, des
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import paths, reader
+from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.reader import Source
-from suspension_cli.design.schema import body_mass
 from suspension_cli.errors import InputError, PendsusWarning, text_of
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Design(Source):
             wires = one.wires.count if one.wires else len(one.wire)
             blades = one.blades.count if one.blades else len(one.blade)
             rows.append((one.name, f"{body_mass(one.body):.6g}", str(wires), str(blades)))
-        title = html.escape(self.design.design.title or self.name)
+        title = html.escape(self.title)
         cells = "".join(
             f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows
         )

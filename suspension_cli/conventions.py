@@ -37,6 +37,8 @@ SUPPORT = "support"
 FRAME = "frame"
 """The support structure, if compliant: ``frame.z`` is its motion relative to the ground."""
 
+BETWEEN = "~"
+"""Separates the names of two bodies in a signal: ``test~reaction.force_x``."""
 GROUND = "ground"
 """The ground beside the support, where links and dampers may end; its motions are inputs."""
 

@@ -26,6 +26,7 @@ from suspension_cli import errors
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
+    bodies,
     control,
     imperfections,
     links,
@@ -42,7 +43,17 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, control, imperfections, required_quantities, wires, links, towers, materials)
+MODULES = (
+    schema,
+    bodies,
+    control,
+    imperfections,
+    required_quantities,
+    wires,
+    links,
+    towers,
+    materials,
+)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))

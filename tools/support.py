@@ -15,9 +15,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from suspension_cli.design import materials
+from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.derive import set_geometry
 from suspension_cli.design.reader import parse_with_overrides
-from suspension_cli.design.schema import Design, body_mass
+from suspension_cli.design.schema import Design
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save, write_heading
 from suspension_cli.files.whole_files import write_bytes

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.record import Record
     from suspension_cli.design.reader import Source
 
-KINDS = ("single", "double", "triple", "quad", "blades")
+KINDS = ("single", "double", "triple", "quad", "blades", "two-wires", "torsion", "payload")
 """As `design.reader.TEMPLATES`, which is not imported just to print help."""
 NAMED = click.option(
     "--name", metavar="NAME", help="Name of the design.  [default: the stem of FILE]"

@@ -19,10 +19,12 @@ from itertools import pairwise
 from typing import Any
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import faults, foton, materials, schema, units
+from suspension_cli.design import bodies, faults, foton, materials, units
+from suspension_cli.design.bodies import Body, Solid
 from suspension_cli.design.derive import (
     add_keystones,
-    com_positions,
+    drop_keystones,
+    origin_positions,
     part_loss,
     set_geometry,
     with_bodies_above,
@@ -30,8 +32,9 @@ from suspension_cli.design.derive import (
 from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
+from suspension_cli.design.locked_stages import as_in_file, check_locked
 from suspension_cli.design.materials import MECHANISMS, AgainstTemperature
-from suspension_cli.design.schema import Body, Design, Spring, Stage
+from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.towers import SUFFIX, leg_count
 from suspension_cli.design.typed_tables import Plausible, Problems, Table, declared, keys_with
 from suspension_cli.design.units import OSMIUM
@@ -98,6 +101,8 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
         if link.strands is not None and not any(fault.key.startswith(own) for fault in found):
             strands = _check_strands(design, link, link.strands, f"link.{link.name}.strands")
             found += [fault_of(design, "", *one) for one in strands]
+    if not found:
+        found = [fault_of(design, "", *one) for one in check_locked(design)]
     for part, fault in () if found else find_active(design, tables):
         if not part.active:
             remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"
@@ -298,7 +303,7 @@ def _check_links(design: Design) -> Problems:
 
 def _check_strands(design: Design, link: Link, given: Strands, path: str) -> Problems:
     """Check that wires reach from end to end in their shape."""
-    position = com_positions(add_keystones(design))
+    position = origin_positions(add_keystones(design))
     first, second = (position[SUPPORT if name == GROUND else name] for name in link.between)
     x, y, z = (b + q - a - p for a, b, p, q in zip(first, second, link.at, given.to, strict=True))
     width = math.hypot(x, y)
@@ -369,7 +374,7 @@ def find_without_drag(design: Design) -> list[Fault]:
     """Find the bodies that gas surrounds, but whose surface is unknown; one fault for all."""
     if design.gas is None or not design.gas.pressure:
         return []
-    bare = [stage for stage in design.stage if not schema.has_surface(stage.body)]
+    bare = [stage for stage in design.stage if not bodies.has_surface(stage.body)]
     if not bare:
         return []
     names = ", ".join(stage.name for stage in bare)
@@ -393,12 +398,17 @@ class ImplausibleNumber(Fault):
 
 def find_implausible(design: Design) -> list[ImplausibleNumber]:
     """Find implausible numbers of a design, from its tables alone."""
-    found: list[Row] = [*_check_ranges(design), *_check_planes(design), *_check_signs(design)]
-    bodies = {stage.name: stage.body for stage in design.stage}
+    design = as_in_file(design)
+    found: list[Row] = [
+        *_check_ranges(drop_keystones(design)),
+        *_check_planes(design),
+        *_check_signs(design),
+    ]
+    body_of = {stage.name: stage.body for stage in design.stage}
     for stage, above in with_bodies_above(design):
         own = [
-            *_check_density(stage.body),
-            *_check_attachments(stage, bodies.get(above)),
+            *_check_densities(stage.body),
+            *_check_attachments(stage, body_of.get(above)),
             *_check_slenderness(stage),
         ]
         found += [(f"stage.{stage.name}.{row[0]}", *row[1:]) for row in own]
@@ -465,20 +475,28 @@ def _sizes(value: Any) -> list[float]:
     return [abs(value)] if isinstance(value, (int, float)) else []
 
 
-def _check_density(body: Body) -> Iterator[Row]:
+def _check_densities(body: Body) -> Iterator[Row]:
+    """Report a body, or a part of it, that is too dense or too light."""
+    if not body.parts:
+        yield from _check_density(body, "body")
+    for n, part in enumerate(body.parts, 1):
+        yield from _check_density(part, f"body.parts.{n}")
+
+
+def _check_density(body: Solid, path: str) -> Iterator[Row]:
     """Report a body denser than osmium or less dense than air.
 
     Its density follows from its mass and shape. Of a body that gives moments of inertia, it is that
     of the homogeneous ellipsoid, whose half axes have the squares 5 S_i / m with the second moments
     S_i of the mass m: the most compact body of these moments, so a lower bound.
     """
-    mass = schema.body_mass(body)
-    moments = schema.second_moments(body)
+    mass = bodies.body_mass(body)
+    moments = bodies.second_moments(body)
     if min(moments) < -1e-6 * max(moments):
         problem = "one moment exceeds the sum of the other two, impossible for a rigid body"
         remedy = "check the three moments, in kg m^2"
         shown = format_value(body.inertia)
-        yield "body.inertia", problem, remedy, shown, True
+        yield f"{path}.inertia", problem, remedy, shown, True
         return
     if body.density is not None:
         return  # it has a range of its own
@@ -492,7 +510,7 @@ def _check_density(body: Body) -> Iterator[Row]:
     else:
         key = "mass"
         units = OF_SHAPE
-        volume = schema.volume(body)
+        volume = bodies.volume(body)
     density = mass / volume
     if AIR <= density <= OSMIUM:
         return
@@ -502,7 +520,7 @@ def _check_density(body: Body) -> Iterator[Row]:
     remedy = f"did you mean {meant}?" if good else "check mass (kg), sizes (m), inertia (kg m^2)"
     problem = f"a body of {mass:g} kg of this size has {density:.3g} kg/m^3, {limit}"
     serious = body.shape is not None or not AIR / SERIOUS <= density <= OSMIUM
-    yield f"body.{key}", problem, remedy, format_value(getattr(body, key)), serious
+    yield f"{path}.{key}", problem, remedy, format_value(getattr(body, key)), serious
 
 
 def _check_slenderness(stage: Stage) -> Iterator[Row]:
@@ -545,13 +563,14 @@ def _check_point(body: Body | None, point: Span, keys: list[str], what: str) -> 
     """Report the coordinate of a point of a body that lies furthest outside it."""
     if body is None:
         return
-    halves = schema.half_sides(body)
-    inferred = 1.0 if body.shape is not None else INFERRED
+    halves = bodies.half_sides(body)
+    has_size = body.parts or body.shape is not None
+    inferred = 1.0 if has_size else INFERRED
     limits = [inferred * half + BEYOND * max(halves) for half in halves]
     far = [abs(value) / limit for value, limit in zip(point, limits, strict=True)]
     n = far.index(max(far))
     if far[n] > 1:
-        about = "" if body.shape is not None else "about "
+        about = "" if has_size else "about "
         problem = (
             f"{what} {abs(point[n]):.3g} m from the COM, far outside the body (whose half along"
             f" {'xyz'[n]} is {about}{halves[n]:.2g} m)"

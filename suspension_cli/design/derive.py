@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +11,10 @@ import msgspec
 
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design import materials, towers
+from suspension_cli.design.bodies import Body, Point, centre_of_mass
 from suspension_cli.design.links import Link
-from suspension_cli.design.schema import Body, Design, Spring, Stage
-from suspension_cli.design.towers import SUFFIX, keystone_inertia
+from suspension_cli.design.schema import Design, Spring, Stage
+from suspension_cli.design.towers import SUFFIX, Filter, keystone_inertia
 from suspension_cli.design.wires import (
     AnyBlade,
     BladeGeometry,
@@ -24,8 +25,6 @@ from suspension_cli.design.wires import (
     is_ring,
     stretches,
 )
-
-Point = tuple[float, float, float]
 
 
 def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float:
@@ -174,8 +173,11 @@ def set_geometry(wires: WireSet) -> SetGeometry:
     return SetGeometry(count=wires.count, length=wires.l, is_ring=is_ring(wires), **given)
 
 
-def com_offset(stage: Stage) -> Point:
-    """Compute the vector from the COM above (or support point) to a stage's nominal COM, m."""
+def origin_offset(stage: Stage) -> Point:
+    """Compute the vector from the origin of the body above (or support point) to that of a stage.
+
+    In the nominal pose, m. The origin is the COM unless the body has parts.
+    """
     if stage.wires is not None:
         shape = set_geometry(stage.wires)
         return (0.0, 0.0, -(shape.d_upper + shape.height + shape.d))
@@ -185,14 +187,29 @@ def com_offset(stage: Stage) -> Point:
     return towers.offset(stage.inverted_pendulum)
 
 
-def com_positions(design: Design) -> dict[str, Point]:
-    """Compute the nominal COM of every stage from the suspension point, m."""
+def origin_positions(design: Design) -> dict[str, Point]:
+    """Compute the nominal origin of every body, the support's included, from the suspension point.
+
+    In m.
+    """
     found = {SUPPORT: (0.0, 0.0, 0.0)}
     for stage, above in with_bodies_above(design):
-        x, y, z = found[above]
-        dx, dy, dz = com_offset(stage)
-        found[stage.name] = (x + dx, y + dy, z + dz)
+        found[stage.name] = add_points(found[above], origin_offset(stage))
     return found
+
+
+def com_positions(design: Design) -> dict[str, Point]:
+    """Compute the nominal COM of every body from the suspension point (also of the support), m."""
+    centre = {SUPPORT: (0.0, 0.0, 0.0)}
+    centre |= {stage.name: centre_of_mass(stage.body) for stage in design.stage}
+    origins = origin_positions(design)
+    return {name: add_points(place, centre[name]) for name, place in origins.items()}
+
+
+def add_points(one: Sequence[float], other: Sequence[float]) -> Point:
+    """Add two vectors."""
+    x, y, z = (a + b for a, b in zip(one, other, strict=True))
+    return x, y, z
 
 
 def with_bodies_above(design: Design) -> Iterator[tuple[Stage, str]]:
@@ -297,6 +314,8 @@ class Keystone(Stage, frozen=True):
 
     blades_of: str
     """Name of the stage with the filter."""
+    blades_table: Filter
+    """The filter."""
 
 
 def add_keystones(design: Design) -> Design:
@@ -309,8 +328,15 @@ def add_keystones(design: Design) -> Design:
             name = stage.name + SUFFIX
             body = Body(mass=table.mass, inertia=list(keystone_inertia(table)))
             position = stage.filter.at
-            own = stage.name
-            stages.append(Keystone(name=name, body=body, position=position, blades_of=own))
+            stages.append(
+                Keystone(
+                    name=name,
+                    body=body,
+                    position=position,
+                    blades_of=stage.name,
+                    blades_table=stage.filter,
+                )
+            )
     return msgspec.structs.replace(design, stage=stages)
 
 

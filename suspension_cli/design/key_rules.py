@@ -94,9 +94,17 @@ def needs(table: Table, key: str, other: str, unless: str = "", remedy: str = ""
 
 @rule
 def by_kind(
-    table: Table, kind: str, keys: Mapping[object, tuple[Sequence[str], Sequence[str]]]
+    table: Table,
+    kind: str,
+    keys: Mapping[Any, tuple[Sequence[str], Sequence[str]]],
+    when: Callable[[Any], bool] = lambda table: True,
 ) -> Problems:
-    """Demand, for each value of the key `kind`, the needed keys, and admit the others alone."""
+    """Demand, for each value of the key `kind`, the needed keys, and admit the others alone.
+
+    `when` that applies.
+    """
+    if not when(table):
+        return
     needed, others = keys[getattr(table, kind)]
     yield from required(*needed)(table)
     for key in dict.fromkeys(key for both in keys.values() for key in (*both[0], *both[1])):

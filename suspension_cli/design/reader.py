@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
-from suspension_cli.design.derive import add_keystones, drop_keystones
+from suspension_cli.design.derive import drop_keystones
+from suspension_cli.design.locked_stages import as_in_file, spell_out, title_of
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
@@ -26,7 +27,16 @@ T = TypeVar("T", bound=Table)
 LONGEST_STEM = 150
 """Letters of the start of a file's name; systems take 255 bytes for the whole name."""
 EXAMPLES = Path(__file__).parents[1] / "examples"
-TEMPLATES = ("single", "double", "triple", "quad", "blades")
+TEMPLATES = (
+    "single",
+    "double",
+    "triple",
+    "quad",
+    "blades",
+    "two-wires",
+    "torsion",
+    "payload",
+)
 """Starting designs of `pendsus new`."""
 KINDS = {
     "design": ("stage",),
@@ -63,8 +73,8 @@ class Source:
 
     @property
     def title(self) -> str:
-        """Title of the design, or its name."""
-        return self.design.design.title or self.name
+        """Title of the design, or its name, and which stages do not move."""
+        return title_of(self.design)
 
     def stem(self, name: str = "") -> str:
         """Start of the names of written files: as given, else a name with the overrides.
@@ -157,7 +167,7 @@ class VariedDesign:
         """Parse and check a design from TOML text."""
         raw = _parse(text)
         insert_files(raw, Path(), of_links=False)
-        return VariedDesign(raw, drop_keystones(convert(raw)).stage)
+        return VariedDesign(raw, drop_keystones(as_in_file(convert(raw))).stage)
 
     def at(self, values: Mapping[str, float]) -> Design:
         """The design with other numbers at dotted paths; raises `InputError`."""
@@ -180,7 +190,7 @@ def convert(raw: Raw, sound: Sequence[Stage] = ()) -> Design:
         raise InputError([_TOO_DEEP]) from None
     if found := checks.check_design(design, sound):
         raise InputError(found)
-    return add_keystones(design)
+    return spell_out(design)
 
 
 def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:

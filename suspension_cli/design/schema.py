@@ -1,4 +1,4 @@
-"""Design file format as frozen types: keys, units and bounds; mass and inertia of bodies.
+"""Design file format as frozen types: keys, units and bounds.
 
 `pendsus schema` prints these types as JSON Schema; `faults.py` checks files against it. Rules
 across tables are in `checks.py`.
@@ -6,11 +6,11 @@ across tables are in `checks.py`.
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 from suspension_cli.conventions import AVOGADRO, DOFS
 from suspension_cli.design import key_rules, typed_tables, units
+from suspension_cli.design.bodies import Body
 from suspension_cli.design.control import Control
 from suspension_cli.design.imperfections import Distribution as Distribution
 from suspension_cli.design.imperfections import Perturbation, Tolerance
@@ -20,21 +20,6 @@ from suspension_cli.design.required_quantities import RequiredQuantity
 from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.typed_tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
-
-LEAST_INERTIA = 1e-30
-"""Smallest moment of inertia, kg m^2: that of a microgram of less than a nanometre."""
-THINNEST = 1e-12
-"""Smallest ratio of two moments of inertia: that of a rod a millionth as thick as long."""
-MOST_MASS = 1e9
-"""Largest mass that follows from a density, kg: that of a given mass."""
-KEYS = {
-    None: (["mass", "inertia"], ["surface_area"]),
-    "cylinder": (["radius", "length"], ["axis", "inner_radius", "mass", "density", "inertia"]),
-    "box": (["size"], ["mass", "density", "inertia"]),
-}
-"""Keys that a body without a shape, and each shape, needs, and others that it takes."""
-
-Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
 class Header(Table, frozen=True):
@@ -159,60 +144,6 @@ class Support(Table, frozen=True):
                 yield f"damping.{dof}", "damps a rigid direction", remedy
 
 
-class Body(Table, frozen=True):
-    """A rigid body: mass and inertia, or a homogeneous shape with a mass or a density."""
-
-    mass: units.Mass | None = None
-    inertia: list[units.Inertia | units.Row3] | None = key(
-        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2; instead of those of a"
-        " homogeneous shape",
-        count=3,
-    )
-    surface_area: units.SurfaceArea | None = key(
-        "area of its whole surface in m^2, for the drag of [gas] on a body without a shape"
-    )
-    shape: Literal["cylinder", "box"] | None = key(
-        "homogeneous shape; beside inertia, for the drag of [gas] and for drawings alone"
-    )
-    axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
-    radius: units.BodySize | None = key("radius of a cylinder, m")
-    inner_radius: units.BodySize | None = key("inner radius of a hollow cylinder, m")
-    length: units.BodySize | None = key("length of a cylinder, m")
-    size: tuple[units.BodySize, units.BodySize, units.BodySize] | None = key(
-        "sides of a box along x, y and z, m"
-    )
-    density: units.Density | None = key("density of a shape in kg/m^3, instead of a mass")
-
-    def check(self) -> Problems:
-        """Check that a rigid body can have this mass and inertia."""
-        import numpy as np
-
-        mass = body_mass(self)
-        moments = np.linalg.eigvalsh(body_inertia(self))
-        if not key_rules.LEAST_MASS <= mass <= MOST_MASS:
-            problem = (
-                f"the body has {mass:.3g} kg, not {key_rules.LEAST_MASS:g} to {MOST_MASS:g} kg"
-            )
-            yield "mass" if self.density is None else "density", problem, "check the sizes, in m"
-        elif moments[0] < max(LEAST_INERTIA, THINNEST * moments[-1]):
-            key = ""
-            remedy = "check the sizes, in m"
-            if self.shape is None:
-                key = "inertia"
-                remedy = "give moments in kg m^2, products with the right signs"
-            problem = (
-                f"has a moment of inertia of {moments[0]:.3g} kg m^2, not positive or too small"
-            )
-            yield key, f"{problem} beside {moments[-1]:.3g} kg m^2", remedy
-
-    rules = (
-        key_rules.by_kind("shape", KEYS),
-        key_rules.symmetric("inertia", tolerance=1e-12),
-        key_rules.exactly_one("mass", "density", when=lambda body: body.shape is not None),
-        key_rules.ordered("inner_radius", "radius", "give a smaller hole"),
-    )
-
-
 class Stage(Table, frozen=True):
     """A body and what it hangs on."""
 
@@ -225,6 +156,10 @@ class Stage(Table, frozen=True):
     mirror: bool = key(
         "whether this is the mirror, whose motion commands output by default; without one, the"
         " end of the longest chain",
+        False,
+    )
+    locked: bool = key(
+        "whether it is clamped to the support, and all stages above it, so that none moves",
         False,
     )
     position: units.Vector | None = key(
@@ -299,69 +234,6 @@ class Design(Table, frozen=True):
         """All elements between two bodies, each behind the name of its kind of table."""
         kinds = ("link", "damper", "cavity")
         return [(kind, row) for kind in kinds for row in getattr(self, kind)]
-
-
-def has_surface(body: Body) -> bool:
-    """Whether the surface of a body is known, on which gas exerts its drag."""
-    return body.shape is not None or body.surface_area is not None
-
-
-def body_mass(body: Body) -> float:
-    """Compute the mass of a body in kg, given or from density and shape."""
-    if body.mass is not None:
-        return body.mass
-    assert body.density is not None
-    return body.density * volume(body)
-
-
-def volume(body: Any) -> float:
-    """Compute the volume of a shape in m^3."""
-    if body.shape == "box":
-        return math.prod(body.size)
-    return math.pi * (body.radius**2 - (body.inner_radius or 0.0) ** 2) * body.length
-
-
-def body_inertia(body: Any) -> Rows:
-    """Compute the inertia tensor about the COM in kg m^2, given or of a homogeneous shape.
-
-    A hollow cylinder has m (R^2 + r^2)/2 about its axis and m (3 (R^2 + r^2) + L^2)/12 across it, a
-    box m (b^2 + c^2)/12 about the axis that its sides b, c are normal to (any text on mechanics).
-    """
-    mass: float = body_mass(body)
-    moments: Any = body.inertia
-    if moments is not None and isinstance(moments[0], list):
-        return (*moments[0],), (*moments[1],), (*moments[2],)
-    if moments is not None:
-        pass  # a shape beside them is for its surface
-    elif body.shape == "box":
-        a, b, c = (side**2 for side in body.size)
-        moments = [mass * (b + c) / 12, mass * (a + c) / 12, mass * (a + b) / 12]
-    elif body.shape == "cylinder":
-        radii = body.radius**2 + (body.inner_radius or 0.0) ** 2
-        moments = [mass * (3 * radii + body.length**2) / 12] * 3
-        moments["xyz".index(body.axis or "x")] = mass * radii / 2
-    assert moments is not None
-    a, b, c = moments
-    return ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
-
-
-def second_moments(body: Body) -> tuple[float, float, float]:
-    """Integrate x^2, y^2, z^2 over the mass of a body, kg m^2: (I_y + I_z - I_x)/2 and so on."""
-    rows = body_inertia(body)
-    half = (rows[0][0] + rows[1][1] + rows[2][2]) / 2
-    return half - rows[0][0], half - rows[1][1], half - rows[2][2]
-
-
-def half_sides(body: Any) -> list[float]:
-    """Compute half the size of a body along x, y, z, m; else that of the box of its inertia."""
-    if body.shape == "box":
-        return [side / 2 for side in body.size]
-    if body.shape == "cylinder":
-        halves = [body.radius] * 3
-        halves["xyz".index(body.axis or "x")] = body.length / 2
-        return halves
-    mass = body_mass(body)
-    return [math.sqrt(3 * max(moment, 0.0) / mass) for moment in second_moments(body)]
 
 
 def json_schema() -> Schema:

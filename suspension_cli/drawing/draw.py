@@ -10,8 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from suspension_cli.conventions import SUPPORT
-from suspension_cli.design.derive import SetGeometry, set_geometry, with_bodies_above
+from suspension_cli.design.derive import (
+    SetGeometry,
+    origin_positions,
+    set_geometry,
+    with_bodies_above,
+)
+from suspension_cli.design.locked_stages import title_of
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import dimension_tables, parts, style
 from suspension_cli.drawing.dimension_tables import SIZE, separation
@@ -95,7 +100,7 @@ def draw(design: Design, scene: Scene, tabulate: bool = True) -> Figure:
         below = FOOT + sum(table.height + 0.1 for table in listed) + LINE * len(key) + 0.1
         plan, scale = _plan(sketch, low, high, below)
         figure = style.new_figure(style.PAGE_WIDTH, TOP + scale * (high - low)[2] + below)
-        style.write_heading(figure, _heading(factor), design.design.title or design.design.name)
+        style.write_heading(figure, _heading(factor), title_of(design))
         canvas = full_canvas(figure)
         colours = tuple(style.stage_colours(scene.bodies.name).values())
         _draw_views(canvas, plan, shown, colours, is_displaced=factor is not None)
@@ -118,7 +123,9 @@ def _extent(sketch: Sketch, shown: Strokes) -> tuple[Array, Array]:
     """Smallest and largest coordinates of all that is drawn, the support included, m."""
     strokes = [*sketch.strokes(0), *sketch.strokes(1), *shown[0], *shown[1]]
     points = np.concatenate([*(one.points for one in strokes), parts.support_box(sketch)])
-    return points.min(0), points.max(0)
+    high = points.max(0)
+    high[2] = max(high[2], 0.0)  # the suspension point, where heights begin
+    return points.min(0), high
 
 
 def _heading(factor: float | None) -> str:
@@ -219,9 +226,12 @@ def _draw_views(
             line = wires[sketch.scene.wires.label.index(name)]
             canvas.line(line, INK, 2.0, look.order + 0.5)
             _write_note(canvas, 0.25 * line[0] + 0.75 * line[1], name.rpartition(".")[2])
+        marked = set[int]()
         for one in strokes:
-            if one.kind == "body":
-                middle = view.see(one.points[:-1].mean(0))
+            if one.kind == "body" and one.body not in marked:
+                marked.add(one.body)
+                first = sketch.outlines[one.body].shapes[0]
+                middle = view.see(one.points[:-1].mean(0) - first.at)
                 parts.draw_com_mark(canvas, middle, 0.042, colours[one.body])
 
 
@@ -230,15 +240,14 @@ def _write_dimensions(canvas: Canvas, plan: Plan) -> None:
     sketch = plan.sketch
     side = list[tuple[Array, str]]()
     face = list[tuple[Array, str]]()
-    position = sketch.scene.bodies.position
-    names = (SUPPORT, *sketch.scene.bodies.name)
-    for n, (stage, above) in enumerate(with_bodies_above(sketch.design), 1):
+    origin = {name: np.array(at) for name, at in origin_positions(sketch.design).items()}
+    for stage, above in with_bodies_above(sketch.design):
         if stage.wires is None or len(sketch.design.stage) > MANY:
             continue
         shape = set_geometry(stage.wires)
         along, across = _dimension_texts(shape)
-        upper = position[names.index(above)]
-        lower = position[n]
+        upper = origin[above]
+        lower = origin[stage.name]
         for view, column, own, wire in (
             (plan.side, side, along, -1),
             (plan.face, face, across, 0),

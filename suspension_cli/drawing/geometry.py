@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.schema import Body, Design
+from suspension_cli.design.bodies import Body, Solid, body_inertia, body_mass, centre_of_mass
+from suspension_cli.design.derive import com_positions
+from suspension_cli.design.locked_stages import as_in_file, locked_names
+from suspension_cli.design.schema import Design
 from suspension_cli.scene import spring_rows
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.places import Places
@@ -32,6 +35,8 @@ LARGEST_BEND = 0.06
 """Largest deflection of a blade, as a fraction of the suspension's size."""
 SMALLEST = 0.012
 """Least half extent of a body that can be seen, relative to the size of the suspension."""
+STEEL = 7800.0
+"""Density of point masses in drawings, kg/m^3."""
 ALONG = np.linspace(0, 1, 13)[:, None]
 """Places of the points of a blade along it."""
 
@@ -69,43 +74,61 @@ ABOVE = View("from above", 2, np.array([[0.0, 1.0, 0.0], [-0.5, 0.0, 1.0]]))
 
 @dataclass(frozen=True)
 class Outline:
-    """Shape of a body, with the COM at the origin: half extents (3,), m, along x, y, z.
+    """Shape of a body: half extents (3,), m, along x, y, z, about its COM.
 
-    A cylinder has an axis (0, 1, 2), perhaps an inner radius (m); a box has none. `turn` (3, 3) is
-    the rotation matrix from the shape to the frame of the body.
+    A cylinder has an axis (0, 1, 2), perhaps an inner radius (m); a box and a sphere have none.
+    `turn` (3, 3) is the rotation matrix from the shape to the frame of the body. A body of several
+    `parts` has the outlines of these, whose middles are `at` (3,) from its COM, m.
     """
 
     half: Array
     axis: int | None = None
     inner: float = 0.0
     turn: Array = field(default_factory=lambda: np.eye(3))
+    is_sphere: bool = False
+    at: Array = field(default_factory=lambda: np.zeros(3))
+    parts: tuple[Outline, ...] = ()
+
+    @property
+    def shapes(self) -> tuple[Outline, ...]:
+        """The outlines of its parts, turned with the body; its own if it has none."""
+        return tuple(replace(one, turn=self.turn) for one in self.parts) or (self,)
 
     def section(self, normal: int) -> Array:
-        """Section of the body through its COM, across the axis `normal` (0, 1, 2).
+        """Section of a single shape through its middle, across the axis `normal` (0, 1, 2).
 
         A closed line (p, 3), m: a circle across the axis of a cylinder, else a rectangle.
         """
         sides = np.delete(np.eye(3) * self.half, normal, axis=0)
         corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
-        if self.axis == normal:
+        if self.axis == normal or self.is_sphere:
             angle = np.linspace(0, 2 * np.pi, 97)
             corners = np.column_stack([np.cos(angle), np.sin(angle)])
-        return corners @ sides @ self.turn.T
+        return (self.at + corners @ sides) @ self.turn.T
 
     def nearest(self, point: ArrayLike) -> Array:
         """Points (..., 3) of the body nearest to given points (..., 3), in its frame, m."""
-        point = np.asarray(point, dtype=float) @ self.turn
+        found = np.array([one.nearest_of_shape(point) for one in self.shapes])
+        distance = np.linalg.norm(found - np.asarray(point, dtype=float), axis=-1)
+        return np.take_along_axis(found, distance.argmin(0)[None, ..., None], 0)[0]
+
+    def nearest_of_shape(self, point: ArrayLike) -> Array:
+        """Points (..., 3) of a single shape nearest to given points (..., 3), m."""
+        point = np.asarray(point, dtype=float) @ self.turn - self.at
         result = np.clip(point, -self.half, self.half)
+        if self.is_sphere:
+            distance = np.linalg.norm(point, axis=-1, keepdims=True)
+            result = point * np.minimum(1.0, self.half[0] / np.maximum(distance, 1e-300))
         if self.axis is not None:
             across = np.delete(np.arange(3), self.axis)
             distance = np.linalg.norm(point[..., across], axis=-1, keepdims=True)
             inside = self.half[across[0]] / np.maximum(distance, 1e-300)
             result[..., across] = point[..., across] * np.minimum(1.0, inside)
-        return result @ self.turn.T
+        return (self.at + result) @ self.turn.T
 
 
 def outline(
-    body: Body, mass: float, inertia: Float[np.ndarray, "3 3"], least: float = 0.0
+    body: Solid, mass: float, inertia: Float[np.ndarray, "3 3"], least: float = 0.0
 ) -> Outline:
     """Outline of one body, with half extents of at least `least`, m.
 
@@ -119,12 +142,33 @@ def outline(
         half = np.full(3, body.radius)
         half[axis] = body.length / 2
         return Outline(np.maximum(half, least), axis, body.inner_radius or 0.0)
+    if isinstance(body, Body) and body.parts:
+        return _outline_of_parts(body, least)
+    if body.shape == "sphere":
+        assert body.radius is not None
+        return Outline(np.full(3, max(body.radius, least)), is_sphere=True)
     if body.shape == "box":
         assert body.size is not None
         return Outline(np.maximum(np.array(body.size) / 2, least))
     moments = np.diagonal(np.asarray(inertia, dtype=float))
     squares = np.maximum(6 * (moments.sum() - 2 * moments) / mass, 0.0)
     return Outline(np.maximum(np.sqrt(squares) / 2, least))
+
+
+def _outline_of_parts(body: Body, least: float) -> Outline:
+    """Outline of a body of parts; point masses are drawn as balls of steel."""
+    centre = np.array(centre_of_mass(body))
+    shapes = []
+    for part in body.parts:
+        mass = body_mass(part)
+        if part.shape is None and part.inertia is None:
+            radius = max((3 * mass / (4 * np.pi * STEEL)) ** (1 / 3), least)
+            shape = Outline(np.full(3, radius), is_sphere=True)
+        else:
+            shape = outline(part, mass, np.array(body_inertia(part)), least)
+        shapes.append(replace(shape, at=np.array(part.at) - centre))
+    half = np.max([np.abs(one.at) + one.half for one in shapes], axis=0)
+    return Outline(half, parts=tuple(shapes))
 
 
 def suspension_size(scene: Scene) -> float:
@@ -156,9 +200,10 @@ def _ends(scene: Scene, pose: Pose, lines: Wires | Springs, moved: Array | float
 class Stroke:
     """A line (p, 3) in space, m.
 
-    `kind` is "body", "blade", "spring", "damper" or a key of `parts.WIDTHS`; `body` is the number
-    of a body from 0, `grounded` whether a spring stands on the ground. Springs have their two ends,
-    and before them the middle of the body that holds them, if they are not on the ground.
+    `kind` is "body", "locked", "blade", "spring", "damper" or a key of `parts.WIDTHS`; `body` is
+    the number of a body from 0, `grounded` whether a spring stands on the ground. Springs have
+    their two ends; those that are not on the ground, before them the middle of the body that holds
+    them.
     """
 
     kind: str
@@ -191,7 +236,13 @@ class Sketch:
     def strokes(self, normal: int) -> list[Stroke]:
         """All lines in a view along an axis, except the support; the order is that of the scene."""
         if normal not in self._strokes:
-            parts = _bodies(self, normal), _brackets(self), _lines(self), _springs(self)
+            parts = (
+                _locked(self.design, normal, SMALLEST * self.size),
+                _bodies(self, normal),
+                _brackets(self),
+                _lines(self),
+                _springs(self),
+            )
             self._strokes[normal] = [stroke for part in parts for stroke in part]
         return self._strokes[normal]
 
@@ -211,13 +262,29 @@ def sketch_at_rest(design: Design, scene: Scene, thick: float = 0.0) -> Sketch:
     return Sketch(design, scene, outlines, nominal_pose(scene), size, thick * size)
 
 
+def _locked(design: Design, normal: int, least: float) -> Iterator[Stroke]:
+    """Sections of locked bodies, with half extents of at least `least`, m."""
+    whole = as_in_file(design)
+    place = com_positions(whole)
+    held = locked_names(design)
+    for stage in whole.stage:
+        if stage.name in held:
+            inertia = np.array(body_inertia(stage.body))
+            shape = outline(stage.body, body_mass(stage.body), inertia, least)
+            for part in shape.shapes:
+                yield Stroke("locked", place[stage.name] + part.section(normal))
+
+
 def _bodies(sketch: Sketch, normal: int) -> Iterator[Stroke]:
     """Sections of bodies, and the bores of cylinders."""
-    for n, body in enumerate(sketch.outlines):
+    bodies = enumerate(sketch.outlines)
+    for n, body in ((n, shape) for n, whole in bodies for shape in whole.shapes):
         section = body.section(normal)
         yield Stroke("body", sketch.locate(n + 1, section), n)
         if body.axis == normal and body.inner:
-            bore = section * body.inner / float(np.max(np.delete(body.half, normal)))
+            middle = body.turn @ body.at
+            ratio = body.inner / float(np.max(np.delete(body.half, normal)))
+            bore = middle + (section - middle) * ratio
             yield Stroke("bore", sketch.locate(n + 1, bore), n)
 
 
@@ -305,7 +372,7 @@ def _filter_blades(sketch: Sketch, number: int, tip: Array) -> Iterator[Stroke]:
     """Blades of a filter, schematic: four arcs from its rim to the tip on its keystone (3,), m."""
     springs = sketch.scene.springs
     body = int(springs.upper[number])
-    half = sketch.outlines[body - 1].half
+    half = sketch.outlines[body - 1].half if body else np.full(3, 0.2 * sketch.size)
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         rim = np.array([x, y, 0]) * 0.85 * half + springs.upper_point[number] * (not x, not y, 1)
         root = sketch.locate(body, rim)
@@ -318,15 +385,17 @@ def _link_curves(sketch: Sketch) -> Iterator[tuple[str, Array]]:
 
     In another pose the ends follow their bodies, and the line between is interpolated.
     """
-    number = Places.of(sketch.design).number
+    places = Places.of(sketch.design)
+    number = places.number
     position = sketch.scene.bodies.position
+    origin = places.position
     for link in sketch.design.link:
         if link.strands is None:
             continue
         first, second = (number[name] for name in link.between)
-        curve = spring_rows.link_curve(link, position[first], position[second])
+        curve = spring_rows.link_curve(link, origin[first], origin[second])
         line = np.vstack([np.zeros(3), np.real(curve.point), np.real(curve.end)])
-        line += position[first] + np.array(link.at)
+        line += origin[first] + np.array(link.at)
         start, end = (
             sketch.locate(body, point - position[body]) - point
             for body, point in ((first, line[0]), (second, line[-1]))

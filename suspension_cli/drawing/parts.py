@@ -145,6 +145,8 @@ def draw_suspension(
             width, above = WIDTHS[one.kind]
             colour = look.edge[one.body] if one.kind in ("bore", "bracket") else look.line
             canvas.line(line, colour, width * look.width, look.order + above)
+        if one.kind == "locked":
+            canvas.line(line, NOTE, 0.9 * look.width, look.order - 0.5, (0, (4, 2)))
         if one.kind == "blade":
             _draw_blade(canvas, line, look)
         elif one.kind == "leg":  # a thick bar between thin flexures
@@ -207,7 +209,9 @@ def _support_points(sketch: Sketch) -> Array:
         blades = [one.points[:1] for one in sketch.strokes(0) if one.kind == "blade"]
         yield from (blades[n] for n in np.flatnonzero(scene.blades.body == 0))
         held = free[(scene.springs.upper[free] == 0) & ~scene.springs.grounded[free]]
-        yield scene.springs.upper_point[held] * (1, 1, 0)
+        of_filter = np.array([scene.springs.label[n].endswith(".blades") for n in held], dtype=bool)
+        yield scene.springs.upper_point[held[of_filter]]  # in a locked filter
+        yield scene.springs.upper_point[held[~of_filter]] * (1, 1, 0)
         yield scene.struts.upper_point[scene.struts.upper == 0]
 
     found = np.concatenate([*attached()])

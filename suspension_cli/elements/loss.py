@@ -33,8 +33,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import BOLTZMANN
+from suspension_cli.design.bodies import Body
 from suspension_cli.design.cross_sections import plate
-from suspension_cli.design.schema import Body, Gas
+from suspension_cli.design.schema import Gas
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.scene import BladeLoss, Section
 
@@ -116,12 +117,15 @@ def surface_drag(gas: Gas) -> tuple[float, float]:
 def body_damping(body: Body, gas: Gas) -> Array | None:
     """Damping matrix (6, 6) of a body at its COM, N s/m and N m s; None without a surface.
 
-    For a box or a cylinder, centred at the COM; the wall of a hole counts as free surface. A body
-    of which only the surface area is known is taken as a sphere.
+    For a box, a cylinder or a sphere, centred at the COM; the wall of a hole counts as free
+    surface. A body of which only the surface area is known is taken as a sphere.
     """
     drag = surface_drag(gas)
     if body.shape is None:
         return None if body.surface_area is None else np.diag(_sphere(body.surface_area, *drag))
+    if body.shape == "sphere":
+        assert body.radius is not None
+        return np.diag(_sphere(4 * math.pi * body.radius**2, *drag))
     if body.shape == "box":
         assert body.size is not None
         return np.diag(_box(body.size, *drag))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.conventions import DOFS, FRAME, GROUND, SUPPORT
+from suspension_cli.conventions import BETWEEN, DOFS, FRAME, GROUND, SUPPORT
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear.system import LinearSystem
@@ -17,8 +17,6 @@ from suspension_cli.rotations import cross_matrix
 if TYPE_CHECKING:
     from jaxtyping import Inexact
 
-BETWEEN = "~"
-"""Separates the names of two bodies in a signal: ``test~reaction.force_x``."""
 FORCES = tuple(f"force_{dof}" for dof in DOFS[:3]) + tuple(f"torque_{dof}" for dof in DOFS[3:])
 """Names of forces and torques on a body, in the order of its coordinates."""
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.derive import com_offset, set_geometry
+from suspension_cli.design.derive import origin_offset, set_geometry
 from suspension_cli.design.schema import Design
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import force
@@ -173,7 +173,7 @@ class ClosedForm(Model):
     def suspension(self, design: Design) -> LinearSystem:
         """Linear model of one stage on four wires, from the closed forms."""
         p = four_wires(design)
-        offset = com_offset(design.stage[0])
+        offset = origin_offset(design.stage[0])
         lossy = _stiffness(four_wires(design, lossy=True), offset) if force.lossy(design) else None
         masses = [p.mass, p.mass, p.mass, *p.inertia]
         return force.assembled(design, masses, _stiffness(p, offset), lossy)

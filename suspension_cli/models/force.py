@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.conventions import DOF_UNITS, DOFS, SUPPORT
+from suspension_cli.design.bodies import body_inertia, body_mass, centre_of_mass
 from suspension_cli.design.derive import (
     beyond_symmetric_chains,
     blade_stiffness,
@@ -39,7 +40,7 @@ from suspension_cli.design.derive import (
     wire_signs,
     wire_stiffness,
 )
-from suspension_cli.design.schema import Design, body_inertia, body_mass
+from suspension_cli.design.schema import Design
 from suspension_cli.linear.coordinates import momentum_units
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.base import BENDING, BLADE_TIPS, MASS, Model
@@ -281,6 +282,7 @@ class Force(Model):
             inertia = body_inertia(stage.body)
             soft = blades is not None and (blades.tip_mass or blades.lateral_stiffness)
             loaded = blades is not None and blades.load is not None
+            centre = any(centre_of_mass(stage.body))
             products = any(inertia[i][j] for i in range(3) for j in range(3) if i != j)
             reasons = {
                 f"{where} stands on legs": stage.inverted_pendulum is not None,
@@ -292,6 +294,7 @@ class Force(Model):
                 f"the blades of {where} have tip masses or lateral compliance": soft,
                 f"the blades of {where} have a given load, so that the pose is solved for": loaded,
                 f"the inertia of {where} has products": products,
+                f"the COM of {where} is not at the origin of its parts": centre,
             }
             if reason := next((text for text, there in reasons.items() if there), ""):
                 return reason

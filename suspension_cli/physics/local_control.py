@@ -26,6 +26,7 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.control import SENSORS, Loop, NoiseSpectrum, Osem
+from suspension_cli.design.locked_stages import as_in_file, locked_names
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import derived, in_unit
@@ -98,7 +99,11 @@ class Plant:
 
 
 def demand_loops(design: Design) -> None:
-    """Raise `InputError` if a design has no loops."""
+    """Raise `InputError` if a design has no loops, or only such of locked stages."""
+    if design.control is None and as_in_file(design).control is not None:
+        held = ", ".join(locked_names(design))
+        problem = f"has only loops that sense or act on {held}, which do not move"
+        raise InputError.of("control", problem, "remove locked = true")
     if design.control is None:
         remedy = "add [[control.loop]] with sensor, actuator and damper or gain"
         raise InputError.of("control", "missing", remedy)

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.design import materials
+from suspension_cli.design.bodies import Body, Solid, centre_of_mass
 from suspension_cli.design.derive import Keystone, gravity_strength, wire_line_densities
 from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.links import LIGHT
-from suspension_cli.design.schema import Body, Design, Stage
+from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.towers import filter_statics, leg_inertia, leg_statics
 from suspension_cli.design.wires import (
     Blade,
@@ -170,14 +171,25 @@ def _find_lowest(body: Body, n: int, scene: Scene, balanced: Equilibrium, end: f
     """Find the lowest point of a body: of its shape, its ends of wires or its COM."""
     z = float(scene.bodies.position[n, 2] + balanced.pose.shift[n, 2])
     points = [(z, "centre of mass"), (end, "wires")]
+    up = balanced.pose.rotation[n, 2]
     if body.shape is not None:
-        points = [(z - _half_height(body, balanced.pose.rotation[n, 2]), "body"), *points]
+        points = [(z - _half_height(body, up), "body"), *points]
+    centre = np.array(centre_of_mass(body))
+    points += [
+        (z + float(up @ (np.array(part.at) - centre)) - _half_height(part, up), "body")
+        for part in body.parts
+    ]
     lowest = min(points, key=lambda point: point[0])
     return Lowest(name=scene.bodies.name[n - 1], z=lowest[0], point=lowest[1])
 
 
-def _half_height(body: Body, up: np.ndarray) -> float:
-    """Half the extent (m) of a shape along a unit vector `up` in its own axes."""
+def _half_height(body: Solid, up: np.ndarray) -> float:
+    """Half the extent (m) of a shape along a unit vector `up` in its own axes; 0 of a point."""
+    if body.shape is None:
+        return 0.0
+    if body.shape == "sphere":
+        assert body.radius is not None
+        return body.radius
     if body.shape == "box":
         return float(np.abs(up) @ np.array(body.size) / 2)
     assert body.radius is not None and body.length is not None
@@ -285,13 +297,12 @@ def _legs(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[LegLo
 
 def _filters(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[FilterLoad]:
     """Compute the working points of filters."""
-    stages = {one.name: one for one in design.stage}
     pose = balanced.pose
     springs = scene.springs
     for number, stage in enumerate(design.stage, 1):
-        table = stages[stage.blades_of].filter if isinstance(stage, Keystone) else None
-        if table is None or not isinstance(stage, Keystone):
+        if not isinstance(stage, Keystone):
             continue
+        table = stage.blades_table
         spring = int(np.flatnonzero(springs.lower == number)[-1])
         upper = int(springs.upper[spring])
         above = springs.upper_point[spring]

@@ -119,6 +119,20 @@ def frames(kind: type[DataclassInstance]) -> dict[str, str]:
     return {name: axes.frame for name, axes in _axes(kind).items() if axes and axes.frame}
 
 
+def from_centres(part: Part, centre: np.ndarray) -> Part:
+    """Change points from the origins of bodies to points from their COMs.
+
+    `centre` (build, body, 3) are the COMs from the origins, m; the part has one batch axis.
+    """
+    if not centre.any():
+        return part
+    points = {
+        name: getattr(part, name) - centre[:, getattr(part, frame)]
+        for name, frame in frames(type(part)).items()
+    }
+    return replace(part, **points)
+
+
 @cache
 def signed(kind: type[DataclassInstance]) -> dict[str, tuple[bool, bool]]:
     """Whether each field is a vector in a mirror, and computed, see `inner`."""

@@ -16,12 +16,13 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import derive
-from suspension_cli.design.schema import Body, Design, Stage, body_inertia, body_mass
+from suspension_cli.design.bodies import Body, body_inertia, body_mass
+from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.rotations import cross
 from suspension_cli.scene import legs, spring_rows
-from suspension_cli.scene.arrays import Array, Index, Row, gather, topology
+from suspension_cli.scene.arrays import Array, Index, Row, from_centres, gather, topology
 from suspension_cli.scene.places import Places
 from suspension_cli.scene.scene import (
     Bars,
@@ -155,16 +156,18 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     design = one.design
     gravity = derive.gravity_strength(design)
     field = derive.gravity_field(design)
-    wires = gather(Wires, [[*chain.from_iterable(own.wires)] for own in each])
-    blades = gather(Blades, [[*chain.from_iterable(own.blades)] for own in each])
-    struts = gather(Wires, [members.struts for members in each])
-    bars = gather(Bars, [members.bars for members in each])
-    springs = gather(Springs, [members.springs for members in each])
+    centre = np.array([own.places.centre for own in each])
+    wires = from_centres(gather(Wires, [[*chain.from_iterable(own.wires)] for own in each]), centre)
+    rows = [[*chain.from_iterable(own.blades)] for own in each]
+    blades = from_centres(gather(Blades, rows), centre)
+    struts = from_centres(gather(Wires, [members.struts for members in each]), centre)
+    bars = from_centres(gather(Bars, [members.bars for members in each]), centre)
+    springs = from_centres(gather(Springs, [members.springs for members in each]), centre)
     bodies = Bodies(
         name=tuple(stage.name for stage in design.stage),
         mass=np.array([[body_mass(body) for body in own.bodies] for own in each]),
         inertia=np.array([[body_inertia(body) for body in own.bodies] for own in each]),
-        position=np.array([own.places.position for own in each]),
+        position=np.array([own.places.position for own in each]) + centre,
     )
     loads = _weights(gravity, bodies, wires, blades, bars)
     _add_preloads(loads, springs)
@@ -177,7 +180,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
     tension, thrust, unbalanced = _tensions(one, loads, wires, struts, blades)
     for n, more in unbalanced.items():
         faults[n] = faults.get(n, []) + more
-    every_spring = gather(Springs, all_springs)
+    every_spring = from_centres(gather(Springs, all_springs), centre)
     computed = len(every_spring.label) - len(springs.label)
     every_spring.preload[:, computed:] = springs.preload
     given = [[row["given"] for row in chain.from_iterable(own.blades)] for own in each]
@@ -191,7 +194,7 @@ def balance_as_drawn(each: Sequence[Members]) -> tuple[Scene, dict[int, list[Fau
         blades=replace(blades, load=_blade_loads(gravity, wires, blades, tension, given_loads)),
         springs=every_spring,
         struts=replace(struts, tension=-thrust),
-        bars=gather(Bars, all_bars),
+        bars=from_centres(gather(Bars, all_bars), centre),
         field=field and Field(*map(np.array, field)),
         solves_pose=derive.gives_natural_lengths(design),
     )
@@ -212,6 +215,9 @@ def _add_loads_from_below(
     """Add to the load of each body those of the bodies that hang from it."""
     offset = np.array([own.places.offset for own in each])
     parent = each[0].places.parent
+    centre = np.array([own.places.centre for own in each])
+    if centre.any():
+        offset = offset + centre - centre[:, parent]
     for n in range(len(parent) - 1, 0, -1):
         loads[:, parent[n]] += move_wrench(loads[:, n], offset[:, n, None])
 

@@ -178,8 +178,7 @@ def filter_blades(
     the keystone. `hung` is the weight in the load (N) without preloads. The vertical force of the
     blades is the given load, if any.
     """
-    table = next(one.filter for one in design.stage if one.name == keystone.blades_of)
-    assert table is not None
+    table = keystone.blades_table
     numbers = towers.filter_statics(table, -load[2], hung, gravity)
     lateral = table.lateral_stiffness
     tilt = table.tilt_stiffness

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from suspension_cli.design import materials, paths, reader
-from suspension_cli.design.derive import add_keystones, drop_keystones
+from suspension_cli.design.derive import drop_keystones
+from suspension_cli.design.locked_stages import as_in_file, spell_out
 from suspension_cli.design.materials import AgainstTemperature, Material
 from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
@@ -99,7 +100,7 @@ def value_of(design: Design, name: str) -> Any:
         node = materials.resolve(design, keys[1])
         keys = keys[2:]
     else:
-        node = drop_keystones(design)
+        node = drop_keystones(as_in_file(design))
     seen: list[Any] = []
     paths.changed(node, keys, lambda value: seen.append(value) or value)
     return seen[0]
@@ -108,6 +109,7 @@ def value_of(design: Design, name: str) -> Any:
 def shifted(design: Design, name: str, by: float) -> Design:
     """Add a constant to one number of a design, without the reader's checks."""
     keys = name.split(".")
+    design = drop_keystones(as_in_file(design))
 
     def add(number: float) -> float:
         return number + by
@@ -123,14 +125,14 @@ def shifted(design: Design, name: str, by: float) -> Design:
             values = tuple(add(value) for value in table.values)
             table = msgspec.structs.replace(table, values=values)
             own = msgspec.structs.replace(own, **{keys[2]: table})
-            return msgspec.structs.replace(design, materials=design.materials | {keys[1]: own})
-        return msgspec.structs.replace(
-            design, materials=design.materials | {keys[1]: paths.changed(own, keys[2:], add)}
+        else:
+            own = paths.changed(own, keys[2:], add)
+        return spell_out(
+            msgspec.structs.replace(design, materials=design.materials | {keys[1]: own})
         )
-    design = drop_keystones(design)
     for path in twins(name):
         design = paths.changed(design, path.split("."), add)
-    return add_keystones(design)
+    return spell_out(design)
 
 
 ACROSS = ("width", "thickness", "surface_depth", "diameter")

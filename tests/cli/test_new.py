@@ -5,11 +5,14 @@ from __future__ import annotations
 import inspect
 import shlex
 
+import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses import known_analyses
 from suspension_cli.cli import file_commands
 from suspension_cli.design import reader
+from suspension_cli.design.bodies import body_inertia, body_mass
 from tests.support.commandline import assert_refused, run, written
 from tests.support.designs import TEXTS
 
@@ -82,3 +85,16 @@ def test_examples_of_help_run_on_a_new_triple(name, tmp_path):
     words = [str(file) if word == "my.toml" else word for word in words]
     done = run(*words, "--no-plot", "--out", tmp_path)
     assert done.exit_code == 0, done.stderr
+
+
+def test_torsion_pendulum_swings_as_in_the_textbook():
+    """omega^2 I = (G J + T I_p / A) / l, with J = pi r^4 / 2 and I_p / A = r^2 / 2 (round wire)."""
+    design = sus.template("torsion")
+    body = design.stage[0].body
+    wire = design.stage[0].wires
+    shear = 4.11e11 / (2 * 1.28)
+    twist = shear * np.pi * wire.radius**4 / 2 + body_mass(body) * 9.81 * wire.radius**2 / 2
+    found = sus.modes(design)
+    yaw = found.frequency[found.label.index("bar yaw")]
+    omega = np.sqrt(twist / wire.l / body_inertia(body)[2][2])
+    assert yaw == pytest.approx(omega / (2 * np.pi), rel=1e-6)

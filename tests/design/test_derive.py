@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from suspension_cli.design import derive, schema
+from suspension_cli.design import bodies, derive
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import string as string_model
@@ -62,13 +62,13 @@ def body_of(**keys):
 def test_box(size):
     mass, inertia = tensor(*box_cloud(size), 2700.0)
     body = body_of(shape="box", size=size, density=2700.0)
-    assert schema.body_mass(body) == pytest.approx(mass, rel=1e-13)
+    assert bodies.body_mass(body) == pytest.approx(mass, rel=1e-13)
     np.testing.assert_allclose(
-        schema.body_inertia(body), inertia, rtol=1e-12, atol=1e-12 * inertia.max()
+        bodies.body_inertia(body), inertia, rtol=1e-12, atol=1e-12 * inertia.max()
     )
     heavier = body_of(shape="box", size=size, mass=2 * mass)
     np.testing.assert_allclose(
-        schema.body_inertia(heavier), 2 * inertia, rtol=1e-12, atol=1e-12 * inertia.max()
+        bodies.body_inertia(heavier), 2 * inertia, rtol=1e-12, atol=1e-12 * inertia.max()
     )
 
 
@@ -78,9 +78,9 @@ def test_cylinder(axis, inner):
     mass, inertia = tensor(*cylinder_cloud(0.09, inner, 0.10, axis), 2200.0)
     keys = {"shape": "cylinder", "axis": axis, "radius": 0.09, "length": 0.10, "density": 2200.0}
     body = body_of(**keys, **({"inner_radius": inner} if inner else {}))
-    assert schema.body_mass(body) == pytest.approx(mass, rel=1e-12)
+    assert bodies.body_mass(body) == pytest.approx(mass, rel=1e-12)
     np.testing.assert_allclose(
-        schema.body_inertia(body), inertia, rtol=1e-11, atol=1e-11 * inertia.max()
+        bodies.body_inertia(body), inertia, rtol=1e-11, atol=1e-11 * inertia.max()
     )
 
 

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from suspension_cli.design import schema, wires
+from suspension_cli.design import bodies, schema, wires
 from suspension_cli.design.reader import read
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
@@ -24,7 +24,7 @@ FAMILIES = {
 KINDS = {
     "wires": wires.WireSet,
     "blades": wires.BladeSet,
-    "body": schema.Body,
+    "body": bodies.Body,
     "constants": schema.Constants,
     "materials.NAME": schema.Material,
 }

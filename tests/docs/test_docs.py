@@ -18,6 +18,7 @@ from suspension_cli.analyses.modes import picture
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
+    bodies,
     control,
     goals,
     imperfections,
@@ -51,7 +52,7 @@ TABLES = {
     "[materials.NAME]": [schema.Material],
     "[materials.NAME.loss]": [materials.MaterialLoss],
     "[[stage]]": [schema.Stage],
-    "body": [schema.Body],
+    "body": [bodies.Body, bodies.BodyPart],
     "[stage.wires]": [schema.WireSet],
     "Wires of several sections": [wires.WireSection],
     "Necks of fibres": [wires.Neck],

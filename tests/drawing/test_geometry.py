@@ -10,7 +10,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.modes import picture as modes
-from suspension_cli.design.schema import Body
+from suspension_cli.design.bodies import Body
 from suspension_cli.drawing import draw, geometry
 from suspension_cli.equilibrium.nominal import expand_nominal
 from suspension_cli.rotations import rotation_matrix

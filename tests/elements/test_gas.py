@@ -14,8 +14,9 @@ import tomli_w
 
 import suspension_cli as sus
 from suspension_cli.conventions import AVOGADRO, BOLTZMANN
+from suspension_cli.design.bodies import Body, body_inertia
 from suspension_cli.design.cross_sections import circle, rectangle
-from suspension_cli.design.schema import Body, Gas, body_inertia
+from suspension_cli.design.schema import Gas
 from suspension_cli.elements import loss as drag
 
 AIR = Gas(pressure=1e-5, molar_mass=0.028, temperature=300.0)
@@ -240,3 +241,12 @@ def test_bodies_without_a_surface_are_named():
     boxed = text.replace("0.02] }", '0.02], shape = "box", size = [0.1, 0.1, 0.1] }', 1)
     given = sus.thermal(sus.parse(boxed + gas), **way)
     assert "upper.gas" in given.source
+
+
+def test_sphere_by_its_radius_is_that_of_its_surface():
+    gas = Gas(pressure=1e-4, temperature=300.0)
+    radius = 0.07
+    ball = Body(shape="sphere", radius=radius, mass=3.0)
+    by_area = Body(mass=3.0, inertia=[0.01] * 3, surface_area=4 * np.pi * radius**2)
+    own = drag.body_damping(ball, gas)
+    np.testing.assert_allclose(own, drag.body_damping(by_area, gas), rtol=1e-14)

@@ -11,6 +11,7 @@ from suspension_cli.errors import escape_unprintable
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.solve import Check
+    from suspension_cli.design.bodies import Point
     from suspension_cli.physics.loads import LinkLoad
 
 
@@ -72,6 +73,7 @@ class CheckAnalysis(Analysis):
         """Return loads, warnings and stability."""
         from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import list_documents
+        from suspension_cli.design.locked_stages import locked_names
 
         loads = result.statics
         own = result.weights
@@ -88,6 +90,11 @@ class CheckAnalysis(Analysis):
             if parts := getattr(loads, name):
                 key = "inverted_pendulums" if name == "legs" else name
                 document[key] = list_documents(parts)
+        if parts := _bodies_of_parts(result):
+            keys = ("stage", "mass_kg", "com_m")
+            document["bodies_of_parts"] = [dict(zip(keys, one, strict=True)) for one in parts]
+        if held := locked_names(result.run.design.design):
+            document["locked"] = held
         document["warnings"] = [
             {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
             for item in result.warnings
@@ -102,6 +109,7 @@ class CheckAnalysis(Analysis):
         """Return tables of loads, the lowest points, the pose and the stability."""
         from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import render
+        from suspension_cli.design.locked_stages import locked_names
 
         loads = result.statics
         count = len(result.warnings)
@@ -131,6 +139,12 @@ class CheckAnalysis(Analysis):
             for link in loads.links
             if link.table is not None
         ]
+        lines += [
+            f"  {name}: {mass:.6g} kg in parts, COM at ({_milli(centre)}) mm from their origin"
+            for name, mass, centre in _bodies_of_parts(result)
+        ]
+        if held := locked_names(result.run.design.design):
+            lines.append(f"  locked, so at rest with the support: {', '.join(held)}")
         lowest = sorted(loads.lowest, key=lambda low: low.z)[:3]
         points = ", ".join(f"{low.name} {low.z:.4g} m ({low.point})" for low in lowest)
         lines.append(f"  height {loads.height:.4g} m; lowest points: {points}")
@@ -141,6 +155,16 @@ class CheckAnalysis(Analysis):
         if result.verdicts:
             lines.append(verdicts.tabulate(result.verdicts))
         return "\n".join(lines)
+
+
+def _bodies_of_parts(result: Check) -> list[tuple[str, float, Point]]:
+    """List stages whose body consists of parts, with its mass, kg, and COM from its origin, m."""
+    from suspension_cli.design.bodies import body_mass, centre_of_mass
+
+    bodies = {stage.name: stage.body for stage in result.run.design.design.stage}
+    return [
+        (name, body_mass(body), centre_of_mass(body)) for name, body in bodies.items() if body.parts
+    ]
 
 
 def _link_tables(links: Sequence[LinkLoad]) -> list[str]:

@@ -19,8 +19,8 @@ from suspension_cli.analyses.export.relaxation import count_wire_modes
 from suspension_cli.analyses.export.solve import FAINT
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import SUPPORT
+from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.derive import main_chain
-from suspension_cli.design.schema import body_mass
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.hdf5 import Provenance
 from suspension_cli.files.whole_files import write_bytes, writing_to

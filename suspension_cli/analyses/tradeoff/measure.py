@@ -270,8 +270,11 @@ def _sweep(source: Source) -> list[Design | None]:
     """List the designs of a sweep of the mirror's mass; None where one is invalid."""
     name = mirror(source.design)
     body = next(stage.body for stage in source.design.stage if stage.name == name)
-    key = "density" if body.mass is None else "mass"
-    values = getattr(body, key) * np.linspace(1 - SPREAD, 1 + SPREAD, DESIGNS)
+    solid = body.parts[0] if body.parts else body
+    key = "density" if solid.mass is None else "mass"
+    given = getattr(solid, key)
+    key = f"parts.1.{key}" if body.parts else key
+    values = given * np.linspace(1 - SPREAD, 1 + SPREAD, DESIGNS)
     return list(variants.designs_at(source.text, {f"stage.{name}.body.{key}": values}))
 
 

@@ -1,0 +1,236 @@
+"""Locked stages: a design in which they, and the stages above them, are part of the support.
+
+A locked stage is clamped to the support structure in its nominal place. What hangs from it hangs
+from the support instead, at the same points in space, so the coordinates of the locked stage do not
+exist, in any model. The stages above cannot move what hangs below the clamps, and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+from msgspec.structs import replace
+
+from suspension_cli.conventions import BETWEEN, GROUND, SUPPORT
+from suspension_cli.design.control import Loop
+from suspension_cli.design.derive import (
+    Point,
+    add_keystones,
+    add_points,
+    origin_positions,
+    with_bodies_above,
+)
+from suspension_cli.design.links import Cavity, Damper, Link, Strands
+from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.typed_tables import Problems
+
+Joint = TypeVar("Joint", Link, Damper, Cavity)
+
+
+class PartlyLocked(Design, frozen=True):
+    """A design without its locked stages: what hangs from these hangs from the support."""
+
+    in_file: Design
+    """The design with all stages, keystones of filters too."""
+
+
+def spell_out(design: Design) -> Design:
+    """Spell out the design of a file: add the keystones of filters, remove locked stages."""
+    whole = add_keystones(design)
+    held = find_held(whole)
+    return _without(whole, held) if held else whole
+
+
+def as_in_file(design: Design) -> Design:
+    """Undo the removal of locked stages by `spell_out`; keystones stay."""
+    return design.in_file if isinstance(design, PartlyLocked) else design
+
+
+def locked_names(design: Design) -> list[str]:
+    """List the stages that do not move: those that are locked, and those above them."""
+    return find_held(as_in_file(design))
+
+
+def title_of(design: Design) -> str:
+    """Title of a design, or its name, and which stages do not move."""
+    title = design.design.title or design.design.name
+    held = locked_names(design)
+    return f"{title}, {', '.join(held)} locked" if held else title
+
+
+def find_held(design: Design) -> list[str]:
+    """List the locked stages of a design with its keystones, and all stages above them."""
+    if not any(stage.locked for stage in design.stage):
+        return []
+    above = {stage.name: parent for stage, parent in with_bodies_above(design)}
+    held: set[str] = set()
+    for stage in design.stage:
+        name = stage.name if stage.locked else SUPPORT
+        while name != SUPPORT:
+            held.add(name)
+            name = above[name]
+    return [name for name in above if name in held]
+
+
+def check_locked(design: Design) -> Problems:
+    """Check that a stage is free, and that what hangs from locked ones can hang from the support.
+
+    `design` has no other faults, and no keystones yet.
+    """
+    if not any(stage.locked for stage in design.stage):
+        return
+    whole = add_keystones(design)
+    held = find_held(whole)
+    locked = {stage.name: stage.locked for stage in whole.stage}
+    lowest = [stage.name for stage in whole.stage if stage.locked][-1]
+    place = origin_positions(whole)
+    if len(held) == len(whole.stage):
+        problem = "leaves nothing that moves: the stages above a locked one are held too"
+        yield f"stage.{lowest}.locked", problem, "remove it, or lock a stage above"
+        return
+    for loop in design.control.loop if design.control is not None else ():
+        if _part_of(held, loop.sensor) and loop.reference == "inertial":
+            problem = "senses a locked stage against inertial space: the support"
+            yield f"control.loop.{loop.name}.sensor", problem, "remove the loop"
+    for stage, above in with_bodies_above(whole):
+        if above not in held or stage.name in held:
+            continue
+        if not locked[above]:
+            problem = f"is held, as {lowest} below it is locked, but {stage.name} hangs from it too"
+            yield f"stage.{above}.locked", problem, "give locked = true here too, if it is clamped"
+        if stage.wires is not None and (place[above][0] != 0 or place[above][1] != 0):
+            problem = f"hangs by a symmetric set from {above}, which is locked beside the z axis"
+            remedy = "give its wires one by one, as [[stage.wire]]"
+            yield f"stage.{stage.name}.wires", problem, remedy
+        if stage.inverted_pendulum is not None:
+            problem = f"stands on {above}, which is locked"
+            remedy = f"remove {above}, so that it stands on the support"
+            yield f"stage.{stage.name}.inverted_pendulum", problem, remedy
+
+
+def _without(whole: Design, held: Sequence[str]) -> PartlyLocked:
+    """Make the design without its held stages."""
+    place = origin_positions(whole)
+    stages = [
+        _hung(stage, above, held, place[above])
+        for stage, above in with_bodies_above(whole)
+        if stage.name not in held
+    ]
+
+    def free(rows: Sequence[Any], *keys: str) -> list[Any]:
+        """Rows that name no part of a held stage."""
+        return [row for row in rows if not any(_part_of(held, getattr(row, key)) for key in keys)]
+
+    tolerance = whole.tolerance
+    if tolerance is not None:
+        scattered = {
+            part: free(getattr(tolerance, part), *keys)
+            for part, keys in (
+                ("wire", ("stage", "wire")),
+                ("body", ("stage",)),
+                ("blade", ("stage",)),
+                ("leg", ("stage",)),
+            )
+        }
+        tolerance = replace(tolerance, **scattered)
+    control = whole.control
+    if control is not None:
+        loops = [_against_support(loop, held) for loop in free(control.loop, "sensor", "actuator")]
+        control = replace(control, loop=loops, osem=free(control.osem, "stage"))
+        control = control if loops else None
+    parts: dict[str, Any] = {name: getattr(whole, name) for name in whole.__struct_fields__}
+    parts |= {
+        "stage": stages,
+        "link": _between_free(whole.link, held, place),
+        "damper": _between_free(whole.damper, held, place),
+        "cavity": _between_free(whole.cavity, held, place),
+        "perturbation": free(whole.perturbation, "wire", "body", "blade", "leg"),
+        "tolerance": tolerance,
+        "control": control,
+    }
+    return PartlyLocked(**parts, in_file=whole)
+
+
+def _part_of(held: Sequence[str], name: str | None) -> bool:
+    """Whether a name (``upper``, ``upper.1``, ``upper.x@0,0,1``) is that of a part of a stage."""
+    return name is not None and name.partition(".")[0].partition(BETWEEN)[0] in held
+
+
+def _against_support(loop: Loop, held: Sequence[str]) -> Loop:
+    """Relate the ends of a loop to the support instead of a held stage: ``test~upper.x``."""
+    ends = {}
+    for end in ("sensor", "actuator"):
+        body, _, motion = getattr(loop, end).partition(".")
+        own, _, against = body.partition(BETWEEN)
+        if against in held:
+            ends[end] = f"{own}{BETWEEN}{SUPPORT}.{motion}"
+    return replace(loop, **ends)
+
+
+def _hung(stage: Stage, above: str, held: Sequence[str], place: Point) -> Stage:
+    """Hang a stage from the support instead of a held one, whose origin is at `place`, m."""
+    damping = stage.damping
+    if damping is not None and damping.against in held:
+        damping = replace(damping, against=SUPPORT)
+    if above not in held:
+        return replace(stage, hangs_from=above, damping=damping)
+    changed: dict[str, Any] = {
+        "hangs_from": SUPPORT,
+        "damping": damping,
+        "wire": [replace(wire, upper=add_points(place, wire.upper)) for wire in stage.wire],
+        "blade": [
+            blade if blade.at is None else replace(blade, at=add_points(place, blade.at))
+            for blade in stage.blade
+        ],
+    }
+    if stage.position is not None:
+        changed["position"] = add_points(place, stage.position)
+    if stage.wires is not None:
+        wires = stage.wires
+        changed["wires"] = replace(wires, d_upper=wires.d_upper - place[2])
+    return replace(stage, **changed)
+
+
+def _between_free(
+    rows: Sequence[Joint], held: Sequence[str], place: dict[str, Point]
+) -> list[Joint]:
+    """Replace held bodies by the support in elements between two bodies; drop those at rest."""
+    result = []
+    for row in rows:
+        first, second = row.between
+        if first in held and (second in held or second in (SUPPORT, GROUND)):
+            continue
+        if first in held:
+            row = _turned(row, place)
+            first, second = row.between
+        if second in held:
+            row = replace(row, between=[first, SUPPORT])
+            if isinstance(row, Link) and row.strands is not None:
+                strands = replace(row.strands, to=add_points(place[second], row.strands.to))
+                row = replace(row, strands=strands)
+        result.append(row)
+    return result
+
+
+def _turned(row: Joint, place: dict[str, Point]) -> Joint:
+    """The same element, from its second body to its first."""
+    first, second = row.between
+    between = [second, first]
+    if isinstance(row, Cavity):
+        return replace(row, between=between, radii=row.radii[::-1])
+    shift = _difference(place[first], place[second])
+    if isinstance(row, Damper) or row.strands is None:
+        turned = replace(row, between=between, at=add_points(shift, row.at))
+    else:
+        points = [add_points(shift, point) for point in reversed(row.strands.points)]
+        strands: Strands = replace(row.strands, to=row.at, points=points)
+        turned = replace(row, between=between, at=row.strands.to, strands=strands)
+    if isinstance(turned, Link):
+        turned = replace(turned, preload=[-value for value in turned.preload])
+    return turned
+
+
+def _difference(one: Sequence[float], other: Sequence[float]) -> Point:
+    x, y, z = (a - b for a, b in zip(one, other, strict=True))
+    return x, y, z
