@@ -27,6 +27,7 @@ from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
     control,
+    heat,
     imperfections,
     links,
     materials,
@@ -42,7 +43,17 @@ BLOCK = re.compile(
     r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
 )
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
-MODULES = (schema, control, imperfections, required_quantities, wires, links, towers, materials)
+MODULES = (
+    schema,
+    control,
+    heat,
+    imperfections,
+    required_quantities,
+    wires,
+    links,
+    towers,
+    materials,
+)
 """Modules with the types of tables."""
 TYPES = {
     name: next(found for module in MODULES if (found := getattr(module, name, None)))
@@ -189,7 +200,7 @@ def takes(hint: Any) -> str:
     if get_origin(kind) is list:
         return list_of(bare(get_args(kind)[0])[0], metas)
     if get_origin(kind) is dict:
-        return "tables"
+        return "numbers by name" if bare(get_args(kind)[1])[0] is float else "tables"
     if kind is schema.Distribution:
         return "distribution"
     if issubclass(kind, msgspec.Struct):

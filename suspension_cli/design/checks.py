@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import faults, foton, materials, schema, units
+from suspension_cli.design import faults, foton, heat_flow, materials, schema, units
 from suspension_cli.design.derive import (
     add_keystones,
     com_positions,
@@ -98,6 +98,8 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
         if link.strands is not None and not any(fault.key.startswith(own) for fault in found):
             strands = _check_strands(design, link, link.strands, f"link.{link.name}.strands")
             found += [fault_of(design, "", *one) for one in strands]
+    if not found:
+        found = [fault_of(design, "", *one) for one in heat_flow.find_faults(design)]
     for part, fault in () if found else find_active(design, tables):
         if not part.active:
             remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
-from suspension_cli.design.derive import add_keystones, drop_keystones
+from suspension_cli.design.heat_flow import complete, reduce_to_file
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
@@ -157,7 +157,7 @@ class VariedDesign:
         """Parse and check a design from TOML text."""
         raw = _parse(text)
         insert_files(raw, Path(), of_links=False)
-        return VariedDesign(raw, drop_keystones(convert(raw)).stage)
+        return VariedDesign(raw, reduce_to_file(convert(raw)).stage)
 
     def at(self, values: Mapping[str, float]) -> Design:
         """The design with other numbers at dotted paths; raises `InputError`."""
@@ -180,7 +180,7 @@ def convert(raw: Raw, sound: Sequence[Stage] = ()) -> Design:
         raise InputError([_TOO_DEEP]) from None
     if found := checks.check_design(design, sound):
         raise InputError(found)
-    return add_keystones(design)
+    return complete(design)
 
 
 def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:

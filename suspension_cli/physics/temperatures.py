@@ -106,6 +106,8 @@ def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str
     if bends and Bulk.of(material, None) is not None and any(use.bulk for use in uses):
         has_surface = material.loss is not None and material.loss.surface_depth
         needed["loss"] = "bulk and surface loss" if has_surface else "bulk loss"
+    if design.heat is not None:
+        needed.setdefault("thermal_conductivity", "conducted heat")
     return needed
 
 

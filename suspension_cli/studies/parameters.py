@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from suspension_cli.design import materials, paths, reader
-from suspension_cli.design.derive import add_keystones, drop_keystones
+from suspension_cli.design.heat_flow import complete, reduce_to_file
 from suspension_cli.design.materials import AgainstTemperature, Material
 from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
@@ -99,7 +99,7 @@ def value_of(design: Design, name: str) -> Any:
         node = materials.resolve(design, keys[1])
         keys = keys[2:]
     else:
-        node = drop_keystones(design)
+        node = reduce_to_file(design)
     seen: list[Any] = []
     paths.changed(node, keys, lambda value: seen.append(value) or value)
     return seen[0]
@@ -127,10 +127,10 @@ def shifted(design: Design, name: str, by: float) -> Design:
         return msgspec.structs.replace(
             design, materials=design.materials | {keys[1]: paths.changed(own, keys[2:], add)}
         )
-    design = drop_keystones(design)
+    design = reduce_to_file(design)
     for path in twins(name):
         design = paths.changed(design, path.split("."), add)
-    return add_keystones(design)
+    return complete(design)
 
 
 ACROSS = ("width", "thickness", "surface_depth", "diameter")

@@ -20,6 +20,7 @@ from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
     control,
     goals,
+    heat,
     imperfections,
     materials,
     measured,
@@ -48,6 +49,7 @@ TABLES = {
     "[design]": [schema.Header],
     "[constants]": [schema.Constants],
     "[gas]": [schema.Gas],
+    "[heat]": [heat.Heat],
     "[materials.NAME]": [schema.Material],
     "[materials.NAME.loss]": [materials.MaterialLoss],
     "[[stage]]": [schema.Stage],
