@@ -166,6 +166,35 @@ def test_check_lists_temperatures_and_heat():
     assert "absorbed" in str(found)
 
 
-def test_nothing_carries_so_much_heat():
-    with pytest.raises(InputError, match="no temperatures up to 1000 K"):
-        solved("1.0")
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"heat.held": {"mirror": 10.0, "support": 16.0}},
+            "heat.absorbed.mirror = 0.5: has no effect, as mirror is held at 10 K; remove one",
+        ),
+        ({"heat.held": {"suport": 16.0}}, "heat.held.suport = 16.0: names no body; did you mean"),
+        ({"heat.held": {}}, "heat.held = {}: is empty; give a temperature: { support = 16.0 }"),
+        ({"heat.held": {"support": 1200.0}}, "heat.held.support = 1200.0: must be greater than 0"),
+        ({"heat.held": {"ground": 16.0}}, "lacks mirror, from which no wire or link conducts heat"),
+        ({"heat.absorbed": {"mirror": -1.0}}, "heat.absorbed.mirror = -1.0: must be at least 0"),
+        ({"heat.absorbed": {"support": 1.0}}, "heat.absorbed.support = 1.0: has no effect"),
+        ({"stage.mirror.wires.temperature": 20.0}, "20.0: follows from [heat]; remove one"),
+        ({"heat.absorbed.mirror": 1e4}, "no temperatures up to 1000 K carry the heat away; check"),
+    ],
+)
+def test_faults(changes, words):
+    design = sus.parse(TEXT.format(conductivity="1000.0", wires=ROUND))
+    with pytest.raises(InputError) as caught:
+        design.replace(changes)
+    assert words in str(caught.value)
+
+
+def test_a_conductivity_that_is_not_known():
+    text = TEXT.format(conductivity="1000.0", wires=ROUND)
+    with pytest.raises(InputError, match=r"materials.mine.thermal_conductivity: missing; give it"):
+        sus.parse(text.replace("thermal_conductivity = 1000.0", ""))
+    narrow = "{ temperature = [4.0, 20.0], values = [1000.0, 1000.0] }"
+    design = sus.parse(TEXT.format(conductivity=narrow, wires=ROUND))
+    with pytest.warns(UserWarning, match=r"used at 37\.\d+ K .* thermal_conductivity known from 4"):
+        sus.check(design)

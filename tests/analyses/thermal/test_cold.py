@@ -112,7 +112,8 @@ def test_ends_of_two_temperatures_have_their_own_properties():
 def test_a_gradient_along_the_wire():
     """A mass that does not turn, with one loss angle: the energy of bending falls as exp(-2 q s)
     from either clamp, q = sqrt(T/(E I)), so the mean temperature of the upper end is that of the
-    clamp and 1/(2 q L) of the whole difference; that of both ends is the mean of both clamps."""
+    clamp and 1/(2 q L) of the whole difference; that of both ends is the mean of both clamps. The
+    stiffness is T/(L - 2/q), each end adds phi T/(2 q (L - 2/q)^2) to its imaginary part."""
     text = TEXT.replace("{ angle = 0.0 }", "{ angle = 1e-6, thermoelastic = false }")
     text = text.replace("[materials.silicon]", "[materials.silicon]\nyoungs_modulus = 1.56e11")
     noise = {}
@@ -122,6 +123,13 @@ def test_a_gradient_along_the_wire():
         noise[name] = found.motions[0]
     np.testing.assert_allclose(noise["gradient"].amplitude, noise["mean"].amplitude, rtol=1e-3)
     rigidity = 1.56e11 * math.pi * RADIUS**4 / 4
+    tension = MASS * 9.81 / 4
+    bend = math.sqrt(rigidity / tension)
+    omega = 2 * math.pi * np.array([3.0, 12.0])
+    free = LENGTH - 2 * bend
+    lossy = 1e-6 * 4 * tension * bend / free**2
+    power = 4 * BOLTZMANN * 155 * lossy / omega / (4 * tension / free - MASS * omega**2) ** 2
+    np.testing.assert_allclose(noise["gradient"].amplitude, np.sqrt(power), rtol=5e-3)
     share = math.sqrt(rigidity / (MASS * 9.81 / 4)) / (2 * LENGTH)
     for end, kelvin in (("upper", 20 + 270 * share), ("lower", 290 - 270 * share)):
         source = f"test.bending-{end}"
