@@ -28,6 +28,7 @@ from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
     bodies,
     control,
+    heat,
     imperfections,
     links,
     materials,
@@ -47,6 +48,7 @@ MODULES = (
     schema,
     bodies,
     control,
+    heat,
     imperfections,
     required_quantities,
     wires,
@@ -200,7 +202,7 @@ def takes(hint: Any) -> str:
     if get_origin(kind) is list:
         return list_of(bare(get_args(kind)[0])[0], metas)
     if get_origin(kind) is dict:
-        return "tables"
+        return "numbers by name" if bare(get_args(kind)[1])[0] is float else "tables"
     if kind is schema.Distribution:
         return "distribution"
     if issubclass(kind, msgspec.Struct):

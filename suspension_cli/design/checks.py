@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from suspension_cli.conventions import ANALYSES, DOFS, FRAME, GROUND, SUPPORT
-from suspension_cli.design import bodies, faults, foton, materials, units
+from suspension_cli.design import bodies, faults, foton, heat_flow, materials, units
 from suspension_cli.design.bodies import Body, Solid
 from suspension_cli.design.derive import (
     add_keystones,
@@ -103,6 +103,7 @@ def check_design(design: Design, sound: Collection[Stage] = ()) -> list[Fault]:
             found += [fault_of(design, "", *one) for one in strands]
     if not found:
         found = [fault_of(design, "", *one) for one in check_locked(design)]
+        found += [fault_of(design, "", *one) for one in heat_flow.find_faults(design)]
     for part, fault in () if found else find_active(design, tables):
         if not part.active:
             remedy = f"{fault.remedy}, or give active = true if a sensor and an actuator do this"

@@ -18,7 +18,6 @@ from suspension_cli.design.towers import SUFFIX, Filter, keystone_inertia
 from suspension_cli.design.wires import (
     AnyBlade,
     BladeGeometry,
-    EndTemperatures,
     Stretch,
     Wire,
     WireSet,
@@ -36,26 +35,19 @@ def wire_stiffness(design: Design, wire: WireSet | Wire, length: float) -> float
     if wire.k is not None:
         return wire.k
     pieces = stretches(wire, length)
-    temperature = mean_temperature(design, wire)
     if len(pieces) == 1 and wire.sections is None:
-        modulus = _modulus(design, pieces[0].material or "", temperature)
+        modulus = _modulus(design, pieces[0].material or "", pieces[0].temperature)
         return modulus * pieces[0].shape.least_area / length
-    return 1.0 / sum(_compliance(design, piece, temperature) for piece in pieces)
+    return 1.0 / sum(_compliance(design, piece) for piece in pieces)
 
 
-def mean_temperature(design: Design, part: WireSet | Wire | AnyBlade) -> float:
-    """Mean temperature of a wire or a blade, K: its own, or that of the design."""
-    given = part.temperature or design.constants.temperature
-    return given.mean if isinstance(given, EndTemperatures) else given
-
-
-def _compliance(design: Design, piece: Stretch, temperature: float) -> float:
+def _compliance(design: Design, piece: Stretch) -> float:
     """Elongation of a uniform stretch of wire per tension, m/N."""
-    modulus = _modulus(design, piece.material or "", temperature)
+    modulus = _modulus(design, piece.material or "", piece.temperature)
     return piece.length / (modulus * piece.shape.area)
 
 
-def _modulus(design: Design, material: str, temperature: float) -> float:
+def _modulus(design: Design, material: str, temperature: float | None) -> float:
     modulus = materials.resolve(design, material, temperature).youngs_modulus
     assert modulus is not None
     return modulus
@@ -71,8 +63,7 @@ def wire_loss(design: Design, wire: WireSet | Wire, length: float) -> float:
     angles = [0.0 if name is None else materials.constant_angle(design, name) for name in names]
     if len({*angles}) == 1:
         return angles[0]
-    temperature = mean_temperature(design, wire)
-    compliances = [_compliance(design, piece, temperature) for piece in pieces]
+    compliances = [_compliance(design, piece) for piece in pieces]
     return sum(c * a for c, a in zip(compliances, angles, strict=True)) / sum(compliances)
 
 
@@ -94,7 +85,7 @@ def blade_stiffness(design: Design, blade: AnyBlade, stage_mass: float, count: i
     if blade.uncoupled_frequency is not None:
         return (2 * math.pi * blade.uncoupled_frequency) ** 2 * stage_mass / count
     assert blade.geometry is not None
-    modulus = _modulus(design, blade.geometry.material, mean_temperature(design, blade))
+    modulus = _modulus(design, blade.geometry.material, blade.temperature)
     return cantilever_stiffness(blade.geometry, modulus)
 
 

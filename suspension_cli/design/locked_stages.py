@@ -16,11 +16,11 @@ from suspension_cli.conventions import BETWEEN, GROUND, SUPPORT
 from suspension_cli.design.control import Loop
 from suspension_cli.design.derive import (
     Point,
-    add_keystones,
     add_points,
     origin_positions,
     with_bodies_above,
 )
+from suspension_cli.design.heat_flow import complete
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Problems
@@ -36,8 +36,8 @@ class PartlyLocked(Design, frozen=True):
 
 
 def spell_out(design: Design) -> Design:
-    """Spell out the design of a file: add the keystones of filters, remove locked stages."""
-    whole = add_keystones(design)
+    """Spell out the design of a file: complete it (`heat_flow`), remove locked stages."""
+    whole = complete(design)
     held = find_held(whole)
     return _without(whole, held) if held else whole
 
@@ -80,7 +80,7 @@ def check_locked(design: Design) -> Problems:
     """
     if not any(stage.locked for stage in design.stage):
         return
-    whole = add_keystones(design)
+    whole = complete(design)
     held = find_held(whole)
     locked = {stage.name: stage.locked for stage in whole.stage}
     lowest = [stage.name for stage in whole.stage if stage.locked][-1]

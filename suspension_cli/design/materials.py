@@ -79,6 +79,28 @@ class AgainstTemperature(Table, frozen=True):
         part = math.log(temperature / nodes[n]) / math.log(nodes[n + 1] / nodes[n])
         return low * (high / low) ** part
 
+    def integral(self, low: float, high: float) -> float:
+        """Integrate from one temperature (K) to a higher one, exactly.
+
+        >>> cubic = AgainstTemperature(temperature=(10.0, 20.0), values=(1.0, 8.0))
+        >>> round(cubic.integral(10.0, 20.0), 9)
+        37.5
+        """
+        nodes = self.temperature
+        inside = [node for node in nodes if low < node < high]
+        total = 0.0
+        for start, end in pairwise([low, *inside, high]):
+            first = self.at(start)
+            last = self.at(end)
+            width = math.log(end / start)
+            if width and self._is_steep and nodes[0] <= start < nodes[-1]:
+                exponent = math.log(last / first) / width + 1  # of the integral of a power
+                growth = math.expm1(exponent * width) / exponent if exponent else width
+                total += first * start * growth
+            else:
+                total += (first + last) / 2 * (end - start)
+        return total
+
     @property
     def _is_steep(self) -> bool:
         """Whether the logarithms are interpolated."""
@@ -105,6 +127,15 @@ Property = float | AgainstTemperature
 def value_at(given: Property, temperature: float) -> float:
     """Evaluate a property at a temperature in K."""
     return given.at(temperature) if isinstance(given, AgainstTemperature) else given
+
+
+def integrate(given: Property, low: float, high: float) -> float:
+    """Integrate a property over temperature (K); negative if `high` is below `low`."""
+    if high < low:
+        return -integrate(given, high, low)
+    if isinstance(given, AgainstTemperature):
+        return given.integral(low, high)
+    return given * (high - low)
 
 
 class LossTable(Table, frozen=True):

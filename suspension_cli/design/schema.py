@@ -12,6 +12,7 @@ from suspension_cli.conventions import AVOGADRO, DOFS
 from suspension_cli.design import key_rules, typed_tables, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.control import Control
+from suspension_cli.design.heat import Heat
 from suspension_cli.design.imperfections import Distribution as Distribution
 from suspension_cli.design.imperfections import Perturbation, Tolerance
 from suspension_cli.design.links import Active, BetweenBodies, Cavity, Damper, Link
@@ -213,6 +214,7 @@ class Design(Table, frozen=True):
     constants: Constants = Constants()
     materials: dict[str, Material] = {}
     gas: Gas | None = None
+    heat: Heat | None = None
     support: Support | None = None
     control: Control | None = None
     tolerance: Tolerance | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal
@@ -67,15 +67,20 @@ class Clamp(Table, frozen=True):
 
 
 class EndTemperatures(Table, frozen=True):
-    """Temperatures of the two ends of a wire."""
+    """Temperatures of the two ends of a wire, linear in between."""
 
     upper: units.Kelvin
     lower: units.Kelvin
 
-    @property
-    def mean(self) -> float:
-        """Mean of both, K."""
-        return (self.upper + self.lower) / 2
+
+PlaceAndTemperature = Annotated[
+    list[Annotated[float, doc("fraction of the length from the upper end, or K", ge=0, le=1e4)]],
+    doc("fraction of the length from the upper end, and temperature in K", count=2),
+]
+TemperatureProfile = Annotated[
+    list[PlaceAndTemperature],
+    doc("[fraction, K] from [0.0, ...] to [1.0, ...], linear in between", min_length=2),
+]
 
 
 Clamped = (
@@ -158,7 +163,10 @@ class AnyWire(Table, frozen=True):
         'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an approximation);'
         " beam and violin bend the wire exactly and ignore it"
     )
-    temperature: units.Kelvin | EndTemperatures | None = key("in K, or { upper, lower }")
+    temperature: units.Kelvin | EndTemperatures | TemperatureProfile | None = key(
+        "in K; of both ends, { upper, lower }, linear in between; or a profile [[0.0, 16.0], [1.0,"
+        " 23.0]]: fraction of the length from the upper end, and K"
+    )
 
     rules = (
         key_rules.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
@@ -170,6 +178,8 @@ class AnyWire(Table, frozen=True):
         """Check that it has k, or a material and one way to give its cross-section."""
         if isinstance(self.profile, str):
             yield "profile", *UNREAD
+        if isinstance(self.temperature, list):
+            yield from _check_temperatures(self.temperature)
         shapes = given(self, *CROSS_SECTIONS)
         whole = given(self, "profile", "sections", "neck", *CROSS_SECTIONS)
         if self.k is None and not whole:
@@ -194,6 +204,34 @@ class AnyWire(Table, frozen=True):
         for n in open_ended[1:]:
             remedy = f"give it in m; section {open_ended[0]} takes the rest already"
             yield f"sections.{n}.length", "missing", remedy
+
+
+def _check_temperatures(profile: TemperatureProfile) -> Problems:
+    """Check that a profile of temperature covers the wire, downwards."""
+    fractions = [fraction for fraction, _ in profile]
+    if fractions[0] != 0 or fractions[-1] != 1:
+        remedy = "start with the upper end, [0.0, ...], and end with the lower one, [1.0, ...]"
+        yield "temperature", f"covers {fractions[0]:g} to {fractions[-1]:g} of the wire", remedy
+    elif any(low >= high for low, high in pairwise(fractions)):
+        remedy = "sort the fractions of the length, each once"
+        yield "temperature", "is not in the order of the wire", remedy
+    if min(kelvin for _, kelvin in profile) <= 0:
+        yield "temperature", "has a temperature of 0 K", "give each place as [fraction, K]"
+
+
+def list_temperatures(wire: AnyWire) -> list[tuple[float, float]]:
+    """List fractions of the length from the upper end with temperatures (K), linear in between.
+
+    Empty for a wire at the temperature of its design.
+    """
+    given = wire.temperature
+    if given is None:
+        return []
+    if isinstance(given, EndTemperatures):
+        return [(0.0, given.upper), (1.0, given.lower)]
+    if isinstance(given, list):
+        return [(fraction, kelvin) for fraction, kelvin in given]
+    return [(0.0, given), (1.0, given)]
 
 
 def cross_sections(table: AnyWire | WireSection) -> list[CrossSection]:
@@ -348,6 +386,13 @@ class Blade(AnyBlade, frozen=True):
 
 STEPS = 16
 """Default number of steps of a taper."""
+HALF = [0.5 * 1.5 ** (n - 15) for n in range(16)]
+BOUNDARIES = [*HALF, *(1 - place for place in HALF[-2::-1])]
+"""Fractions of the length at which a wire with a profile of temperature is cut into pieces, each at
+one temperature. A wire bends near its clamps, over a length that these places need not know: each
+piece is a third as long as it is far from the nearer clamp, down to a thousandth of the wire."""
+CLOSE = 1e-9
+"""Fraction of the length below which two places along a wire count as one."""
 
 
 @dataclass(frozen=True)
@@ -357,6 +402,7 @@ class Stretch:
     length: float  # loaded, m
     material: str | None
     shape: CrossSection
+    temperature: float | None = None  # K; None: that of the design
 
 
 def reduced(profile: Profile, error: float | None = None) -> list[WireSection]:
@@ -438,7 +484,8 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
     """
     sections = given_sections(wire)
     if sections is None:
-        return [Stretch(length, wire.material, shape) for shape in cross_sections(wire)]
+        whole = [Stretch(length, wire.material, shape) for shape in cross_sections(wire)]
+        return _with_temperatures(whole, list_temperatures(wire))
     given = sum(piece.length or 0.0 for piece in sections)
     rest = length - given if any(piece.length is None for piece in sections) else 0.0
     scale = 1.0 if rest.real > 0 else length / given
@@ -451,4 +498,30 @@ def stretches(wire: WireSet | Wire, length: float) -> list[Stretch]:
             shapes = taper(upper, lower, piece.steps or STEPS)
         name = piece.material or wire.material
         found += [Stretch(own / len(shapes), name, shape) for shape in shapes]
+    return _with_temperatures(found, list_temperatures(wire))
+
+
+def _with_temperatures(pieces: list[Stretch], profile: list[tuple[float, float]]) -> list[Stretch]:
+    """Give each stretch its temperature; if that varies along the wire, cut it into cells."""
+    if len({kelvin for _, kelvin in profile}) < 2:
+        common = profile[0][1] if profile else None
+        return [replace(piece, temperature=common) for piece in pieces]
+    whole = sum(piece.length for piece in pieces)
+    found: list[Stretch] = []
+    start = 0.0
+    for piece in pieces:
+        end = start + piece.length / whole
+        inside = [place for place in BOUNDARIES if start + CLOSE < place < end - CLOSE]
+        for low, high in pairwise([start, *inside, end]):
+            kelvin = temperature_at(profile, (low + high) / 2)
+            found.append(replace(piece, length=(high - low) * whole, temperature=kelvin))
+        start = end
     return found
+
+
+def temperature_at(profile: list[tuple[float, float]], fraction: float) -> float:
+    """Interpolate a profile of temperature at a fraction of the length from the upper end, K."""
+    for (low, above), (high, below) in pairwise(profile):
+        if fraction <= high:
+            return above + (below - above) * (fraction - low) / (high - low)
+    return profile[-1][1]

@@ -166,8 +166,8 @@ def label_points(
 ) -> list[Text]:
     """Label points (x, y), from the left, at the nearest place beside each that is free.
 
-    The axes have their limits and place. `pad` is the room around each text, points. Labels keep off
-    points with an empty text, too.
+    The axes have their limits and place. `pad` is the room around each text, points. Labels keep
+    off points with an empty text, too.
     """
     pixel = axes.figure.dpi / 72
     low, high = np.reshape(axes.get_window_extent().extents, (2, 2)) / pixel

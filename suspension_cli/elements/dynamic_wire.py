@@ -19,6 +19,7 @@ sigma r^2 theta' dA about the axis. This second term has no loss.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -236,35 +237,40 @@ class PartAtFrequencies:
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "end motion frequency"]
-    ) -> dict[str, Float[np.ndarray, "motion frequency"]]:
-        """Dissipation x^H Im(F) x of motions x of the ends (m and rad), by cause, N m.
+    ) -> dict[tuple[str, float], Float[np.ndarray, "motion frequency"]]:
+        """Dissipation x^H Im(F) x of motions x of the ends (m and rad), N m.
 
-        Causes are ``stretching`` or ``torsion``; or ``bending-upper`` and ``bending-lower``, split
-        at the middle of the wire, each at the temperature of its end; causes of their own that
-        losses of bending have; and ``gas``.
+        By cause and temperature (K), that of the section or of the gas. Causes are ``stretching``
+        or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at the middle of the wire;
+        causes of their own that losses of bending have; and ``gas``.
         """
-        if not self.bends:
-            losses, drag = self._material_and_gas(motion)
-            found = {"stretching" if PARTS[self.number] == "stretch" else "torsion": losses.sum(0)}
-            return found if drag is None else found | {"gas": drag.sum(0)}
-        halves = _cut_in_middle(self.sections)
-        losses, drag = self._with_sections(section for section, _ in halves)._material_and_gas(
-            motion
-        )
         names = ("bending-upper", "bending-lower")
-        result = {name: np.zeros(motion.shape[1:]) for name in names}
-        if drag is not None:
-            result["gas"] = drag.sum(0)
-        ends = self.strand.fibre.temperature
+        halves = _cut_in_middle(self.sections)
+        if not self.bends:
+            names = ("stretching" if PARTS[self.number] == "stretch" else "torsion",)
+            halves = [(section, 0) for section in self.sections]
+        cut = self._with_sections(section for section, _ in halves)
+        losses, drag = cut._material_and_gas(motion)
+        result: defaultdict[tuple[str, float], Any] = defaultdict(float)
         for (section, end), lost in zip(halves, losses, strict=True):
-            angle, rest = (self._loss_angle(section, t) for t in (sum(ends) / 2, ends[end]))
-            per_angle = lost / np.where(angle == 0, 1.0, angle)
-            omega = np.real(self.omega)
-            for cause, own in loss.bending_causes(section, self.number, omega, ends[end]).items():
-                result[cause] = result.get(cause, 0.0) + own * per_angle
-                rest = rest - own
-            result[names[end]] = result[names[end]] + rest * per_angle
+            causes = self._separate_causes(section)
+            for cause, fraction in causes.items():
+                result[cause, section.temperature] += fraction * lost
+            rest = 1 - sum(causes.values())
+            result[names[end], section.temperature] += rest * lost
+        around = self.strand.surrounded
+        if drag is not None and around is not None and around.temperature is not None:
+            result["gas", around.temperature] += drag.sum(0)
         return result
+
+    def _separate_causes(self, section: Section) -> dict[str, Float[np.ndarray, " frequency"]]:
+        """Fractions of the loss of a section that have causes of their own."""
+        if not self.bends or not any(own.cause for own in section.losses):
+            return {}
+        omega = np.real(self.omega)
+        angle = self._loss_angle(section)
+        causes = loss.bending_causes(section, self.number, omega, section.temperature)
+        return {cause: own / np.where(angle == 0, 1.0, angle) for cause, own in causes.items()}
 
     def _material_and_gas(
         self, motion: Inexact[np.ndarray, "end motion frequency"]
@@ -380,20 +386,18 @@ class PartAtFrequencies:
         """EI, EA or GJ times 1 + i phi; for twisting also T I_p/A."""
         factor = 1.0
         if self.strand.lossy:
-            factor = 1 + 1j * self._loss_angle(section, sum(self.strand.fibre.temperature) / 2)
+            factor = 1 + 1j * self._loss_angle(section)
         if PARTS[self.number] == "twist":
             return _twisting(section, self.strand.tension, factor)
         return factor * (section.rigidity[self.number] if self.bends else section.stretching)
 
-    def _loss_angle(
-        self, section: Section, temperature: float
-    ) -> Inexact[np.ndarray, "*frequency"]:
+    def _loss_angle(self, section: Section) -> Inexact[np.ndarray, "*frequency"]:
         omega = np.real(self.omega)
         if self.bends:
-            known = (section.losses, section.shape, temperature)
+            known = (section.losses, section.shape, section.temperature)
             if known not in self.bending_angles:
                 self.bending_angles[known] = loss.bending_angle(
-                    section, self.number, omega, self.strand.tension, temperature
+                    section, self.number, omega, self.strand.tension, section.temperature
                 )
             return self.bending_angles[known]
         stretched = PARTS[self.number] == "stretch"

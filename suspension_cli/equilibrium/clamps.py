@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design import materials
-from suspension_cli.design.derive import gives_natural_lengths, mean_temperature
+from suspension_cli.design.derive import gives_natural_lengths
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import stretches
 from suspension_cli.elements.bending import with_bending
@@ -191,10 +191,10 @@ def hinge_rigidities(design: Design) -> tuple[tuple[float, float], ...]:
             result.append((0.0, 0.0))
             continue
         pieces = stretches(table, 1.0)
-        temperature = mean_temperature(design, table)
         ends = []
         for piece in (pieces[0], pieces[-1]):
-            modulus = materials.resolve(design, piece.material or "", temperature).youngs_modulus
+            made = materials.resolve(design, piece.material or "", piece.temperature)
+            modulus = made.youngs_modulus
             assert modulus is not None
             ends.append(modulus * min(piece.shape.moments, key=lambda value: value.real))
         result.append((ends[0], ends[1]))

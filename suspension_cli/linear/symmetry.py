@@ -401,7 +401,7 @@ def _images(scene: Scene, operation: Real[np.ndarray, "6 6"], *, exact: bool = T
             for rows in (scene.fibres.blade, scene.fibres.spring)
         )
         composition = {
-            "wires": [(own.sections, own.temperature, own.effective) for own in scene.fibres.wire],
+            "wires": [(own.sections, own.effective) for own in scene.fibres.wire],
             "blades": [blades[label] for label in scene.blades.label],
             "springs": [springs.get(label) for label in scene.springs.label],
         }

@@ -293,19 +293,11 @@ class EvaluatedWires(EvaluatedTerm):
 
     def dissipated(self, within: Ends, motion: Inexact[np.ndarray, "own frequency"]) -> Dissipation:
         """Compute the dissipation by part of a wire, `within` being that of `WireTerm.within`."""
-        fibre = self.term.strand.fibre
-        gas = self.term.strand.surrounded
-        upper, lower = fibre.temperature
-        temperatures = {
-            "bending-upper": upper,
-            "bending-lower": lower,
-            "gas": gas.temperature if gas else 0.0,
-        }
         result: Dissipation = {}
         for part, (rows, count) in within.items():
             moved = multiply_real(rows, motion)
-            for cause, value in self.moving[part].dissipated(moved).items():
-                key = (f"{self.term.stage}.{cause}", temperatures.get(cause, (upper + lower) / 2))
+            for (cause, temperature), value in self.moving[part].dissipated(moved).items():
+                key = f"{self.term.stage}.{cause}", temperature
                 result[key] = result.get(key, 0.0) + count @ value
         return result
 

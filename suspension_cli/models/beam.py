@@ -169,7 +169,7 @@ def _alike(scene: Scene, geometry: Float[np.ndarray, "4 *build wire"]) -> list[l
     assert scene.fibres is not None
     groups: list[tuple[tuple[object, ...], list[int]]] = []
     for n, fibre in enumerate(scene.fibres.wire):
-        kind = fibre.sections, fibre.temperature, scene.wires.lower[n]
+        kind = fibre.sections, scene.wires.lower[n]
         for known, group in groups:
             here = geometry[..., n]
             there = geometry[..., group[0]]
@@ -251,7 +251,7 @@ class Beam(string_model.SceneModel):
         made = clamps.compose(design)
         drag = _gas_damping(made, design)
         directions = [np.array([fibre.plane, *fibre.clamp]).tobytes() for fibre in made.wire]
-        kinds = [(fibre.sections, fibre.temperature, fibre.effective) for fibre in made.wire]
+        kinds = [(fibre.sections, fibre.effective) for fibre in made.wire]
         return (
             *directions,
             *kinds,

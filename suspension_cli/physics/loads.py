@@ -183,6 +183,31 @@ class LinkLoad:
 
 
 @dataclass(frozen=True)
+class BodyHeat:
+    """Temperature of a body (K), and the heat (W) that it absorbs, and takes up where it is held.
+
+    What a held body takes up leaves through a cooler; below 0 it is a source of heat.
+    """
+
+    name: Annotated[str, Column("body", "body")]
+    temperature: Annotated[float, Column("temperature_k", "temperature\nK", ".3f")]
+    absorbed: Annotated[float, Column("absorbed_w", "absorbed\nW", ".4g")]
+    removed: Annotated[float | None, Column("removed_w", "removed\nW", ".4g")]
+
+
+@dataclass(frozen=True)
+class ConductedHeat:
+    """Heat (W) that wires or a link conduct from a warm to a cold body, with their temperatures."""
+
+    label: Annotated[str, Column("label")]
+    warm: Annotated[str, Column("from")]
+    cold: Annotated[str, Column("to")]
+    power: Annotated[float, Column("heat_w")]
+    high: Annotated[float, Column("from_k")]
+    low: Annotated[float, Column("to_k")]
+
+
+@dataclass(frozen=True)
 class ReducedProfile:
     """Numbers of places of a measured profile of a fibre, and of its uniform sections."""
 
@@ -242,6 +267,8 @@ class Statics:
     cavities: tuple[CavityLoad, ...] = ()
     profiles: tuple[ReducedProfile, ...] = ()
     weights: WireWeights | None = None
+    temperatures: tuple[BodyHeat, ...] = ()
+    heat: tuple[ConductedHeat, ...] = ()
 
     @property
     def height(self) -> float:

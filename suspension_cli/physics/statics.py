@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.design import materials
+from suspension_cli.design import heat_flow, materials
 from suspension_cli.design.bodies import Body, Solid, centre_of_mass
 from suspension_cli.design.derive import Keystone, gravity_strength, wire_line_densities
 from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.links import LIGHT
+from suspension_cli.design.locked_stages import as_in_file
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.towers import filter_statics, leg_inertia, leg_statics
 from suspension_cli.design.wires import (
@@ -33,8 +34,10 @@ from suspension_cli.models.cavity import angular_stiffness, optical_spring
 from suspension_cli.models.string import STRING
 from suspension_cli.physics.loads import (
     BladeLoad,
+    BodyHeat,
     BodyPose,
     CavityLoad,
+    ConductedHeat,
     FilterLoad,
     LegLoad,
     LinkLoad,
@@ -65,6 +68,7 @@ def solve(design: Design) -> Statics:
     (ends, top) = _end_heights(scene, balanced)
     wires = tuple(wire_loads(design, scene, balanced))
     turns = [rotation_vector(rotation - np.eye(3)) for rotation in pose.rotation]
+    bodies_heat, conducted = _heat(design)
     names = enumerate(scene.bodies.name, 1)
     stages = enumerate(design.stage, 1)
     return Statics(
@@ -82,7 +86,34 @@ def solve(design: Design) -> Statics:
         cavities=tuple(_cavities(design)),
         profiles=tuple(_profiles(design)),
         weights=_weigh_wires(design, scene, wires),
+        temperatures=bodies_heat,
+        heat=conducted,
     )
+
+
+def _heat(design: Design) -> tuple[tuple[BodyHeat, ...], tuple[ConductedHeat, ...]]:
+    """Temperatures of bodies and the heat that is conducted between them, with `[heat]`."""
+    flow = heat_flow.solve(as_in_file(design))
+    if flow is None or design.heat is None:
+        return (), ()
+    removed = dict.fromkeys(design.heat.held, 0.0)
+    conducted: list[ConductedHeat] = []
+    for one in flow.conductors:
+        power = flow.power(one)
+        first, second = one.ends
+        for name, gained in ((first, -power), (second, power)):
+            if name in removed:
+                removed[name] += gained
+        warm, cold = (first, second) if power >= 0 else (second, first)
+        high = flow.temperature[warm]
+        low = flow.temperature[cold]
+        conducted.append(ConductedHeat(one.label, warm, cold, abs(power), high, low))
+    names = dict.fromkeys(name for one in flow.conductors for name in one.ends)
+    bodies = (
+        BodyHeat(name, flow.temperature[name], flow.absorbed.get(name, 0.0), removed.get(name))
+        for name in names
+    )
+    return tuple(bodies), tuple(conducted)
 
 
 def _vector(values: np.ndarray) -> Vector:

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from suspension_cli.design import materials
-from suspension_cli.design.derive import mean_temperature
 from suspension_cli.design.materials import Bulk, Thermoelastic
 from suspension_cli.design.schema import Design, Stage
-from suspension_cli.design.wires import EndTemperatures, WireSet, stretches
+from suspension_cli.design.wires import WireSet, list_temperatures, stretches
 from suspension_cli.errors import Fault
 from suspension_cli.models import registry
 
@@ -45,7 +44,7 @@ def list_uses(design: Design) -> Iterator[Use]:
         for blade in stage.blade_tables:
             if blade.made_of is not None:
                 part = f"{stage.name}.{getattr(blade, 'name', 'blades')}"
-                temperature = mean_temperature(design, blade)
+                temperature = blade.temperature or ambient
                 by_itself = blade.loss_angle is None
                 shaped = blade.geometry is not None
                 yield Use(blade.made_of, temperature, part, by_itself, stiffness=shaped)
@@ -62,16 +61,14 @@ def list_uses(design: Design) -> Iterator[Use]:
 
 
 def _wires(design: Design, stage: Stage) -> Iterator[Use]:
-    """List the materials of the wires of a stage, at both ends if these differ."""
+    """List the materials of the wires of a stage, where coldest and where warmest."""
     for number, wire in enumerate(stage.wire_tables, 1):
         part = f"{stage.name}.{'wires' if isinstance(wire, WireSet) else number}"
-        given = wire.temperature
-        ends = {mean_temperature(design, wire)}
-        if isinstance(given, EndTemperatures):
-            ends = {given.upper, given.lower}
+        along = [kelvin for _, kelvin in list_temperatures(wire)]
+        along = along or [design.constants.temperature]
         names = [wire.material, *(piece.material for piece in stretches(wire, 1.0))]
         for name in dict.fromkeys(name for name in names if name is not None):
-            for temperature in sorted(ends):
+            for temperature in sorted({min(along), max(along)}):
                 yield Use(name, temperature, part)
 
 
@@ -109,6 +106,8 @@ def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str
     if bends and Bulk.of(material, None) is not None and any(use.bulk for use in uses):
         has_surface = material.loss is not None and material.loss.surface_depth
         needed["loss"] = "bulk and surface loss" if has_surface else "bulk loss"
+    if design.heat is not None:
+        needed.setdefault("thermal_conductivity", "conducted heat")
     return needed
 
 

@@ -11,14 +11,13 @@ import numpy as np
 from suspension_cli.design import materials
 from suspension_cli.design.derive import (
     gravity_strength,
-    mean_temperature,
     part_loss,
     wire_signs,
 )
 from suspension_cli.design.links import Link
 from suspension_cli.design.materials import (
     Bulk,
-    MaterialAtTemperature,
+    Material,
     Mechanism,
     at_temperature,
     mechanisms_of,
@@ -27,7 +26,6 @@ from suspension_cli.design.schema import Design, Spring
 from suspension_cli.design.wires import (
     AnyBlade,
     Clamp,
-    EndTemperatures,
     Stretch,
     Wire,
     WireSet,
@@ -91,7 +89,6 @@ def compose(design: Design) -> Fibres:
 
 def _fibres(design: Design, table: WireSet | Wire, lines: Sequence[Row]) -> Iterator[Fibre]:
     """Compose the wires of one table."""
-    at = table.temperature or design.constants.temperature
     length = table.l if isinstance(table, WireSet) else table.natural_length or lines[0]["length"]
     sections = _sections(design, table, length)
     moments = lines[0]["mass"]
@@ -104,22 +101,21 @@ def _fibres(design: Design, table: WireSet | Wire, lines: Sequence[Row]) -> Iter
             sections=sections,
             plane=_plane(direction),
             clamp=_clamp(number, table, direction),
-            temperature=(at.upper, at.lower) if isinstance(at, EndTemperatures) else (at, at),
             effective=table.clamp == "bending-point",
         )
 
 
 def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Section, ...]:
     """Sections of a wire of a length (m); a given k scales their stretching stiffness."""
-    made: dict[str, tuple[MaterialAtTemperature, tuple[Mechanism, ...]]] = {}
+    made: dict[str, tuple[Material, tuple[Mechanism, ...]]] = {}
     sections = []
-    temperature = mean_temperature(design, table)
     for piece in stretches(table, length):
         name = piece.material or ""
         if name not in made:
             own = materials.look_up(design, name)
-            made[name] = at_temperature(own, temperature), mechanisms_of(own, table)
-        sections.append(_section(piece, *made[name]))
+            made[name] = own, mechanisms_of(own, table)
+        temperature = piece.temperature or design.constants.temperature
+        sections.append(_section(piece, *made[name], temperature))
     along = 1.0
     if table.k is not None:
         along = table.k * sum(own.length / own.stretching for own in sections)
@@ -146,11 +142,11 @@ def _weighed(
 
 
 def _section(
-    piece: Stretch, material: MaterialAtTemperature, losses: tuple[Mechanism, ...]
+    piece: Stretch, material: Material, losses: tuple[Mechanism, ...], temperature: float
 ) -> Section:
-    """Compute the stiffnesses of one stretch of wire."""
+    """Compute the stiffnesses of one stretch of wire at a temperature (K)."""
     poisson = material.poisson_ratio
-    modulus = material.youngs_modulus
+    modulus = at_temperature(material, temperature).youngs_modulus
     density = material.density or 0.0
     assert modulus is not None  # known for all wires (`explain_unsuitable`)
     shear = modulus / (2 * (1 + (POISSON if poisson is None else poisson)))
@@ -166,6 +162,7 @@ def _section(
         polar=density * polar,
         shape=shape,
         losses=losses,
+        temperature=temperature,
     )
 
 

@@ -41,6 +41,7 @@ class Section:
     polar: float  # moment of inertia per length, kg m
     shape: CrossSection
     losses: tuple[Mechanism, ...]
+    temperature: float  # K
     torsion_factor: float = 1.0  # on G J + T I_p/A, where the torsional stiffness is given
     tension_offset: float = 0.0  # of its middle from that of the wire, due to its weight, N
 
@@ -63,7 +64,6 @@ class Fibre:
     sections: tuple[Section, ...]  # from the upper to the lower end
     plane: Array  # unit vector across the nominal wire in the first principal plane
     clamp: tuple[Array, Array]  # unit vectors down the wire at its upper and lower clamp
-    temperature: tuple[float, float]  # at the upper and the lower end, K
     effective: bool = False  # whether the ends are bending points, with the clamps beyond them
 
 

@@ -99,6 +99,8 @@ DEPENDS = {
     "RequiredQuantity": "at_least at_most",
     "Spring": "stiffness damping preload",
     "StiffnessTable": "real imaginary static",
+    "Wire": "temperature",
+    "WireSet": "temperature",
 }
 """Numbers whose unit depends on other keys."""
 

@@ -154,11 +154,10 @@ radius = 1e-4
         (60.0, "", 2.75e11),
         (300.0, "", 2e11),
         (300.0, "temperature = 100.0", 2.5e11),
-        (20.0, "temperature = { upper = 300.0, lower = 100.0 }", 2.25e11),
     ],
 )
 def test_wires_have_the_modulus_of_their_temperature(ambient, more, modulus):
-    """Stretching, bending and the spring constant; of two ends the mean."""
+    """Stretching, bending and the spring constant."""
     design = single(TEXT.format(ambient=ambient, more=more))
     section = compose(design).wire[0].sections[0]
     area = math.pi * 1e-8
@@ -167,6 +166,19 @@ def test_wires_have_the_modulus_of_their_temperature(ambient, more, modulus):
     wires = design.stage[0].wires
     assert wires is not None
     assert derive.wire_stiffness(design, wires, 0.3) == pytest.approx(modulus * area / 0.3)
+
+
+@pytest.mark.parametrize("given", ["{ upper = 300.0, lower = 100.0 }", "[[0, 300], [1, 100]]"])
+def test_stiffness_of_a_wire_whose_modulus_changes_along_it(given):
+    """E falls linearly with T, T linearly along it: 1/k = l ln(E_2/E_1) / (A (E_2 - E_1))."""
+    design = single(TEXT.format(ambient=20.0, more=f"temperature = {given}"))
+    wires = design.stage[0].wires
+    assert wires is not None
+    expected = math.pi * 1e-8 * (2.5e11 - 2e11) / math.log(2.5 / 2) / 0.3
+    assert derive.wire_stiffness(design, wires, 0.3) == pytest.approx(expected, rel=1e-4)
+    sections = compose(design).wire[0].sections
+    assert sections[0].rigidity[0] == pytest.approx(2e11 * math.pi * 1e-16 / 4, rel=1e-3)
+    assert sections[-1].rigidity[0] == pytest.approx(2.5e11 * math.pi * 1e-16 / 4, rel=1e-3)
 
 
 def test_a_table_in_the_wrong_unit_is_refused():

@@ -41,7 +41,7 @@ def integrals(one, angle, drag, omega):
 
 def dissipated(one, omega):
     found = one.at(np.array([omega]))["bend-1"].dissipated((SPLIT @ MOTIONS.T)[..., None])
-    return {cause: value[:, 0] for cause, value in found.items()}
+    return {cause: value[:, 0] for (cause, _), value in found.items()}
 
 
 @pytest.mark.parametrize("omega", [0.1, 300.0, 2e4])

@@ -29,10 +29,10 @@ def strand(rows, tension=TENSION, angle=0.0, *, massive=True, lossy=True, surrou
     do not have), mass per length and length of each."""
     losses, nowhere = (Bulk(angle),) if angle else (), np.zeros(3)
     sections = tuple(
-        Section(length, (ei, 2 * ei), STRETCHING, 1e-3, mass, 1e-10, SHAPE, losses)
+        Section(length, (ei, 2 * ei), STRETCHING, 1e-3, mass, 1e-10, SHAPE, losses, 290.0)
         for ei, mass, length in rows
     )
-    fibre = Fibre("", sections, nowhere, (nowhere, nowhere), (290.0, 290.0))
+    fibre = Fibre("", sections, nowhere, (nowhere, nowhere))
     return TautWire(fibre, tension, massive, lossy and bool(angle), surrounded)
 
 

@@ -36,7 +36,7 @@ OMEGA = np.concatenate([[0.0], 2 * np.pi * np.logspace(-3, 5, 33)])
 
 
 def section(shape: CrossSection, losses: tuple[Mechanism, ...]) -> Section:
-    return Section(1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, shape, losses)
+    return Section(1.0, (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, shape, losses, 290.0)
 
 
 def wire(losses: tuple[Mechanism, ...] = SILICA) -> Section:

@@ -12,7 +12,7 @@ from suspension_cli.errors import escape_unprintable
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.solve import Check
     from suspension_cli.design.bodies import Point
-    from suspension_cli.physics.loads import LinkLoad
+    from suspension_cli.physics.loads import ConductedHeat, LinkLoad
 
 
 class CheckAnalysis(Analysis):
@@ -86,7 +86,7 @@ class CheckAnalysis(Analysis):
         }
         for name in ("lowest", "wires", "blades", "bodies"):
             document[name] = list_documents(getattr(loads, name))
-        for name in ("links", "legs", "filters", "cavities", "profiles"):
+        for name in ("links", "legs", "filters", "cavities", "profiles", "temperatures", "heat"):
             if parts := getattr(loads, name):
                 key = "inverted_pendulums" if name == "legs" else name
                 document[key] = list_documents(parts)
@@ -120,6 +120,8 @@ class CheckAnalysis(Analysis):
         tabulated = (loads.wires, loads.blades, loads.legs, loads.filters, loads.cavities)
         lines += [render(parts) for parts in tabulated if parts]
         lines += _link_tables(loads.links)
+        if loads.temperatures:
+            lines += [render(loads.temperatures), _heat_table(loads.heat)]
         if result.weights is not None and result.weights.line:
             lines.append(f"  {result.weights.line}")
         lines += [
@@ -188,6 +190,14 @@ def _link_tables(links: Sequence[LinkLoad]) -> list[str]:
         rows = [(link.label, " - ".join(link.between), *link.damping) for link in viscous]
         made.append(tables.render({"damper": "", "between": ""} | per, rows))
     return made
+
+
+def _heat_table(conducted: Sequence[ConductedHeat]) -> str:
+    """Table of the heat that wires and links conduct."""
+    heads = {"conductor": "", "from": "", "to": "", "heat\nW": ".4g", "from\nK": ".3f"}
+    heads |= {"to\nK": ".3f"}
+    rows = [(one.label, one.warm, one.cold, one.power, one.high, one.low) for one in conducted]
+    return tables.render(heads, rows)
 
 
 def _milli(vector: tuple[float, ...]) -> str:

@@ -51,7 +51,7 @@ def test_the_truth_lies_in_the_95_percent_region_and_wrong_channels_are_found():
         found = trials.spoil(given, *wrong).fit()
         assert trials.is_found(found.responses.corrections, *wrong), (seed, found.responses)
         (channel,) = findings.document(found, [None])["wrong_channels"]
-        assert channel["kind"] == wrong[0] and channel["channels"] == [wrong[2][0]]
+        assert channel["kind"] == wrong[0] and list(channel["channels"]) == [wrong[2][0]]
         distances.append(trials.distance(found, true))
     assert sum(d < stats.chi2(6).ppf(0.95) for d in distances) >= 3
     assert stats.kstest(distances, stats.chi2(6).cdf).pvalue > 0.02

@@ -96,7 +96,7 @@ def test_ends_of_two_temperatures_have_their_own_properties():
     text = TEXT.replace("{ angle = 0.0 }", "{ angle = 0.0 }\nyoungs_modulus = 1.56e11")
     parts = {}
     for name, given in (
-        ("both", "{ upper = 20.0, lower = 290.0 }"),
+        ("both", "[[0.0, 20.0], [0.4, 20.0], [0.6, 290.0], [1.0, 290.0]]"),
         ("cold", "20.0"),
         ("warm", "290.0"),
     ):
@@ -107,6 +107,42 @@ def test_ends_of_two_temperatures_have_their_own_properties():
         parts[name] = {key: value[0] for key, value in found.motions[0].parts.items()}
     for end, like in (("test.bending-upper", "cold"), ("test.bending-lower", "warm")):
         assert parts["both"][end] == pytest.approx(parts[like][end], rel=1e-6)
+
+
+def test_a_gradient_along_the_wire():
+    """A mass that does not turn, with one loss angle: the energy of bending falls as exp(-2 q s)
+    from either clamp, q = sqrt(T/(E I)), so the mean temperature of the upper end is that of the
+    clamp and 1/(2 q L) of the whole difference; that of both ends is the mean of both clamps. The
+    stiffness is T/(L - 2/q), each end adds phi T/(2 q (L - 2/q)^2) to its imaginary part."""
+    text = TEXT.replace("{ angle = 0.0 }", "{ angle = 1e-6, thermoelastic = false }")
+    text = text.replace("[materials.silicon]", "[materials.silicon]\nyoungs_modulus = 1.56e11")
+    noise = {}
+    for name, given in (("mean", "155.0"), ("gradient", "{ upper = 20.0, lower = 290.0 }")):
+        design = sus.parse(f"{text}\ntemperature = {given}\n")
+        found = sus.thermal(design, frequency=[3.0, 12.0], outputs=["test.x"], fidelity="beam")
+        noise[name] = found.motions[0]
+    np.testing.assert_allclose(noise["gradient"].amplitude, noise["mean"].amplitude, rtol=1e-3)
+    rigidity = 1.56e11 * math.pi * RADIUS**4 / 4
+    tension = MASS * 9.81 / 4
+    bend = math.sqrt(rigidity / tension)
+    omega = 2 * math.pi * np.array([3.0, 12.0])
+    free = LENGTH - 2 * bend
+    lossy = 1e-6 * 4 * tension * bend / free**2
+    power = 4 * BOLTZMANN * 155 * lossy / omega / (4 * tension / free - MASS * omega**2) ** 2
+    np.testing.assert_allclose(noise["gradient"].amplitude, np.sqrt(power), rtol=5e-3)
+    share = math.sqrt(rigidity / (MASS * 9.81 / 4)) / (2 * LENGTH)
+    for end, kelvin in (("upper", 20 + 270 * share), ("lower", 290 - 270 * share)):
+        source = f"test.bending-{end}"
+        ratio = (noise["gradient"].parts[source] / noise["mean"].parts[source]) ** 2
+        np.testing.assert_allclose(ratio, kelvin / 155, rtol=3e-3)
+
+
+def test_one_temperature_however_it_is_given():
+    amplitudes = []
+    for given in ("77.0", "{ upper = 77.0, lower = 77.0 }", "[[0, 77], [0.3, 77], [1, 77]]"):
+        found = sus.thermal(sus.parse(f"{TEXT}\ntemperature = {given}\n"), frequency=[1.0, 30.0])
+        amplitudes.append(found.amplitude.tolist())
+    assert amplitudes[0] == amplitudes[1] == amplitudes[2]
 
 
 def answer(tmp_path, text, *args):

@@ -166,14 +166,15 @@ def test_temperatures():
         for name in ("fused-silica", "c70steel", "maraging")
     }
     warm = copy.deepcopy(cold)
-    warm["stage"][-1]["wires"]["temperature"] = {"upper": 100.0, "lower": 200.0}
+    step = [[0.0, 100.0], [0.45, 100.0], [0.55, 200.0], [1.0, 200.0]]
+    warm["stage"][-1]["wires"]["temperature"] = step
     before, after = (noise(model_of(given), "test.x") for given in (cold, warm))
     for source, part in before.parts.items():
-        if source != "test.stretching":  # at the mean of both ends
+        if source != "test.stretching":  # at the temperatures of the whole wire
             np.testing.assert_allclose(
                 after.parts[source],
                 part * (math.sqrt(2) if source == "test.bending-lower" else 1),
-                rtol=1e-9,
+                rtol=5e-3,  # violin modes bend the middle too
             )
 
 
