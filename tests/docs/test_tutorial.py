@@ -58,6 +58,7 @@ COMMANDS = {
     "diagnosis": {"response", "fit", "compare"},
     "finesse": set(),
     "quadruple": {"new", "thermal", "modes"},
+    "thermal": {"check"},
     "tolerance": {"tolerance"},
     "tower": {"check", "modes", "response", "budget"},
     "triple": {"new", "modes", "sweep", "thermal"},
