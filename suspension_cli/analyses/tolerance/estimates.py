@@ -156,13 +156,14 @@ def yields_of(means: Means) -> list[Yield]:
     columns = means.value, means.error, means.plain
     for value, error, plain in zip(*(column.tolist() for column in columns), strict=True):
         met = plain * means.known
-        if not means.is_controlled or not FEW <= met <= means.known - FEW:
+        has_enough = FEW <= met <= means.known - FEW
+        # a fit that says 0 or 1 contradicts the builds
+        if not (means.is_controlled and has_enough and 0 < value < 1):
             found.append(Yield.of("", plain, means.known))
             continue
         # one build about which the fit is wrong, beside those that there were
         variance = error**2 + 1 / means.known**2
-        fraction = min(max(value, 0.0), 1.0)
-        found.append(Yield.of("", fraction, fraction * (1 - fraction) / variance))
+        found.append(Yield.of("", value, value * (1 - value) / variance))
     return found
 
 

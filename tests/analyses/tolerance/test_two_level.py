@@ -18,7 +18,12 @@ from suspension_cli.analyses.tolerance.estimates import (
     Statistics,
     yields_of,
 )
-from suspension_cli.analyses.tolerance.two_level import Population, estimate_means, fit_halves
+from suspension_cli.analyses.tolerance.two_level import (
+    Means,
+    Population,
+    estimate_means,
+    fit_halves,
+)
 
 SLOPES = np.array([0.6, 0.5, -0.4, 0.48])
 """Of a linear function of four normal numbers, whose variance is then nearly 1."""
@@ -160,6 +165,18 @@ def test_yields_without_failures_have_the_interval_of_the_builds(few_points):
         expected = stats.binomtest(count, 900).proportion_ci(method="wilson")
         assert one.interval == pytest.approx(tuple(expected), abs=1e-12)
         assert one.error > 0.4 / 900
+
+
+def test_yields_that_a_fit_moves_out_of_range_are_those_of_the_builds():
+    """Ten builds of a million meet a requirement, and a fit says that fewer than none do."""
+    count = 1_000_000
+    plain = np.array([10.0, count - 10.0]) / count
+    means = Means(np.array([-1e-9, 1 + 1e-9]), np.full(2, 1e-6), plain, count, is_controlled=True)
+    for one, fraction in zip(yields_of(means), plain, strict=True):
+        expected = stats.binomtest(round(fraction * count), count).proportion_ci(method="wilson")
+        assert one.fraction == fraction
+        assert one.interval == pytest.approx(tuple(expected), abs=1e-12)
+        assert one.error > 0
 
 
 @pytest.mark.parametrize(("met", "count"), [(0, 1), (1, 1), (3, 7), (999, 1000), (50, 100)])
