@@ -11,7 +11,7 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import integrate, stats
 
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.tolerance.build_statistics import strongest, unit_ranks
@@ -95,10 +95,22 @@ def test_distributions(kind):
         assert column.std() == pytest.approx(expected.std(), rel=0.01)
         low, high = expected.support()
         assert low - 1e-18 <= column.min() <= column.max() <= high + 1e-18
+    exact = sampling.standard_deviations(scattering(spread))
+    np.testing.assert_allclose(exact, expected.std(), rtol=1e-6)
     correlation = np.corrcoef(
         np.concatenate([drawn.T, drawn.T[:, ::-1], np.roll(drawn, 1, axis=0).T])
     )
     assert np.abs(correlation - np.eye(9)).max() < 5 / np.sqrt(count)
+
+
+@pytest.mark.parametrize("cut", [1e-6, 0.999e-3, 1.001e-3, 0.1, 1.0, 30.0])
+def test_standard_deviations_of_cut_distributions(cut):
+    """From the integral of the density, without the difference of nearly equal numbers."""
+    x = np.linspace(-cut, cut, 200_001)
+    density = np.exp(-(x**2) / 2)
+    expected = 2e-3 * np.sqrt(integrate.simpson(x**2 * density, x) / integrate.simpson(density, x))
+    chosen = scattering(Distribution(normal=2e-3, truncate=2e-3 * cut))
+    assert sampling.standard_deviations(chosen)[0] == pytest.approx(expected, rel=1e-7)
 
 
 def test_the_ends_of_the_uniform_numbers():
