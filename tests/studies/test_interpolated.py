@@ -136,12 +136,11 @@ def test_maps_of_poses_loads_and_modes_are_those_of_all_points(level):
 
 def test_a_result_that_is_not_analytic_has_every_point_solved():
     design = sus.example("husman2000/table1-case3")
-    numbers = np.linspace(0.4, 0.5, 200).tolist()
+    numbers = np.linspace(0.4, 0.5, 40).tolist()
     asked = {"vary": {"stage.test.wires.l": numbers}, "fidelity": "string"}
     assert sus.sweep(design, results=["test height"], **asked).interpolation
     noisy = ["test height", "thermal test.x:10"]
-    few = {"vary": {"stage.test.wires.l": numbers[::20]}}
-    assert sus.sweep(design, results=noisy, **few).interpolation is None
+    assert sus.sweep(design, results=noisy, **asked).interpolation is None
 
 
 @pytest.mark.parametrize("seed", [3, 101, 104])
