@@ -16,8 +16,8 @@ control variates", Monte Carlo and Quasi-Monte Carlo Methods 2000, Springer (200
 "Monte Carlo theory, methods and examples" (2013), section 8.9.)
 
 Mean and variance of a fit are known exactly. Each batch of cheap points is shifted and scaled to
-them, which divides the variance of E |f| by 8 and leaves a bias of the order of 1 in the number of
-points of a batch. The scatter between batches gives the standard error of E h(f).
+them, which divides the variance of the mean of |f| by 8 and leaves a bias of the order of 1/n, for
+n points in a batch. The scatter between batches gives the standard error of E h(f).
 
 Builds without a value (NaN, or failed) count with h - theta = 0, where theta is the mean over the
 others, and all errors are divided by the fraction of builds with a value: to first order that is
