@@ -45,8 +45,8 @@ def find_extremes(
     known = np.asarray(np.isfinite(flat).any(1))
     beside = [pair[:, known[pair[0]] != known[pair[1]]] for pair in _neighbours(shape)]
     pairs = np.concatenate([np.zeros((2, 0), dtype=int), *beside], axis=1)
-    count = pairs.shape[1]
-    some = pairs[:, np.linspace(0, count - 1, min(FAILED, count)).astype(int)]
+    last = pairs.shape[1] - 1
+    some = pairs[:, np.linspace(0, last, min(FAILED, last + 1)).astype(int)]
     return np.unique(np.array([*ranked[:most], *some.ravel()], dtype=int))
 
 
