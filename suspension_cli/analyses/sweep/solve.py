@@ -378,7 +378,8 @@ class Sweep(Record):
     at_least, at_most, of_magnitude
         Their limits, infinite where there is none, and whether these are limits of the magnitude.
     interpolation
-        At how many points a map was computed, and how well it was checked; None if at all.
+        At how many points a map was computed, and how well it was checked; None if every point was
+        solved.
     margin, met
         Distance of each point from the nearer limit (`requirements.Requirement.margin`), and
         whether it meets it; points without a value do not.

@@ -108,8 +108,8 @@ class Tolerance(Record):
     coupling_frequency, input, over_signal, under_signal
         The cross-coupling.
     limit, fraction_under_limit, fraction_under_limit_interval, fraction_under_limit_error
-        Limit on the cross-coupling, and the fraction of the builds that hang with a smaller one,
-        with its 95 % confidence interval and its standard error.
+        Limit on the cross-coupling, and the fraction with a smaller one among the builds that hang
+        and have one, with its 95 % confidence interval and its standard error.
     precision, largest_error, largest_error_of
         The standard error that was asked for (0: none); the largest one of the coupling, of
         quantities with requirements and of those asked for, over the spread of each, or of a yield;

@@ -194,7 +194,8 @@ class Coupling(Record):
     residual, slack_wire
         As in `studies.builds.Builds`; the residual is NaN in interpolated maps.
     interpolation
-        At how many points a map was computed, and how well it was checked; None if at all.
+        At how many points a map was computed, and how well it was checked; None if every point was
+        solved.
     """
 
     in_json: ClassVar = Layout(
