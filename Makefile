@@ -68,7 +68,7 @@ thermal: $(READY) ## thermal noise of a triple with a fused-silica final stage
 stability: $(READY) ## where methods fail, and that ours does not
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.atlas
 
-tradeoff: $(READY) ## speed against accuracy of every model, and of methods for a response (six minutes)
+tradeoff: $(READY) ## speed against accuracy of models, methods, maps and random builds (six minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.tradeoff
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.many_designs
 

@@ -64,11 +64,10 @@ TYPES = {
 """Tables of the file format, by name."""
 USUAL = {
     *("overrides", "out", "stem", "fidelity", "as_json", "as_csv", "plot", "picture_format"),
-    *("quiet", "verbose"),
+    *("quiet", "verbose", "watch"),
 }
 """Parameters of most analyses, whose options the head of docs/commands.md explains once."""
 SHARED = USUAL | {
-    "watch",
     *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume"),
 }
 """These, and those of several commands, which the head explains too."""

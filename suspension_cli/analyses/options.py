@@ -119,11 +119,11 @@ def frequencies(
 
 def argument(name: str, **how: Any) -> click.Argument:
     """Declare an argument of an analysis, the name of a file, as `click.argument` does."""
-    how.setdefault("shell_complete", _complete_file)
+    how.setdefault("shell_complete", complete_file)
     return click.Argument([name], **how)
 
 
-def _complete_file(_ctx: click.Context, _param: object, incomplete: str) -> list[CompletionItem]:
+def complete_file(_ctx: click.Context, _param: object, incomplete: str) -> list[CompletionItem]:
     """Let the shell list files."""
     return [CompletionItem(incomplete, type="file")]
 

@@ -79,8 +79,8 @@ def new(
 
 
 @click.command("import")
-@click.argument("source")
-@click.argument("file", required=False)
+@click.argument("source", shell_complete=options.complete_file)
+@click.argument("file", required=False, shell_complete=options.complete_file)
 @NAMED
 @click.option("--reference", metavar="TEXT", default="", help="Where SOURCE comes from.")
 @click.option(

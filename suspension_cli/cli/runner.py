@@ -67,7 +67,6 @@ def start(analysis: Analysis, ctx: click.Context) -> None:
 
     given = [ctx.params[str(param.name)] for param in analysis.arguments]
     files = [name for one in given for name in ([one] if isinstance(one, str) else one or ())]
-
     for file in files:
         if not Path(file).is_file():
             problem = "waits for files that are saved, and this is none"
@@ -78,7 +77,9 @@ def start(analysis: Analysis, ctx: click.Context) -> None:
         ctx.params["quiet"] = True  # which files are written is known from now on
         return [result.document() for result in results]
 
-    watching.watch(files, compute, watching.changed_files)
+    # JSON alone is on stdout
+    put = terminal.tell if ctx.params.get("as_json") else terminal.put
+    watching.watch(files, compute, watching.changed_files, put)
 
 
 def run(analysis: Analysis, ctx: click.Context) -> list[Any]:

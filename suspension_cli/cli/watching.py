@@ -13,32 +13,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from suspension_cli.cli.terminal import put, tell
+from suspension_cli.cli.terminal import tell
 from suspension_cli.errors import PendsusError
-
-Document = dict[str, Any]
-"""The JSON document of a result."""
+from suspension_cli.files.documents import ENDINGS, Document
 
 Wait = Callable[[list[Path]], Iterator[object]]
 """Makes an iterator that yields after each save of one of some files."""
 
-NAMES = ("label", "name", "stage", "quantity", "output", "state", "path", "loop", "mode", "text")
+NAMES = (
+    *("label", "name", "wire", "blade", "body", "cavity", "between", "stage", "limit"),
+    *("quantity", "output", "state", "path", "loop", "mode", "text"),
+)
 """Keys of a document whose text names an item of a list, in the order of preference."""
-UNITS = {
-    "hz": "Hz",
-    "m": "m",
-    "mm": "mm",
-    "n": "N",
-    "pa": "Pa",
-    "s": "s",
-    "kg": "kg",
-    "rad": "rad",
-    "db": "dB",
-    "deg": "deg",
-}
+UNITS = {end.removeprefix("_"): unit for unit, end in ENDINGS.items()}
+UNITS |= {"m": "m", "mm": "mm", "n": "N", "pa": "Pa", "kg": "kg", "k": "K", "w": "W"}
+UNITS |= {"db": "dB", "deg": "deg", "n_per_m": "N/m", "n_m_per_rad": "N m/rad"}
+UNITS |= {"m_per_rad": "m/rad", "n_per_k": "N/K", "m_per_k": "m/K"}
 """Units by the ends of the names of keys."""
-ROUNDING = ("residual",)
-"""Keys of numbers that are rounding errors."""
+NOISE = ("residual", "time_s")
+"""Keys of numbers that differ from run to run: rounding errors, times of computations."""
 NOTABLE = 1e-4
 """Relative change from which a number is listed: one in the fourth digit."""
 MOST = 24
@@ -49,7 +42,12 @@ QUIET_TIME = 100
 """Time, ms, without a further change after which files are read: editors save in steps."""
 
 
-def watch(files: Sequence[str], compute: Callable[[], list[Document]], wait: Wait) -> None:
+def watch(
+    files: Sequence[str],
+    compute: Callable[[], list[Document]],
+    wait: Wait,
+    put: Callable[[str], None],
+) -> None:
     """Compute, and again after each save of a file, until Ctrl-C.
 
     Parameters
@@ -59,14 +57,16 @@ def watch(files: Sequence[str], compute: Callable[[], list[Document]], wait: Wai
     compute
         Computes, prints, and returns the documents of the results.
     wait
-        Waits for a change of one of the paths that a function gives; see `changed_files`.
+        Waits for a save of one of the paths of a list; see `changed_files`.
+    put
+        Prints a line of what changed.
     """
     last: dict[str, Document] = {}
     watched = list_files(files)
     saves = wait(watched)
     try:
         while True:
-            last = _compute_once(compute, last)
+            last = _compute_once(compute, last, put)
             watched[:] = list_files(files)
             names = ", ".join(path.name for path in watched)
             tell(f"watching {names}; Ctrl-C ends it")
@@ -76,7 +76,9 @@ def watch(files: Sequence[str], compute: Callable[[], list[Document]], wait: Wai
 
 
 def _compute_once(
-    compute: Callable[[], list[Document]], last: dict[str, Document]
+    compute: Callable[[], list[Document]],
+    last: dict[str, Document],
+    put: Callable[[str], None],
 ) -> dict[str, Document]:
     """Compute and print what changed; after a fault the last results stay."""
     try:
@@ -87,7 +89,8 @@ def _compute_once(
     found = {document["design"]: document for document in documents}
     for name, document in found.items():
         if name in last:
-            put(describe_changes(last[name], document))
+            for line in describe_changes(last[name], document).splitlines():
+                put(line)
     return found
 
 
@@ -242,7 +245,7 @@ def _numbers(value: Any, item: str = "", key: str = "") -> Iterator[tuple[Key, f
     """Numbers of a document."""
     if isinstance(value, dict):
         for inner, one in value.items():
-            if inner not in ROUNDING:
+            if inner not in NOISE:
                 yield from _numbers(one, item, inner)
     elif isinstance(value, list):
         if not _is_array(value):
@@ -294,7 +297,7 @@ def _name_of(value: object) -> str:
 
 def _split_unit(key: str) -> tuple[str, str]:
     """Words and unit of a key: ``frequency_hz`` is a frequency in Hz."""
-    words = key.split("_")
-    if len(words) > 1 and words[-1] in UNITS:
-        return " ".join(words[:-1]), UNITS[words[-1]]
-    return " ".join(words), ""
+    for end in sorted(UNITS, key=len, reverse=True):
+        if key.endswith(f"_{end}"):
+            return key.removesuffix(f"_{end}").replace("_", " "), UNITS[end]
+    return key.replace("_", " "), ""

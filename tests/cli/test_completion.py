@@ -32,6 +32,7 @@ def test_files_and_folders_are_left_to_the_shell():
     assert offered("optimise", DOUBLE, "goals/") == ["file"]
     assert offered("modes", DOUBLE, "--out", "") == ["dir"]
     assert offered("response", DOUBLE, "--measured", "") == ["file"]
+    assert offered("import", "") == offered("import", "ifo.yaml", "") == ["file"]
 
 
 def test_paths_of_the_design():

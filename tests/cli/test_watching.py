@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 
 import pytest
@@ -61,6 +62,16 @@ def test_nothing_changed(design, tmp_path, monkeypatch):
     assert "changed: nothing by more than 0.01 %" in result.stdout
 
 
+def test_json_stays_alone_on_stdout(design, monkeypatch):
+    longer = design.read_text().replace(LENGTH, "l = 0.35 ")
+    saving(monkeypatch, design, longer)
+    result = run("check", design, "--watch", "--json")
+    assert result.exit_code == 0, result.stderr
+    documents = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [one["command"] for one in documents] == ["check", "check"]
+    assert "\nchanged: upper.1: tension" in result.stderr
+
+
 def test_real_saves_are_seen(design):
     """Those of editors that write a new file and rename it, and what is saved before the wait."""
     watched = watching.list_files([str(design)])
@@ -106,6 +117,19 @@ def test_changes_of_documents():
         "changed: new: c",
     ]
     assert watching.describe_changes(new, old).splitlines()[-1] == "changed: gone: c"
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("decay_rate_per_s", "decay rate 1 -> 2 1/s"),
+        ("temperature_k", "temperature 1 -> 2 K"),
+        ("soft_n_m_per_rad", "soft 1 -> 2 N m/rad"),
+        ("mass", "mass 1 -> 2"),
+    ],
+)
+def test_units_of_changes(key, text):
+    assert watching.describe_changes({key: 1.0}, {key: 2.0}) == f"changed: {text}, +1e+02 %"
 
 
 def test_a_missing_file_is_not_waited_for(tmp_path):
