@@ -89,6 +89,24 @@ def test_little_heat_along_a_chain(held, power):
         assert flow.temperature[name] == pytest.approx(expected, rel=1e-12)
 
 
+def test_a_locked_stage_conducts_as_before():
+    """The profile below it is that of the design with all stages, and warnings name its wires."""
+    text = TEXT.format(conductivity=CUBIC, wires=ROUND)
+    lower = text[text.index("[[stage]]") :]
+    narrow = "{ temperature = [17.0, 300.0], values = [500.0, 400.0] }"
+    other = f"[materials.other]\nyoungs_modulus = 2e11\nthermal_conductivity = {narrow}\n"
+    upper = lower.replace('"mirror"', '"upper"').replace('"mine"', '"other"')
+    whole = sus.parse(text[: text.index("[[stage]]")] + other + upper + lower)
+    locked = whole.replace({"stage.upper.locked": True})
+    for change in ({}, {"heat.absorbed.mirror": 0.2}, {"stage.upper.wires.radius": 0.5e-3}):
+        design = whole.replace(change).design
+        (mirror,) = locked.replace(change).design.stage
+        assert mirror.wires.temperature == design.stage[1].wires.temperature
+    with pytest.warns(UserWarning, match=r"other: used at 16 K \(upper.wires\), .* conducted heat"):
+        found = sus.check(locked)
+    assert found.statics.heat[0].label == "upper.wires"
+
+
 def test_attachments_on_a_body_of_parts_are_from_its_origin():
     """Conductors are as long as what hangs, wherever the COM is."""
     raw = tomllib.loads(TEXT.format(conductivity="1000.0", wires=ROUND))
