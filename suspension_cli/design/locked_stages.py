@@ -16,6 +16,7 @@ from suspension_cli.conventions import BETWEEN, GROUND, SUPPORT
 from suspension_cli.design.control import Loop
 from suspension_cli.design.derive import (
     Point,
+    add_keystones,
     add_points,
     origin_positions,
     with_bodies_above,
@@ -76,11 +77,11 @@ def find_held(design: Design) -> list[str]:
 def check_locked(design: Design) -> Problems:
     """Check that a stage is free, and that what hangs from locked ones can hang from the support.
 
-    `design` has no other faults, and no keystones yet.
+    `design` has no faults of its tables, no keystones yet, and perhaps faults of `[heat]`.
     """
     if not any(stage.locked for stage in design.stage):
         return
-    whole = complete(design)
+    whole = add_keystones(design)
     held = find_held(whole)
     locked = {stage.name: stage.locked for stage in whole.stage}
     lowest = [stage.name for stage in whole.stage if stage.locked][-1]

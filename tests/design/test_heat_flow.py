@@ -46,6 +46,7 @@ material = "mine"
 """
 ROUND = "radius = 0.8e-3"
 """T^3 below 30 K, from two nodes."""
+SPRING_WIRES = {"count": 4, "l": LENGTH, "s": 0.1, "t1": 0.1, "t2": 0.1, "k": 1e6}
 CUBIC = "{ temperature = [3.0, 100.0], values = [2.7, 1e5] }"
 
 
@@ -105,6 +106,24 @@ def test_a_locked_stage_conducts_as_before():
     with pytest.warns(UserWarning, match=r"other: used at 16 K \(upper.wires\), .* conducted heat"):
         found = sus.check(locked)
     assert found.statics.heat[0].label == "upper.wires"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"heat.held": {"ground": 16.0}}, "lacks upper, from which no wire or link conducts"),
+        ({"stage.mirror.wires.material": "bare"}, "materials.bare.thermal_conductivity: missing"),
+        ({"stage.mirror.wires": SPRING_WIRES}, "stage.mirror.wires: conducts an unknown heat"),
+    ],
+)
+def test_faults_of_heat_beside_a_locked_stage(changes, words):
+    text = TEXT.format(conductivity="1000.0", wires=ROUND)
+    lower = text[text.index("[[stage]]") :]
+    bare = "[materials.bare]\nyoungs_modulus = 2e11\n"
+    design = sus.parse(text.replace('"mirror"', '"upper"') + bare + lower)
+    with pytest.raises(InputError) as caught:
+        design.replace(changes | {"stage.upper.locked": True})
+    assert words in str(caught.value)
 
 
 def test_attachments_on_a_body_of_parts_are_from_its_origin():
