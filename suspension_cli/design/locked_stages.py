@@ -21,7 +21,7 @@ from suspension_cli.design.derive import (
     origin_positions,
     with_bodies_above,
 )
-from suspension_cli.design.heat_flow import complete
+from suspension_cli.design.heat_flow import complete, reduce_to_file
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Problems
@@ -46,6 +46,11 @@ def spell_out(design: Design) -> Design:
 def as_in_file(design: Design) -> Design:
     """Undo the removal of locked stages by `spell_out`; keystones stay."""
     return design.in_file if isinstance(design, PartlyLocked) else design
+
+
+def undo(design: Design) -> Design:
+    """Undo all of `spell_out`: the design as the file gives it."""
+    return reduce_to_file(as_in_file(design))
 
 
 def locked_names(design: Design) -> list[str]:
