@@ -572,9 +572,10 @@ def _check_point(body: Body | None, point: Span, keys: list[str], what: str) -> 
     n = far.index(max(far))
     if far[n] > 1:
         about = "" if has_size else "about "
+        middle = "origin" if body.parts else "COM"
         problem = (
-            f"{what} {abs(point[n]):.3g} m from the COM, far outside the body (whose half along"
-            f" {'xyz'[n]} is {about}{halves[n]:.2g} m)"
+            f"{what} {abs(point[n]):.3g} m from the {middle}, far outside the body (whose half"
+            f" along {'xyz'[n]} is {about}{halves[n]:.2g} m)"
         )
         remedy = Plausible(limits[n], "").remedy(abs(point[n]), "m, as the body's size")
         yield keys[n], problem, remedy, format_value(point[n]), far[n] > SERIOUS

@@ -35,6 +35,8 @@ from suspension_cli.errors import Fault, InputError, suggest
 
 BALANCED = 1e-9
 """Heat that is left over in a body, over all that is conducted, below which it is rounding."""
+ROUNDING = 1e-13
+"""Relative error of temperatures that is rounding: it leaves heat over even where none flows."""
 EVEN = 1e-9
 """Relative difference of temperatures along a wire that is rounding."""
 
@@ -135,7 +137,7 @@ def _interpolate(conductivity: Property, upper: float, lower: float, part: float
 
 def list_conductors(design: Design) -> tuple[Conductor, ...]:
     """List the wires of stages, and the links made of a material, as conductors of heat."""
-    place = derive.com_positions(design)
+    place = derive.origin_positions(design)
     found: list[Conductor] = []
     for stage, above in derive.with_bodies_above(design):
         ends = (_body(design, above), _body(design, stage.name))
@@ -171,7 +173,7 @@ def _body(design: Design, name: str) -> str:
 
 
 def _length(wire: WireSet | Wire, above: derive.Point, body: derive.Point) -> float:
-    """Length of a wire between bodies whose COMs are at `above` and `body`, m."""
+    """Length of a wire between bodies whose origins are at `above` and `body`, m."""
     if isinstance(wire, WireSet):
         return wire.l
     upper = [a + b for a, b in zip(above, wire.upper, strict=True)]
@@ -315,6 +317,7 @@ def solve(design: Design) -> HeatFlow | None:
     solution: Sequence[float] = []
     if free:
         slope: Any = network.slope
+        never: Any = None  # by a gradient in W^2/K, which is small wherever little heat flows
         solution = least_squares(
             network.gained,
             [1.01 * max(heat.held.values())] * len(free),
@@ -323,18 +326,22 @@ def solve(design: Design) -> HeatFlow | None:
             x_scale="jac",
             xtol=1e-15,
             ftol=1e-15,
-            gtol=1e-15,
+            gtol=never,
             max_nfev=1000,
         ).x
     flow = HeatFlow(network.name(solution), heat.absorbed, conductors)
-    _demand_balance(flow, network.gained(solution))
+    _demand_balance(network, flow, network.gained(solution))
     return flow
 
 
-def _demand_balance(flow: HeatFlow, left: Sequence[float]) -> None:
+def _demand_balance(network: _Network, flow: HeatFlow, left: Sequence[float]) -> None:
     """Raise `InputError` if heat is left over."""
-    scale = sum(flow.absorbed.values()) + sum(abs(flow.power(one)) for one in flow.conductors)
-    if max(map(abs, left), default=0.0) > BALANCED * scale:
+    flowing = sum(flow.absorbed.values()) + sum(abs(flow.power(one)) for one in flow.conductors)
+    of_temperatures = 0.0
+    for conductance, conductivity, (first, _) in network.edges:
+        kelvin = flow.temperature[first]
+        of_temperatures += conductance * value_at(conductivity, kelvin) * kelvin
+    if max(map(abs, left), default=0.0) > BALANCED * flowing + ROUNDING * of_temperatures:
         problem = f"no temperatures up to {HOTTEST:g} K carry the heat away"
         remedy = "check the power in W, and the conductivity and cross-section of wires and links"
         raise InputError([Fault("heat.absorbed", problem, remedy)])

@@ -16,11 +16,12 @@ from suspension_cli.conventions import BETWEEN, GROUND, SUPPORT
 from suspension_cli.design.control import Loop
 from suspension_cli.design.derive import (
     Point,
+    add_keystones,
     add_points,
     origin_positions,
     with_bodies_above,
 )
-from suspension_cli.design.heat_flow import complete
+from suspension_cli.design.heat_flow import complete, reduce_to_file
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Problems
@@ -45,6 +46,11 @@ def spell_out(design: Design) -> Design:
 def as_in_file(design: Design) -> Design:
     """Undo the removal of locked stages by `spell_out`; keystones stay."""
     return design.in_file if isinstance(design, PartlyLocked) else design
+
+
+def undo(design: Design) -> Design:
+    """Undo all of `spell_out`: the design as the file gives it."""
+    return reduce_to_file(as_in_file(design))
 
 
 def locked_names(design: Design) -> list[str]:
@@ -76,11 +82,11 @@ def find_held(design: Design) -> list[str]:
 def check_locked(design: Design) -> Problems:
     """Check that a stage is free, and that what hangs from locked ones can hang from the support.
 
-    `design` has no other faults, and no keystones yet.
+    `design` has no faults of its tables, no keystones yet, and perhaps faults of `[heat]`.
     """
     if not any(stage.locked for stage in design.stage):
         return
-    whole = complete(design)
+    whole = add_keystones(design)
     held = find_held(whole)
     locked = {stage.name: stage.locked for stage in whole.stage}
     lowest = [stage.name for stage in whole.stage if stage.locked][-1]

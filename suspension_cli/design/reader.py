@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
-from suspension_cli.design.heat_flow import reduce_to_file
-from suspension_cli.design.locked_stages import as_in_file, spell_out, title_of
+from suspension_cli.design.locked_stages import spell_out, title_of, undo
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
@@ -167,7 +166,7 @@ class VariedDesign:
         """Parse and check a design from TOML text."""
         raw = _parse(text)
         insert_files(raw, Path(), of_links=False)
-        return VariedDesign(raw, reduce_to_file(as_in_file(convert(raw))).stage)
+        return VariedDesign(raw, undo(convert(raw)).stage)
 
     def at(self, values: Mapping[str, float]) -> Design:
         """The design with other numbers at dotted paths; raises `InputError`."""

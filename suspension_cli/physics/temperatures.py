@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from suspension_cli.design import materials
+from suspension_cli.design import heat_flow, materials
+from suspension_cli.design.locked_stages import as_in_file
 from suspension_cli.design.materials import Bulk, Thermoelastic
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import WireSet, list_temperatures, stretches
@@ -13,7 +14,7 @@ from suspension_cli.errors import Fault
 from suspension_cli.models import registry
 
 THERMAL = ("thermal_expansion", "modulus_slope", "specific_heat", "thermal_conductivity")
-"""Properties that only thermoelastic loss needs."""
+"""Properties that thermoelastic loss needs."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Use:
         of its own.
     stiffness
         Whether its Young's modulus counts there.
+    conducts
+        Whether all that counts there is the heat that it conducts, with `[heat]`.
     """
 
     material: str
@@ -34,6 +37,7 @@ class Use:
     part: str
     bulk: bool = True
     stiffness: bool = True
+    conducts: bool = False
 
 
 def list_uses(design: Design) -> Iterator[Use]:
@@ -72,6 +76,19 @@ def _wires(design: Design, stage: Stage) -> Iterator[Use]:
                 yield Use(name, temperature, part)
 
 
+def _conductors(design: Design) -> Iterator[Use]:
+    """List the materials that conduct heat, at locked stages too, where coldest and warmest."""
+    flow = heat_flow.solve(as_in_file(design))
+    if flow is None:
+        return
+    for one in flow.conductors:
+        profile = flow.profile(one)
+        along = [kelvin for _, kelvin in profile] if isinstance(profile, list) else [profile]
+        for name in dict.fromkeys(piece.material for piece in one.pieces):
+            for temperature in sorted({min(along), max(along)}):
+                yield Use(name, temperature, one.label, conducts=True)
+
+
 def find_unknown_temperatures(design: Design, level: str) -> list[Fault]:
     """Find materials at temperatures at which properties are unknown that the model `level` needs.
 
@@ -79,7 +96,7 @@ def find_unknown_temperatures(design: Design, level: str) -> list[Fault]:
     """
     bends = registry.by_name(level).bends_wires
     uses: dict[tuple[str, float], list[Use]] = {}
-    for use in list_uses(design):
+    for use in [*list_uses(design), *_conductors(design)]:
         uses.setdefault((use.material, use.temperature), []).append(use)
     found = []
     for (name, temperature), own in uses.items():
@@ -98,15 +115,16 @@ def find_unknown_temperatures(design: Design, level: str) -> list[Fault]:
 def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str, str]:
     """List the properties of a material that matter, and for what: key and effect."""
     material = materials.look_up(design, name)
+    moving = [use for use in uses if not use.conducts]
     needed = dict[str, str]()
-    if any(use.stiffness for use in uses):
+    if any(use.stiffness for use in moving):
         needed["youngs_modulus"] = "stiffness"
-    if bends and Thermoelastic.of(material, None) is not None:
+    if bends and moving and Thermoelastic.of(material, None) is not None:
         needed |= dict.fromkeys(THERMAL, "thermoelastic loss")
-    if bends and Bulk.of(material, None) is not None and any(use.bulk for use in uses):
+    if bends and Bulk.of(material, None) is not None and any(use.bulk for use in moving):
         has_surface = material.loss is not None and material.loss.surface_depth
         needed["loss"] = "bulk and surface loss" if has_surface else "bulk loss"
-    if design.heat is not None:
+    if len(moving) < len(uses):
         needed.setdefault("thermal_conductivity", "conducted heat")
     return needed
 
@@ -119,7 +137,7 @@ def _fault(
     ranges = "; ".join(f"{', '.join(own)} {problem}" for problem, own in keys.items())
     wrong = ", ".join(effects[:-1]) + " and " * (len(effects) > 1) + effects[-1]
     problem = (
-        f"used at {temperature:g} K ({parts}), but {ranges}; the nearest known value is used, so"
+        f"used at {temperature:g} K ({parts}), but {ranges}; the nearest known values are used, so"
         f" its {wrong} may be wrong by orders of magnitude"
     )
     if effects == ["stiffness"]:

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from suspension_cli.design import materials, paths, reader
-from suspension_cli.design.heat_flow import reduce_to_file
-from suspension_cli.design.locked_stages import as_in_file, spell_out
+from suspension_cli.design.locked_stages import spell_out, undo
 from suspension_cli.design.materials import AgainstTemperature, Material
 from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
@@ -100,7 +99,7 @@ def value_of(design: Design, name: str) -> Any:
         node = materials.resolve(design, keys[1])
         keys = keys[2:]
     else:
-        node = reduce_to_file(as_in_file(design))
+        node = undo(design)
     seen: list[Any] = []
     paths.changed(node, keys, lambda value: seen.append(value) or value)
     return seen[0]
@@ -109,7 +108,7 @@ def value_of(design: Design, name: str) -> Any:
 def shifted(design: Design, name: str, by: float) -> Design:
     """Add a constant to one number of a design, without the reader's checks."""
     keys = name.split(".")
-    design = reduce_to_file(as_in_file(design))
+    design = undo(design)
 
     def add(number: float) -> float:
         return number + by

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.integrate import quad
 
 import suspension_cli as sus
 from suspension_cli.design import heat_flow, materials
-from suspension_cli.design.reader import parse
+from suspension_cli.design.reader import parse, write_toml
 from suspension_cli.errors import InputError
 
 RADIUS, LENGTH, COUNT = 0.8e-3, 0.35, 4
@@ -45,6 +46,7 @@ material = "mine"
 """
 ROUND = "radius = 0.8e-3"
 """T^3 below 30 K, from two nodes."""
+SPRING_WIRES = {"count": 4, "l": LENGTH, "s": 0.1, "t1": 0.1, "t2": 0.1, "k": 1e6}
 CUBIC = "{ temperature = [3.0, 100.0], values = [2.7, 1e5] }"
 
 
@@ -70,6 +72,79 @@ def test_a_power_of_the_temperature():
     assert flow.temperature["mirror"] == pytest.approx((16**4 + fourth) ** 0.25, rel=1e-10)
     profile = np.array(design.stage[0].wires.temperature)
     np.testing.assert_allclose(profile[:, 1] ** 4, 16**4 + fourth * profile[:, 0], rtol=1e-10)
+
+
+@pytest.mark.parametrize("power", [0.0, 1e-15, 1e-9, 1e-3])
+@pytest.mark.parametrize("held", [4.1, 16.0])
+def test_little_heat_along_a_chain(held, power):
+    """Down to none, as in a sweep from 0: two sets of wires in series, T^4 linear in the heat."""
+    text = TEXT.format(conductivity=CUBIC, wires=ROUND)
+    upper = text[text.index("[[stage]]") :]
+    text = text.replace("support = 16.0", f"support = {held}").replace("= 0.5 }", f"= {power} }}")
+    text = text.replace('"mirror"', '"upper"') + upper
+    flow = heat_flow.solve(parse(text))
+    assert flow is not None
+    for name, count in (("upper", 1), ("mirror", 2)):
+        fourth = count * 4 * power / COUNT * LENGTH / (AREA * 0.1)
+        expected = (held**4 + fourth) ** 0.25
+        assert flow.temperature[name] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_locked_stage_conducts_as_before():
+    """The profile below it is that of the design with all stages, and warnings name its wires."""
+    text = TEXT.format(conductivity=CUBIC, wires=ROUND)
+    lower = text[text.index("[[stage]]") :]
+    narrow = "{ temperature = [17.0, 300.0], values = [500.0, 400.0] }"
+    other = f"[materials.other]\nyoungs_modulus = 2e11\nthermal_conductivity = {narrow}\n"
+    upper = lower.replace('"mirror"', '"upper"').replace('"mine"', '"other"')
+    whole = sus.parse(text[: text.index("[[stage]]")] + other + upper + lower)
+    locked = whole.replace({"stage.upper.locked": True})
+    for change in ({}, {"heat.absorbed.mirror": 0.2}, {"stage.upper.wires.radius": 0.5e-3}):
+        design = whole.replace(change).design
+        (mirror,) = locked.replace(change).design.stage
+        assert mirror.wires.temperature == design.stage[1].wires.temperature
+    with pytest.warns(UserWarning, match=r"other: used at 16 K \(upper.wires\), .* conducted heat"):
+        found = sus.check(locked)
+    assert found.statics.heat[0].label == "upper.wires"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"heat.held": {"ground": 16.0}}, "lacks upper, from which no wire or link conducts"),
+        ({"stage.mirror.wires.material": "bare"}, "materials.bare.thermal_conductivity: missing"),
+        ({"stage.mirror.wires": SPRING_WIRES}, "stage.mirror.wires: conducts an unknown heat"),
+    ],
+)
+def test_faults_of_heat_beside_a_locked_stage(changes, words):
+    text = TEXT.format(conductivity="1000.0", wires=ROUND)
+    lower = text[text.index("[[stage]]") :]
+    bare = "[materials.bare]\nyoungs_modulus = 2e11\n"
+    design = sus.parse(text.replace('"mirror"', '"upper"') + bare + lower)
+    with pytest.raises(InputError) as caught:
+        design.replace(changes | {"stage.upper.locked": True})
+    assert words in str(caught.value)
+
+
+def test_attachments_on_a_body_of_parts_are_from_its_origin():
+    """Conductors are as long as what hangs, wherever the COM is."""
+    raw = tomllib.loads(TEXT.format(conductivity="1000.0", wires=ROUND))
+    (stage,) = raw["stage"]
+    stage["body"] = {"parts": [{"mass": 20.0}, {"mass": 2.0, "at": [0.0, 0.0, 0.1]}]}
+    stage["body"]["parts"][0]["inertia"] = [0.5, 0.5, 0.5]
+    del stage["wires"]
+    stage["position"] = [0.0, 0.0, -0.35]
+    places = [[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.1, 0.1)]
+    stage["wire"] = [
+        {"upper": place, "lower": place, "material": "mine", "radius": RADIUS} for place in places
+    ]
+    strands = {"to": [0.2, 0.0, 0.0], "material": "mine", "diameter": 1e-3}
+    link = {"name": "strap", "between": ["mirror", "support"], "at": [0.2, 0.0, 0.0]}
+    raw["link"] = [link | {"strands": strands | {"shape": "points", "points": []}}]
+    flow = heat_flow.solve(parse(write_toml(raw)))
+    assert flow is not None
+    lengths = [piece.length for one in flow.conductors for piece in one.pieces]
+    assert lengths == pytest.approx([0.35] * 5, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["silicon", "copper", "aluminium", "tungsten"])

@@ -17,6 +17,7 @@ import numpy as np
 from suspension_cli.analyses.optimise import short_forms
 from suspension_cli.design import checks
 from suspension_cli.design.goals import Goals
+from suspension_cli.design.locked_stages import spell_out, undo
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.errors import InputError, collect, format_value, join_errors
 from suspension_cli.quantities import requirements
@@ -113,8 +114,13 @@ class Targets:
 
 
 def with_imperfections(design: Design, perturbation: Sequence[Perturbation]) -> Design:
-    """Add imperfections to those of a design."""
-    return msgspec.structs.replace(design, perturbation=[*design.perturbation, *perturbation])
+    """Add imperfections to those of a design; those of locked stages have no effect."""
+    return spell_out(_imperfect(undo(design), perturbation))
+
+
+def _imperfect(in_file: Design, perturbation: Sequence[Perturbation]) -> Design:
+    """Add imperfections to a design as the file gives it."""
+    return msgspec.structs.replace(in_file, perturbation=[*in_file.perturbation, *perturbation])
 
 
 def interpret(goals: Goals, names: Names, design_file: str) -> Targets:
@@ -238,9 +244,10 @@ class _Made:
         """Check the imperfections of a goal; raises `InputError` if the design has no such part."""
         if not given:
             return ()
-        faults = checks.check_design(with_imperfections(self.names.design, given))
+        in_file = undo(self.names.design)
+        faults = checks.check_design(_imperfect(in_file, given))
         if faults:
-            before = len(self.names.design.perturbation)
+            before = len(in_file.perturbation)
             raise InputError(
                 [replace(one, key=_renumbered(one.key, key, before)) for one in faults]
             )

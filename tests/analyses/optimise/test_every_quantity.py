@@ -10,7 +10,9 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.optimise import solve as searching
+from suspension_cli.analyses.optimise import targets
 from suspension_cli.design.goals import Free, Goal, Goals, Objective, QuantityRequirement
+from suspension_cli.design.schema import Perturbation
 from suspension_cli.errors import InputError
 from suspension_cli.quantities import solved, vocabulary
 from suspension_cli.quantities.needs import Needs
@@ -238,6 +240,28 @@ def test_a_short_form_and_a_requirement_mean_the_same():
 
 
 REQUIRED = '\n[[requirement]]\nquantity = "test transverse"\nat_most = 0.8\nnote = "soft"\n'
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("sapphire-fibres", {}),  # temperatures from [heat]
+        ("triple-tolerance", {"stage.upper.locked": True}),  # whose scatter is left out
+        ("tower", {}),  # keystones
+    ],
+)
+def test_imperfections_of_a_goal_are_those_of_the_file(name, changes):
+    """What the file leaves to be computed is no fault of it, and is computed with them."""
+    design = sus.example(name).replace(changes)
+    mirror = design.design.stage[-1].name
+    imperfect = [Perturbation(wire=f"{mirror}.1", k_factor=1.2)]
+    limit = QuantityRequirement(quantity="lowest pitch", at_most=100.0, perturbation=imperfect)
+    number = Free(name=f"stage.{mirror}.wires.d", lower=1e-4, upper=3e-3)
+    goals = Goals(free=[number], requirement=[limit])
+    (target,) = targets.interpret(goals, names_of(design), "design.toml").target
+    own = {"perturbation": [{"wire": f"{mirror}.1", "k_factor": 1.2}]}
+    found = targets.with_imperfections(design.design, target.perturbation)
+    assert found == design.replace(own).design
 
 
 def test_requirements_of_the_design_are_goals():
