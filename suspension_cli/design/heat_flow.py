@@ -135,7 +135,7 @@ def _interpolate(conductivity: Property, upper: float, lower: float, part: float
 
 def list_conductors(design: Design) -> tuple[Conductor, ...]:
     """List the wires of stages, and the links made of a material, as conductors of heat."""
-    place = derive.com_positions(design)
+    place = derive.origin_positions(design)
     found: list[Conductor] = []
     for stage, above in derive.with_bodies_above(design):
         ends = (_body(design, above), _body(design, stage.name))
@@ -171,7 +171,7 @@ def _body(design: Design, name: str) -> str:
 
 
 def _length(wire: WireSet | Wire, above: derive.Point, body: derive.Point) -> float:
-    """Length of a wire between bodies whose COMs are at `above` and `body`, m."""
+    """Length of a wire between bodies whose origins are at `above` and `body`, m."""
     if isinstance(wire, WireSet):
         return wire.l
     upper = [a + b for a, b in zip(above, wire.upper, strict=True)]

@@ -27,6 +27,8 @@ class Use:
         of its own.
     stiffness
         Whether its Young's modulus counts there.
+    conducts
+        Whether heat is conducted along it, see `design.heat_flow`.
     """
 
     material: str
@@ -34,6 +36,7 @@ class Use:
     part: str
     bulk: bool = True
     stiffness: bool = True
+    conducts: bool = True
 
 
 def list_uses(design: Design) -> Iterator[Use]:
@@ -47,13 +50,17 @@ def list_uses(design: Design) -> Iterator[Use]:
                 temperature = blade.temperature or ambient
                 by_itself = blade.loss_angle is None
                 shaped = blade.geometry is not None
-                yield Use(blade.made_of, temperature, part, by_itself, stiffness=shaped)
+                yield Use(
+                    blade.made_of, temperature, part, by_itself, stiffness=shaped, conducts=False
+                )
         for spring in stage.spring:
             if spring.made_of is not None:
                 temperature = spring.temperature or ambient
                 by_itself = spring.loss_angle is None
                 part = f"{stage.name}.springs"
-                yield Use(spring.made_of, temperature, part, by_itself, stiffness=False)
+                yield Use(
+                    spring.made_of, temperature, part, by_itself, stiffness=False, conducts=False
+                )
     for link in design.link:
         if link.made_of is not None:
             by_itself = link.loss_angle is None
@@ -106,7 +113,7 @@ def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str
     if bends and Bulk.of(material, None) is not None and any(use.bulk for use in uses):
         has_surface = material.loss is not None and material.loss.surface_depth
         needed["loss"] = "bulk and surface loss" if has_surface else "bulk loss"
-    if design.heat is not None:
+    if design.heat is not None and any(use.conducts for use in uses):
         needed.setdefault("thermal_conductivity", "conducted heat")
     return needed
 
