@@ -160,10 +160,7 @@ class Pattern:
         """Solve D x = b with corrections; where these do not suffice, with pivoting."""
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            factors = self.factor(elements.copy())
-            x = right.astype(np.result_type(right, elements))
-            factors.solve(x)
-            correction = factors.solve(self._residual(elements, x, right))
+            factors, x, correction = self._first_solution(elements, right)
             again = np.asarray(~(np.abs(correction) <= SMALL * np.abs(x)).all((0, 1)))
             x += correction
             result = np.empty_like(x)
@@ -173,6 +170,20 @@ class Pattern:
                     factors.select(again), elements[:, again], x[..., again], rhs[..., again]
                 )
         return result
+
+    def _first_solution(
+        self,
+        elements: Inexact[np.ndarray, "element system"],
+        right: Inexact[np.ndarray, "step input system"],
+    ) -> tuple[
+        Factors,
+        Inexact[np.ndarray, "step input system"],
+        Inexact[np.ndarray, "step input system"],
+    ]:
+        """Factors, solution without pivoting in the order of steps, and its first correction."""
+        factors = self.factor(elements.copy())
+        x = factors.solve(right.astype(np.result_type(right, elements)))
+        return factors, x, factors.solve(self._residual(elements, x, right))
 
     def _corrected(
         self,
@@ -203,10 +214,8 @@ class Pattern:
         """
         right = rhs[self.order]
         with np.errstate(all="ignore"):
-            factors = self.factor(elements.copy())
-            x = right.astype(np.result_type(right, elements))
-            factors.solve(x)
-            x += factors.solve(self._residual(elements, x, right))
+            _, x, correction = self._first_solution(elements, right)
+            x += correction
             result = np.empty_like(x)
             result[self.order] = x
             inexact = ~self._is_exact(elements, x, right)

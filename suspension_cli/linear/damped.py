@@ -44,7 +44,7 @@ from suspension_cli.linear.roots import (
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.statespace import ROUNDING, with_states
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import quadratic_form
+from suspension_cli.linear.terms import LIGHT_ENDING, quadratic_form
 from suspension_cli.linear.wire_term import EvaluatedWires, is_massive
 
 if TYPE_CHECKING:
@@ -62,8 +62,6 @@ STEEP = 0.1
 """Relative change of stiffness within the factor e of the frequency that is small."""
 TABLES = np.geomspace(1e-5, 1e6, 1101)
 """Frequencies (rad/s) at which changes of stiffness are measured."""
-LIGHT_ENDING = ".light"
-"""Ending of the name of the light of a cavity in `Modes.wire`, see `Term.motion_name`."""
 LIGHT = 0.5
 """Fraction of a mode in light above which it is the light's."""
 

@@ -300,17 +300,12 @@ def solve(model: LinearSystem, known: Spectrum | None = None) -> Modes:
     Damping and loss enter Q and the decay rate to first order only. The modes may be `known` as
     arrays.
     """
-    found = spectrum(model) if known is None else known
+    found = batch_modes.solve(model) if known is None else known
     value = np.sqrt(-found.omega_squared + 0j)
     first = quality.evaluate(model, value, found.motion, wires=False)
     decays = np.minimum(np.real(first.value), 0.0) + 1j * np.imag(value)
     first = replace(first, value=np.where(np.imag(value) > 0, decays, value))
     return build(model, value, found.motion, found.block, first)
-
-
-def spectrum(model: LinearSystem) -> Spectrum:
-    """Solve for the undamped modes of a linear system without batch axes, as arrays."""
-    return batch_modes.solve(model)
 
 
 def build(

@@ -66,11 +66,19 @@ class MatrixTerm(Term):
         """Largest rounding errors of the elements of `compact`."""
         return rounding(self.compact[0], place)
 
-    @abstractmethod
     def at(
         self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True
     ) -> EvaluatedMatrix:
-        """Evaluate at frequencies in rad/s."""
+        """Evaluate at frequencies in rad/s; f_1 is i times the lag, real if not `lossy`."""
+        if not lossy:
+            none = np.zeros(omega.shape)
+            return EvaluatedMatrix(self, none, none)
+        lag = self._lag(omega)
+        return EvaluatedMatrix(self, lag, 1j * lag)
+
+    @abstractmethod
+    def _lag(self, omega: Inexact[np.ndarray, " frequency"]) -> Inexact[np.ndarray, " frequency"]:
+        """What dissipates, at frequencies in rad/s: the loss angle of a stiffness."""
 
     def within(self, keep: Int[np.ndarray, " own"]) -> Float[np.ndarray, "own own"]:
         """The matrix among some coordinates."""
@@ -100,16 +108,9 @@ class StructuralLoss(MatrixTerm):
 
     angle: Function
 
-    def at(
-        self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True
-    ) -> EvaluatedMatrix:
-        """Evaluate at frequencies in rad/s, their real parts."""
-        oscillation = np.real(omega)
-        if not lossy:
-            none = np.zeros(oscillation.shape)
-            return EvaluatedMatrix(self, none, none)
-        angle = self.angle(oscillation)
-        return EvaluatedMatrix(self, angle, 1j * angle)
+    def _lag(self, omega: Inexact[np.ndarray, " frequency"]) -> Inexact[np.ndarray, " frequency"]:
+        """Compute the loss angle at frequencies in rad/s, their real parts."""
+        return self.angle(np.real(omega))
 
     def stored(self, omega: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
         """Relative change of Re K from its static value at frequencies in rad/s: none."""
@@ -148,14 +149,9 @@ class Damper(MatrixTerm):
 
     is_viscous: ClassVar[bool] = True
 
-    def at(
-        self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True
-    ) -> EvaluatedMatrix:
-        """Evaluate at frequencies in rad/s."""
-        if not lossy:
-            none = np.zeros(omega.shape)
-            return EvaluatedMatrix(self, none, none)
-        return EvaluatedMatrix(self, omega, 1j * omega)
+    def _lag(self, omega: Inexact[np.ndarray, " frequency"]) -> Inexact[np.ndarray, " frequency"]:
+        """Give omega itself, rad/s, which may be complex."""
+        return omega
 
 
 @dataclass(frozen=True)

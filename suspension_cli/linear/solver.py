@@ -14,7 +14,7 @@ with the order of their elimination, and undamped modes; each is prepared when i
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.linear.batch_modes import Spectrum
@@ -22,9 +22,6 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.pencil import Block, Pencil
 from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
-
-if TYPE_CHECKING:
-    pass
 
 
 class Solver:

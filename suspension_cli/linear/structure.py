@@ -6,7 +6,7 @@ into blocks that can be solved apart.
 >>> from suspension_cli.design import reader
 >>> from suspension_cli.models import registry
 >>> model = registry.STRING.system(reader.parse(reader.template("single", "single")))
->>> [[model.coordinate[n] for n in block] for block in Structure(model).blocks]  # doctest: +SKIP
+>>> [[model.coordinate[n] for n in block] for block in Structure(model).blocks]
 [['test.x', 'test.pitch'], ['test.y', 'test.roll'], ['test.z'], ['test.yaw']]
 """
 

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
     Selection: TypeAlias = "Int[np.ndarray, ' system'] | slice | int"
 
+LIGHT_ENDING = ".light"
+"""Ending of the name of the motion of light, see `TermWithStates.motion_name`; in `Modes.wire`."""
 Dissipation: TypeAlias = "dict[tuple[str, float], Float[np.ndarray, ' frequency']]"
 """Dissipation x^H Im(f A) x by cause and temperature (K)."""
 

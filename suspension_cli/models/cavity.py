@@ -52,9 +52,9 @@ import numpy as np
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.links import LIGHT, Cavity
 from suspension_cli.linear.coordinates import AddedCoordinates
-from suspension_cli.linear.matrix_terms import EvaluatedMatrix, MatrixTerm
+from suspension_cli.linear.matrix_terms import MatrixTerm
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.terms import TermWithStates, quadratic_form
+from suspension_cli.linear.terms import LIGHT_ENDING, TermWithStates, quadratic_form
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact
@@ -129,18 +129,8 @@ class Light(MatrixTerm, TermWithStates):
         name = f"{cavity.name}.cavity"
         return Light(name, 0.0, damping * along, cavity.name, pole, detuning)
 
-    def at(
-        self, omega: Inexact[np.ndarray, " frequency"], *, lossy: bool = True
-    ) -> EvaluatedMatrix:
-        """Evaluate at frequencies in rad/s, which may be complex."""
-        if not lossy:
-            none = np.zeros(omega.shape)
-            return EvaluatedMatrix(self, none, none)
-        lag = self._lag(omega)
-        return EvaluatedMatrix(self, lag, 1j * lag)
-
     def _lag(self, omega: Inexact[np.ndarray, " frequency"]) -> Complex[np.ndarray, " frequency"]:
-        """Compute (K - K_0) / (i C), which is omega at low frequencies."""
+        """Compute (K - K_0) / (i C), which is omega at low frequencies; it may be complex."""
         s = 1j * omega
         squared = self.pole**2 + self.detuning**2
         resonance = (s + self.pole) ** 2 + self.detuning**2
@@ -160,7 +150,7 @@ class Light(MatrixTerm, TermWithStates):
     @property
     def motion_name(self) -> str:
         """``arm.light``."""
-        return f"{self.cavity}.light"
+        return f"{self.cavity}{LIGHT_ENDING}"
 
     def states(self) -> AddedCoordinates:
         """The two sidebands, which have no mass.

@@ -2,8 +2,8 @@
 
 >>> from suspension_cli.design import reader
 >>> from suspension_cli.models import registry
->>> model = registry.STRING.system(reader.parse(reader.template("single", "single")))
->>> plant = local_control.build_plant(reader.parse(reader.template("single", "single")), model)
+>>> design = reader.parse(reader.template("single", "single"))
+>>> plant = local_control.build_plant(design, registry.STRING.system(design))
 >>> find_poles(plant).frequency[:3].round(2)  # without loops
 array([0.94, 0.94, 1.56])
 """
@@ -284,7 +284,7 @@ def _with_states(plant: Plant) -> Plant:
     more = ((0, 0), (0, model.size - plant.model.size))
     sensed = np.pad(plant.sensed, more)
     pushed = np.pad(plant.pushed, more)
-    return replace(plant.with_model(model), sensed=sensed, pushed=pushed)
+    return replace(plant, solver=Solver(model), sensed=sensed, pushed=pushed)
 
 
 def _build_blocks(plant: Plant) -> list[tuple[ClosedBlock, list[int]]]:

@@ -35,6 +35,7 @@ from suspension_cli.linear.roots import Progress, Roots, silent
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.linear.terms import LIGHT_ENDING
 from suspension_cli.linear.wire_term import WireTerm, is_massive
 from suspension_cli.models.choice import shifts_by_wire_mass
 from suspension_cli.models.spectrum_error import has_wire_mass
@@ -168,7 +169,7 @@ def _joined(still: Modes, modes: Modes) -> Modes:
     """Join modes that do not oscillate, and those of light, with modes that move wires."""
     moving = np.asarray((modes.wire_energy > 1e-12).any(0))
     of_wires = [name for name, some in zip(modes.wire, moving, strict=True) if some]
-    light = [n for n, name in enumerate(still.wire) if name.endswith(damped.LIGHT_ENDING)]
+    light = [n for n, name in enumerate(still.wire) if name.endswith(LIGHT_ENDING)]
     names = (*of_wires, *(still.wire[n] for n in light))
     energy = np.zeros((len(still.q), len(names)))
     energy[:, len(of_wires) :] = still.wire_energy[:, light]

@@ -17,7 +17,7 @@ import numpy as np
 from suspension_cli.design.schema import Design
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.errors import InputError
-from suspension_cli.linear import batch_modes, eigenmodes, mode_content, mode_pairing
+from suspension_cli.linear import batch_modes, mode_content, mode_pairing
 from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.eigenmodes import find_top_masses
 from suspension_cli.linear.mode_families import Families
@@ -206,7 +206,7 @@ class Solved:
         In the order of that design's modes in the same model.
         """
         if nominal not in self._followed:
-            before = eigenmodes.spectrum(nominal_system(nominal, self.level)).shape
+            before = batch_modes.solve(nominal_system(nominal, self.level)).shape
             with np.errstate(all="ignore"):
                 self._followed[nominal] = mode_pairing.pair_batch(before, self.spectrum.shape)
         return self._followed[nominal]

@@ -13,6 +13,7 @@ import suspension_cli as sus
 from suspension_cli.design import heat_flow, materials
 from suspension_cli.design.reader import parse, write_toml
 from suspension_cli.errors import InputError
+from suspension_cli.physics.temperatures import find_unknown_temperatures
 
 RADIUS, LENGTH, COUNT = 0.8e-3, 0.35, 4
 AREA = math.pi * RADIUS**2
@@ -177,6 +178,39 @@ thermal_conductivity = 50.0
     assert flow.temperature["mirror"] == pytest.approx(expected, rel=1e-5)
 
 
+def test_wires_and_links_end_where_they_are_attached():
+    """Points of a body of parts are from its origin: a ballast does not change any length."""
+    mirror = "{ mass = 20.0, inertia = [0.5, 0.5, 0.5] }"
+    ends = [(x, y) for x in (-0.1, 0.1) for y in (-0.1, 0.1)]
+    rows = "".join(
+        f"""
+[[stage.wire]]
+upper = [{x}, {y}, 0.0]
+lower = [{x}, {y}, 0.0]
+material = "mine"
+radius = 0.8e-3
+"""
+        for x, y in ends
+    )
+    link = """
+[[link]]
+name = "strap"
+between = ["mirror", "support"]
+at = [0.1, 0.0, 0.0]
+strands = { to = [0.2, 0.0, 0.0], shape = "points", points = [[0.3, 0.0, 0.1]], \
+material = "mine", diameter = 1e-3 }
+"""
+    head, _, _ = TEXT.format(conductivity=1e3, wires="").partition("body =")
+    found = []
+    for body in (mirror, f"{{ parts = [{mirror}, {{ mass = 2.0, at = [0.0, 0.0, -0.1] }}] }}"):
+        text = f"{head}position = [0.0, 0.0, -0.4]\nbody = {body}\n{rows}{link}"
+        found.append(heat_flow.list_conductors(parse(text)))
+    plain, of_parts = found
+    assert len(plain) == 5
+    assert plain == of_parts
+    assert sum(length for length, _ in plain[0].pieces[0].stretches) == pytest.approx(0.4)
+
+
 def test_heat_is_conserved_in_a_network():
     """Three bodies, two heat links: what is absorbed reaches the held bodies; a free body that
     absorbs nothing passes on what it takes."""
@@ -273,3 +307,21 @@ def test_a_conductivity_that_is_not_known():
     design = sus.parse(TEXT.format(conductivity=narrow, wires=ROUND))
     with pytest.warns(UserWarning, match=r"used at 37\.\d+ K .* thermal_conductivity known from 4"):
         sus.check(design)
+
+
+def test_springs_conduct_no_heat_so_their_conductivity_does_not_matter():
+    text = TEXT.format(conductivity="1000.0", wires=ROUND)
+    spring = """
+[[stage.spring]]
+stiffness = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+material = "{material}"
+[materials.metal]
+youngs_modulus = 2e11
+loss = {{ angle = 1e-4 }}
+thermal_conductivity = {{ temperature = [200.0, 300.0], values = [1e3, 1e3] }}
+"""
+    design = parse(text + spring.format(material="metal"))
+    assert not find_unknown_temperatures(design, "beam")
+    of_metal = text.replace('material = "mine"', 'material = "metal"')
+    found = find_unknown_temperatures(parse(of_metal + spring.format(material="mine")), "beam")
+    assert found and all("conducted heat" in fault.problem for fault in found)

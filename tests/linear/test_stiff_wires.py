@@ -11,7 +11,7 @@ import pytest
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, mode_pairing, response, signals
+from suspension_cli.linear import batch_modes, eigenmodes, mode_pairing, response, signals
 from suspension_cli.models import registry
 from suspension_cli.physics import thermal_noise, wire_modes
 from suspension_cli.quantities import solved
@@ -113,7 +113,7 @@ def test_modes_of_batches(ratio, tip_mass):
     design = geo(ratio, tip_mass=tip_mass)
     scene = stack_scenes([expand(design)] * 2)
     found = solved.of_builds(scene, design, registry.STRING.name, Needs())
-    alone = eigenmodes.spectrum(registry.STRING.system(design))
+    alone = batch_modes.solve(registry.STRING.system(design))
     order = mode_pairing.pair_batch(alone.shape, found.spectrum.shape)
     squared = np.take_along_axis(found.spectrum.omega_squared, order, axis=-1)
     # A heavy tip on a nearly rigid wire stays a coordinate, whose stiffness is the sum of both:

@@ -12,7 +12,6 @@ from suspension_cli.linear import damped, response, statespace
 from suspension_cli.linear.coordinates import AddedCoordinates
 from suspension_cli.linear.matrix_terms import (
     Damper,
-    EvaluatedMatrix,
     MatrixTerm,
     StiffnessTable,
     StructuralLoss,
@@ -33,9 +32,8 @@ class Relaxation(MatrixTerm, TermWithStates):
 
     is_viscous: ClassVar[bool] = True
 
-    def at(self, omega, *, lossy=True):
-        value = 1j * omega / (1j * omega + RATE) if lossy else np.zeros(omega.shape)
-        return EvaluatedMatrix(self, -1j * value, value)
+    def _lag(self, omega):
+        return omega / (1j * omega + RATE)
 
     @property
     def motion_name(self):

@@ -150,7 +150,7 @@ class ModesAnalysis(Analysis):
         """Draw every mode, and where wires have mass the Q of all."""
         from suspension_cli.analyses.modes import picture
         from suspension_cli.equilibrium.nominal import expand_geometry
-        from suspension_cli.linear.damped import LIGHT_ENDING
+        from suspension_cli.linear.terms import LIGHT_ENDING
 
         design = result.run.design.design
         pages = picture.draw_pages(result, design, expand_geometry(design), result.subtitle)

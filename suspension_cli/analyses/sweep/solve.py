@@ -32,7 +32,7 @@ from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
 from suspension_cli.files.documents import Layout
 from suspension_cli.files.hdf5 import Stored, add_dataset
-from suspension_cli.linear import eigenmodes, mode_content, mode_pairing
+from suspension_cli.linear import batch_modes, eigenmodes, mode_content, mode_pairing
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_content import Content
 from suspension_cli.linear.system import LinearSystem
@@ -129,7 +129,7 @@ class ParameterSweep(Grid):
     @property
     def nominal_shape(self) -> Float[np.ndarray, "mode coordinate"]:
         """Shapes of the nominal modes, as in `batch_modes.Spectrum`."""
-        return eigenmodes.spectrum(nominal_system(self.text, self.level)).shape
+        return batch_modes.solve(nominal_system(self.text, self.level)).shape
 
     @property
     def drawn(self) -> tuple[float, ...]:
