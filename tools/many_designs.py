@@ -38,6 +38,7 @@ from suspension_cli.drawing.style import (
     NOTE,
     PALE,
     PALETTE,
+    RAISED,
     add_axes,
     house_style,
     new_figure,
@@ -421,8 +422,8 @@ def _draw_designs(axes: Axes, designs: dict[str, list[Point]], start: float) -> 
 
 
 def raised(exponent: float) -> str:
-    """Write an exponent: ``^0.8``."""
-    return f"{exponent:.1f}".translate(str.maketrans("-.0123456789", "⁻·⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    """Write an exponent: 0.8 as small digits above the line."""
+    return f"{exponent:.1f}".translate(RAISED).replace(".", "·")
 
 
 def _along(line: Growth) -> list[tuple[float, float]]:
