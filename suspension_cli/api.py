@@ -168,7 +168,7 @@ class Design(Source):
         return f"<Design {self.name}: {stages}>"
 
 
-def read(file: PathLike, overrides: Names = ()) -> Design:
+def read(file: PathLike, overrides: Names = (), ties: Names = ()) -> Design:
     """Read and check a design file.
 
     Parameters
@@ -176,6 +176,9 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     file : path
     overrides : str or sequence of str
         Values to change, as ``--set`` takes them: ``"stage.test.wires.d=0.002"``.
+    ties : str or sequence of str
+        Parameters that follow from others, as ``--tie`` takes them:
+        ``"stage.test.wires.t2 = stage.test.wires.t1 + 5e-3"``.
 
     Raises
     ------
@@ -190,8 +193,10 @@ def read(file: PathLike, overrides: Names = ()) -> Design:
     >>> sus.read("my.toml", "design.name=mine")
     <Design mine: upper, test>
     """
-    with python_names(set="overrides"):
-        source = reader.read(options.path(file, "file"), options.items(overrides, "overrides"))
+    with python_names(set="overrides", tie="ties"):
+        path = options.path(file, "file")
+        changes = options.items(overrides, "overrides")
+        source = reader.read(path, changes, options.items(ties, "ties"))
     return Design(**vars(source))
 
 

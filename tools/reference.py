@@ -63,8 +63,8 @@ TYPES = {
 }
 """Tables of the file format, by name."""
 USUAL = {
-    *("overrides", "out", "stem", "fidelity", "as_json", "as_csv", "plot", "picture_format"),
-    *("quiet", "verbose", "watch"),
+    *("overrides", "ties", "out", "stem", "fidelity", "as_json", "as_csv", "plot"),
+    *("picture_format", "quiet", "verbose", "watch"),
 }
 """Parameters of most analyses, whose options the head of docs/commands.md explains once."""
 SHARED = USUAL | {

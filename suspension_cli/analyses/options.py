@@ -197,6 +197,16 @@ OVERRIDES = _of_files(
     metavar="PATH=VALUE",
     help="Change a value of the design: stage.test.wires.d=0.002 (repeatable).",
 )
+TIES = _of_files(
+    "--tie",
+    "ties",
+    multiple=True,
+    metavar="PATH=EXPRESSION",
+    help=(
+        "Let a parameter follow from others: 'stage.test.wires.t2 = stage.test.wires.t1 + 5e-3'"
+        " (repeatable; [[tie]] of the design does the same)."
+    ),
+)
 OUT = _of_files(
     "--out",
     default="results",
@@ -340,7 +350,7 @@ SWEEP = (
     _of_batch("--resume", is_flag=True, help="Continue an interrupted run."),
 )
 """Options of the computation of a sweep."""
-WRITING = (OVERRIDES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
+WRITING = (OVERRIDES, TIES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUIET, VERBOSE)
 """Options of every analysis that writes a results file and a picture."""
 
 

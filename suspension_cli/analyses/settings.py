@@ -17,7 +17,7 @@ from suspension_cli.errors import Fault, InputError, format_value, suggest
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
 
-NOT_IN_TABLES = ("overrides", "out", "stem", "as_json", "as_csv", "quiet", "verbose")
+NOT_IN_TABLES = ("overrides", "ties", "out", "stem", "as_json", "as_csv", "quiet", "verbose")
 """Options that `[analysis]` tables do not set."""
 
 

@@ -41,7 +41,7 @@ J = TypeVar("J", bound="Job")
 UNRECORDED = {
     name: 0 if one.is_flag else 1
     for one in (*options.SWEEP, *options.WRITING)
-    if one.group in (options.BATCH, options.FILES) and one is not options.OVERRIDES
+    if one.group in (options.BATCH, options.FILES) and one not in (options.OVERRIDES, options.TIES)
     for name in (*one.opts, *one.secondary_opts)
 }
 """Options that do not change the result, and the number of words that follow each."""

@@ -100,8 +100,10 @@ def run(analysis: Analysis, ctx: click.Context) -> list[Any]:
 
     def ask(file: str | Source, overrides: tuple[str, ...] = ()) -> Run:
         changes = given["overrides"]
-        source = file if isinstance(file, Source) else read(file, (*overrides, *changes))
-        source = replace(source, given_stem=given.get("stem"), overrides=changes)
+        tied = given["ties"]
+        source = file if isinstance(file, Source) else read(file, (*overrides, *changes), tied)
+        stem = given.get("stem")
+        source = replace(source, given_stem=stem, overrides=changes, ties=tied)
         setting = settings.merge(analysis, source, typed)
         folder = Path(given.get("out", ""))
         return Run(source, setting, voice, folder, words)

@@ -15,7 +15,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
-from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths
+from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths, ties
 from suspension_cli.design.locked_stages import spell_out, title_of, undo
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Raw, Table
@@ -63,7 +63,8 @@ class Source:
     text: str  # the whole design as TOML with overrides, as results embed it
     file: str  # the path as the user gave it
     given_stem: str | None = None  # start of the names of written files, if the user gave one
-    overrides: tuple[str, ...] = ()  # that these names tell
+    overrides: tuple[str, ...] = ()  # that these names tell, as are ties
+    ties: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -82,7 +83,8 @@ class Source:
         follows where letters had to be replaced or left out: ``my-test.wires.d=0.002``.
         """
         name = name or self.name
-        plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in self.overrides]
+        changes = (*self.overrides, *self.ties)
+        plain = [re.sub(r"\s+", "", text).removeprefix("stage.") for text in changes]
         if self.given_stem or any(text.startswith("design.name=") for text in plain):
             return self.given_stem or name
         whole = "-".join([name, *(text for text in plain if not text.startswith("design."))])
@@ -91,13 +93,19 @@ class Source:
         return short if short == whole else f"{short}-{digest}"
 
 
-def read(file: str | Path, overrides: tuple[str, ...] = ()) -> Source:
+def read(
+    file: str | Path, overrides: tuple[str, ...] = (), more_ties: tuple[str, ...] = ()
+) -> Source:
     """Read and check one design file, with `overrides` as for `apply_overrides`.
+
+    `more_ties` are ties beside those of the file, for `ties.parse`.
 
     Raises `InputError` with every fault of the file.
     """
     try:
         raw = _parse(_text(Path(file)))
+        if more_ties:
+            raw["tie"] = [*raw.get("tie", []), *map(ties.parse, more_ties)]
         apply_overrides(raw, overrides)
         _check_kind(raw, "design")
         insert_files(raw, Path(file).parent)
@@ -164,7 +172,7 @@ class VariedDesign:
     @staticmethod
     def of(text: str) -> VariedDesign:
         """Parse and check a design from TOML text."""
-        raw = _parse(text)
+        raw = ties.apply(_parse(text))
         insert_files(raw, Path(), of_links=False)
         return VariedDesign(raw, undo(convert(raw)).stage)
 
@@ -175,7 +183,7 @@ class VariedDesign:
             keys = path.split(".")
             number = float(value)
             raw = paths.changed(raw, keys, lambda _, new=number: new, f"{path}={value!r}")
-        return convert(raw, self.stages)
+        return convert(ties.apply(raw), self.stages)
 
 
 def convert(raw: Raw, sound: Sequence[Stage] = ()) -> Design:
@@ -347,7 +355,7 @@ def _line(text: str, found: re.Match[str] | None) -> str:
 
 
 def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
-    """Set values in a parsed document, in place.
+    """Set values in a parsed document, and compute those that are tied to others, in place.
 
     An override ``stage.test.wires.d=0.002`` is a dotted path (members of lists by name or number
     from 1) and a TOML value (a bare word is a string). Missing tables are added; a missing member
@@ -368,7 +376,9 @@ def apply_overrides(raw: Raw, overrides: tuple[str, ...]) -> None:
             parsed = copy.deepcopy(_loads(f"value = {value}")["value"])
         except (tomllib.TOMLDecodeError, RecursionError, ValueError):
             parsed = value.strip()
+        ties.refuse(raw, [".".join(keys)], "--set")
         paths.assign(raw, keys, parsed, override)
+    raw |= ties.apply(raw)
 
 
 def template(kind: str, name: str) -> str:
@@ -437,7 +447,9 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
             remedy = "give a number, a text, or a list or dictionary of these"
             what = error if isinstance(error, TypeError) else type(value).__name__
             raise InputError.of(path, f"cannot be {what}", remedy) from None
+        ties.refuse(raw, [path], "changes")
         paths.assign(raw, path.split("."), new, path)
+    raw = ties.apply(raw)
     insert_files(raw, Path(source.file).parent, of_links=False)
     return Source(convert(raw), write_toml(raw), source.file)
 

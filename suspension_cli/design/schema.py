@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from suspension_cli.conventions import AVOGADRO, DOFS
-from suspension_cli.design import key_rules, typed_tables, units
+from suspension_cli.design import expressions, key_rules, typed_tables, units
 from suspension_cli.design.bodies import Body
 from suspension_cli.design.control import Control
 from suspension_cli.design.heat import Heat
@@ -21,6 +21,7 @@ from suspension_cli.design.required_quantities import RequiredQuantity
 from suspension_cli.design.towers import Filter, InvertedPendulum
 from suspension_cli.design.typed_tables import Problems, Raw, Schema, Table, doc, given, key
 from suspension_cli.design.wires import TALL, Blade, BladeSet, Wire, WireSet
+from suspension_cli.errors import InputError
 
 
 class Header(Table, frozen=True):
@@ -206,6 +207,25 @@ class Stage(Table, frozen=True):
         return [*([self.blades] if self.blades is not None else []), *self.blade]
 
 
+class Tie(Table, frozen=True):
+    """A parameter that follows from others."""
+
+    name: str = key("dotted path of the parameter, such as stage.test.wires.t2", max_length=200)
+    equals: str = key(
+        f"expression with numbers and dotted paths, such as '{expressions.EXAMPLE}'",
+        max_length=expressions.LONGEST,
+    )
+
+    def check(self) -> Problems:
+        """Check the form of the path and of the expression."""
+        if not expressions.PATH.fullmatch(self.name):
+            yield "name", "is not a dotted path", "write for example stage.test.wires.t2"
+        try:
+            expressions.terms(self.equals)
+        except InputError as error:
+            yield "equals", error.faults[0].problem, error.faults[0].remedy
+
+
 class Design(Table, frozen=True):
     """A whole design file."""
 
@@ -223,6 +243,7 @@ class Design(Table, frozen=True):
     damper: list[Damper] = key("dampers between any two bodies", [])
     cavity: list[Cavity] = key("light between two mirrors, with its pressure on them", [])
     requirement: list[RequiredQuantity] = key("what the design must meet", [])
+    tie: list[Tie] = key("parameters that follow from others", [])
     analysis: dict[str, Raw] = key("defaults for a command's options, by their names", {})
 
     @property

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import msgspec
 
-from suspension_cli.design import materials, paths, reader
+from suspension_cli.design import materials, paths, reader, ties
 from suspension_cli.design.locked_stages import spell_out, undo
 from suspension_cli.design.materials import AgainstTemperature, Material
 from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import CROSS_SECTIONS, stretches
+from suspension_cli.errors import suggest
 from suspension_cli.models import registry
 
-OTHER_TABLES = ("design", "analysis", "control", "tolerance")
+OTHER_TABLES = ("design", "analysis", "control", "tolerance", "tie")
 """Tables that do not describe the suspension itself."""
 NOT_CONTINUOUS = (
     "count",
@@ -50,11 +52,14 @@ class Parameter(NamedTuple):
 def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]:
     """List every number of a design that can change a little, with implied gravity and moduli.
 
+    Those that are tied to others are left out.
+
     `text` is the design as TOML. In a model (`level`) where wires bend, the materials of all wires
     matter, including Poisson's ratio.
     """
     design = reader.parse(text)
     raw = tomllib.loads(text)
+    tied = {path for name in ties.names(raw) for path in twins(name)}
     bends = registry.by_name(level).bends_wires
     found = [
         Parameter(name, number)
@@ -62,6 +67,7 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
         if key not in OTHER_TABLES
         for name, number in paths.numbers(key, value, NOT_CONTINUOUS)
         if (bends or not name.endswith(TWIST)) and not TABLE_FREQUENCY.match(name)
+        if name not in tied
     ]
     known = {item.name for item in found}
     gravity = design.constants.gravity
@@ -74,6 +80,14 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
         if name in bent and made.poisson_ratio is not None:
             implied.append(Parameter(f"materials.{name}.{TWIST}", made.poisson_ratio))
     return (*found, *(item for item in implied if item.name not in known))
+
+
+def why_unknown(text: str, name: str, known: Iterable[str]) -> tuple[str, str]:
+    """Say why a design (TOML) gives no number of a name that could vary, and what to do."""
+    for tied in ties.names(tomllib.loads(text)):
+        if name in twins(tied):
+            return "follows from others, to which it is tied", "let one of those vary"
+    return "the design gives no such number", f"add it to the design; {suggest(name, list(known))}"
 
 
 def _bent(design: Design) -> set[str]:
@@ -126,12 +140,11 @@ def shifted(design: Design, name: str, by: float) -> Design:
             own = msgspec.structs.replace(own, **{keys[2]: table})
         else:
             own = paths.changed(own, keys[2:], add)
-        return spell_out(
-            msgspec.structs.replace(design, materials=design.materials | {keys[1]: own})
-        )
+        design = msgspec.structs.replace(design, materials=design.materials | {keys[1]: own})
+        return spell_out(ties.apply(design))
     for path in twins(name):
         design = paths.changed(design, path.split("."), add)
-    return spell_out(design)
+    return spell_out(ties.apply(design))
 
 
 ACROSS = ("width", "thickness", "surface_depth", "diameter")

@@ -12,6 +12,7 @@ from suspension_cli.errors import escape_unprintable
 if TYPE_CHECKING:
     from suspension_cli.analyses.check.solve import Check
     from suspension_cli.design.bodies import Point
+    from suspension_cli.design.schema import Tie
     from suspension_cli.physics.loads import ConductedHeat, LinkLoad
 
 
@@ -55,6 +56,7 @@ class CheckAnalysis(Analysis):
             group=options.FILES,
         ),
         options.OVERRIDES,
+        options.TIES,
         options.AS_JSON_ONLY,
     )
 
@@ -95,6 +97,10 @@ class CheckAnalysis(Analysis):
             document["bodies_of_parts"] = [dict(zip(keys, one, strict=True)) for one in parts]
         if held := locked_names(result.run.design.design):
             document["locked"] = held
+        if tied := _tied(result):
+            document["ties"] = [
+                {"name": tie.name, "equals": tie.equals, "value": number} for tie, number in tied
+            ]
         document["warnings"] = [
             {name: getattr(item, name) for name in ("key", "value", "problem", "remedy", "serious")}
             for item in result.warnings
@@ -109,6 +115,7 @@ class CheckAnalysis(Analysis):
         """Return tables of loads, the lowest points, the pose and the stability."""
         from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import render
+        from suspension_cli.design import paths
         from suspension_cli.design.locked_stages import locked_names
 
         loads = result.statics
@@ -127,6 +134,10 @@ class CheckAnalysis(Analysis):
         lines += [
             f"  profile of {one.wire}: {one.places} places in {one.sections} uniform sections"
             for one in loads.profiles
+        ]
+        lines += [
+            f"  {tie.name} = {tie.equals} = {paths.format_with_unit(tie.name, number, 6)}"
+            for tie, number in _tied(result)
         ]
         for body in loads.bodies:
             shift, turn = map(_milli, (body.shift, body.rotation))
@@ -203,6 +214,14 @@ def _heat_table(conducted: Sequence[ConductedHeat]) -> str:
 def _milli(vector: tuple[float, ...]) -> str:
     """Write components in thousandths, without minus signs of zeros."""
     return ", ".join(f"{round(1e3 * value, 4) + 0.0:.4f}" for value in vector)
+
+
+def _tied(result: Check) -> list[tuple[Tie, float]]:
+    """List the tied parameters of a design with their values."""
+    from suspension_cli.studies import parameters
+
+    design = result.run.design.design
+    return [(tie, parameters.value_of(design, tie.name)) for tie in design.tie]
 
 
 ANALYSIS = CheckAnalysis()

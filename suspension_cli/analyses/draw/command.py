@@ -51,6 +51,7 @@ class DrawAnalysis(Analysis):
     returns = "Any"
     parameters = (
         options.OVERRIDES,
+        options.TIES,
         options.OUT,
         options.NAME,
         options.FORMAT,

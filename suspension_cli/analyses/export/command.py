@@ -111,6 +111,7 @@ class ExportAnalysis(Analysis):
         ),
         options.ALLOW_UNSTABLE,
         options.OVERRIDES,
+        options.TIES,
         options.OUT,
         options.NAME,
         options.FIDELITY,

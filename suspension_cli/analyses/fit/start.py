@@ -25,7 +25,6 @@ from suspension_cli.analyses.fit import measured_values
 from suspension_cli.analyses.fit.problem import Experiment, Problem
 from suspension_cli.analyses.fit.result import EXCHANGE, FACTOR, SIGN, Correction
 from suspension_cli.design import paths, reader
-from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import Free, Measured, Mode
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.measurements.resonances import Peak
@@ -147,11 +146,12 @@ def _start(
         if None in given:
             first = next(e for e in mine if name not in known[e])
             whose = f" of {measured.names[first]}" if measured.names[first] else ""
-            problem = f"the design{whose} gives no such number"
+            reason, instead = parameters.why_unknown(texts[first], name, known[first])
+            problem = reason.replace("the design", f"the design{whose}")
             if any(name in known[e] for e in mine):
                 remedy += ", or list only experiments whose designs give it"
             else:
-                remedy += f"; {suggest(name, list(known[first]))}"
+                remedy = f"give a start, or {instead}"
         elif len(given) > 1:
             problem = "has different values in the designs that share it"
         if problem:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design import paths, reader
-from suspension_cli.design.faults import suggest
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import Fault, InputError, format_value
@@ -41,7 +40,7 @@ class FreeDesign:
         """
         given = {item.name: item.value for item in parameters.every(text)}
         starts = {item.name: item.start for item in goals.free if item.start is not None}
-        if faults := [*_faults(goals, given, starts)]:
+        if faults := [*_faults(text, goals, given, starts)]:
             raise InputError(faults)
         freed = FreeDesign(text, goals, given | starts)
         try:
@@ -133,7 +132,9 @@ class FreeDesign:
             return None
 
 
-def _faults(goals: Goals, known: dict[str, float], starts: dict[str, float]) -> Iterator[Fault]:
+def _faults(
+    text: str, goals: Goals, known: dict[str, float], starts: dict[str, float]
+) -> Iterator[Fault]:
     """Faults of names that the design does not give, and of starts out of bounds."""
     free = [item.name for item in goals.free]
     named = [(f"free.{n}.name", name) for n, name in enumerate(free, 1)]
@@ -142,8 +143,8 @@ def _faults(goals: Goals, known: dict[str, float], starts: dict[str, float]) -> 
         named += [(f"equal.{n}.terms", term) for term in item.terms if term not in free]
     for key, name in named:
         if name not in known:
-            remedy = f"add it to the design (--set); {suggest(name, list(known))}"
-            yield Fault(key, "the design gives no such number", remedy, format_value(name))
+            problem, remedy = parameters.why_unknown(text, name, known)
+            yield Fault(key, problem, remedy, format_value(name))
     for n, item in enumerate(goals.free, 1):
         value = (known | starts).get(item.name, item.lower)
         if not item.lower <= value <= item.upper:

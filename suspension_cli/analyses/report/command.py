@@ -84,6 +84,7 @@ class ReportAnalysis(Analysis):
         options.FIDELITY,
         options.ACCURACY,
         options.OVERRIDES,
+        options.TIES,
         options.OUT,
         options.NAME,
         options.QUIET,

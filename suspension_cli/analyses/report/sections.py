@@ -93,7 +93,10 @@ class Composition:
 
     def command(self, name: str, *words: str) -> str:
         """Return the command line of a command with options as `words`."""
-        changes = (word for override in self.source.overrides for word in ("--set", override))
+        given = {"--set": self.source.overrides, "--tie": self.source.ties}
+        changes = (
+            word for option, texts in given.items() for text in texts for word in (option, text)
+        )
         return shlex.join(["pendsus", name, self.file, *words, *changes])
 
     def run(self, name: str, *words: str, **given: object) -> Any:

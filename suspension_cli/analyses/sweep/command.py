@@ -12,6 +12,8 @@ from suspension_cli.analyses.options import option
 from suspension_cli.errors import InputError, format_value
 
 if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Bool
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.sweep.solve import ParameterSweep, Sweep
@@ -169,24 +171,39 @@ def _warnings(found: Sweep, job: ParameterSweep) -> Iterator[str]:
 
 
 def _tabulate(result: Sweep) -> str:
-    """Return a table with the smallest and largest value of every result."""
+    """Return tables of smallest and largest values: of all points, and where limits are met."""
+    import numpy as np
+
+    everywhere = np.ones(result.status.shape, dtype=bool)
+    names = ", ".join(axis.name for axis in result.axes)
+    parts = [f"values, and where they are smallest and largest ({names}):"]
+    parts.append(_ends(result, everywhere))
+    good = result.all_met
+    if good is not None and good.any() and not good.all():
+        parts += ["", "among the points that meet all requirements:", _ends(result, good)]
+    return "\n".join(parts)
+
+
+def _ends(result: Sweep, points: Bool[np.ndarray, "*axes"]) -> str:
+    """Return a table of the smallest and largest value of every result among some points."""
     import numpy as np
 
     rows = []
     for n, name in enumerate(result.result):
         value = result.value[..., n]
-        ends: tuple[float | None, float | None] = (None, None)
-        where = "nowhere on the grid"
-        if np.isfinite(value).any():
-            known = np.where(np.isfinite(value), value, np.nan)
-            top = np.unravel_index(int(np.nanargmax(known)), value.shape)
-            at = zip(result.axes, top, strict=True)
-            where = ", ".join(f"{axis.name} = {axis.values[k]:.4g}" for axis, k in at)
-            ends = np.nanmin(known), np.nanmax(known)
-        rows.append((result.nominal[n], *ends, result.unit[n], name, where))
-    columns = dict.fromkeys(("as drawn", "smallest", "largest"), "#.5g")
-    columns |= {"unit": "", "result": "", "where it is largest": ""}
-    return tables.render(columns, rows)
+        known = np.where(np.isfinite(value) & points, value, np.nan)
+        row: list[float | str | None] = [result.nominal[n]]
+        for find in (np.nanargmin, np.nanargmax):
+            if np.isnan(known).all():
+                row += [None, "nowhere"]
+                continue
+            place = np.unravel_index(int(find(known)), value.shape)
+            at = zip(result.axes, place, strict=True)
+            row += [known[place], ", ".join(f"{axis.values[k]:.4g}" for axis, k in at)]
+        rows.append([*row, result.unit[n], name])
+    number = "#.5g"
+    columns = {"nominal": number, "smallest": number, "at": "", "largest": number, "at ": ""}
+    return tables.render(columns | {"unit": "", "result": ""}, rows)
 
 
 def _describe_requirements(result: Sweep) -> str:

@@ -392,7 +392,7 @@ def _limits(swept: Sweep, own: list[int]) -> list[Rule]:
         for words, limit in (("at least", swept.at_least[n]), ("at most", swept.at_most[n])):
             if not np.isfinite(limit):
                 continue
-            text = f"{prefix}{words} {limit:.4g}"
+            text = f"{prefix}{words} {format_raised(float(limit), 4)}"
             line = Rule(float(limit), text, colour=RED, dashes=LIMIT, at_right=at_right)
             found.append(line)
             signed = of_magnitude and (swept.value[..., own[names.index(name)]] < 0).any()
