@@ -11,8 +11,9 @@ import numpy as np
 
 from suspension_cli.analyses import options
 from suspension_cli.analyses.analysis import Analysis, Run, RunLog
+from suspension_cli.analyses.replaced_results import replacing
 from suspension_cli.errors import Interrupted, escape_unprintable
-from suspension_cli.files.hdf5 import Provenance, open_results, replacing, write_warnings
+from suspension_cli.files.hdf5 import Provenance, open_results, write_warnings
 from suspension_cli.files.whole_files import target, writing_to
 from suspension_cli.models.registry import MODELS
 from suspension_cli.physics import model_choice
@@ -210,12 +211,14 @@ def fill(run: Run, analysis: Analysis, study: Study[Any], choice: Choice) -> Any
     if isinstance(review.computed, InterpolatedMap):
         how["chunk"] = max(how["chunk"], review.computed.chunk)
     try:
-        with replacing(path, run.source.text, run.log.say), run.log.progress() as progress:
+        with replacing(path, run.source, run.log.say), run.log.progress() as progress:
             begin = review.computed, path, analysis.name, review.origin, review.write
             compute(*begin, review=review, progress=progress, **how)
     except KeyboardInterrupt as cause:
         part = part_of(path)
-        kept = f"; finished points are in {part}; --resume continues" if part.exists() else ""
+        kept = "; nothing was kept, as no chunk of points was finished"
+        if part.exists():
+            kept = f"; finished points are in {part}; --resume continues"
         raise Interrupted.by(cause, escape_unprintable(kept)) from None
     for line in review.warned:
         run.log.warn(line)

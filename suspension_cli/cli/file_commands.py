@@ -55,7 +55,10 @@ def new(
     from suspension_cli.design import reader
 
     if listing:
-        terminal.put("\n".join(reader.examples()))
+        from suspension_cli.analyses import tables
+
+        rows = [(one, reader.example(one).title) for one in reader.examples()]
+        terminal.put(tables.render({"example": "", "title": ""}, rows))
         return
     most = 2 if example is None else 1
     if (not words and example is None) or len(words) > most:

@@ -166,14 +166,14 @@ def _demand_distinct_names(sources: Sequence[Source]) -> None:
 
 def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
     """Write the files of a result: HDF5, CSV and pictures; return it with its file."""
-    from suspension_cli.files.hdf5 import replacing
+    from suspension_cli.analyses.replaced_results import replacing
     from suspension_cli.files.whole_files import write_bytes
 
     analysis = result.run.analysis
     setting = run.setting
     path = analysis.path(result, settings.folder(str(run.folder)))
     if result.run.file is None:
-        with replacing(path, result.run.design.text, voice.say):
+        with replacing(path, result.run.design, voice.say):
             analysis.save(path, result)
     result = result.in_file(path)
 

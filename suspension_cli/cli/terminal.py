@@ -67,19 +67,37 @@ class Voice(Log):
 
 
 class Bar:
-    """Progress bar, rate and time left on a terminal; call it with (done, all, rate)."""
+    """Progress bar, rate and time left on a terminal; call it with (done, all, rate).
+
+    It appears after a second, empty if the first part of the work takes longer.
+    """
 
     def __init__(self, *, enabled: bool) -> None:
         self.enabled = enabled and sys.stderr.isatty()
         self.due = time.monotonic() + PATIENCE
         self.bar: Any = None
+        self.lock = threading.Lock()
+        self.timer = threading.Timer(PATIENCE, self._appear)
+        self.timer.daemon = True
 
     def __enter__(self) -> Bar:
+        if self.enabled:
+            self.timer.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.bar:
-            self.bar.stop()
+        self.timer.cancel()
+        with self.lock:
+            self.enabled = False
+            if self.bar:
+                self.bar.stop()
+
+    def _appear(self) -> None:
+        """Draw an empty bar if there is none yet; called by the timer's thread."""
+        with self.lock:
+            if self.enabled and not self.bar:
+                self._start()
+                self._draw(0, 1, "computing")
 
     def __call__(self, done: int, count: int, rate: float) -> None:
         """Update the bar if enough time has passed."""
@@ -89,12 +107,14 @@ class Bar:
         self.due = now + EVERY
         left = f"{(count - done) / rate:.0f} s left" if rate else ""
         pace = f"{rate:,.0f}/s" if rate >= 1 or not rate else f"{1 / rate:.0f} s each"
-        if not self.bar:
-            self._start()
-        text = f"{done:,} of {count:,}  {pace}  {left}"
-        self.bar.update(
-            self.bar.task_ids[0], completed=done, total=count, description=text, refresh=True
-        )
+        with self.lock:
+            if not self.bar:
+                self._start()
+            self._draw(done, count, f"{done:,} of {count:,}  {pace}  {left}")
+
+    def _draw(self, done: int, count: int, text: str) -> None:
+        task = self.bar.task_ids[0]
+        self.bar.update(task, completed=done, total=count, description=text, refresh=True)
 
     def _start(self) -> None:
         from rich.console import Console

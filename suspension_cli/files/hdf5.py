@@ -11,6 +11,7 @@ import contextlib
 import json
 import math
 import os
+import shlex
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -270,6 +271,15 @@ def read_design(path: Path) -> str | None:
     return str(found)
 
 
+def read_command(path: Path) -> list[str]:
+    """Read the words of the command line from an HDF5 result; none from any other file."""
+    try:
+        with h5py.File(path, "r") as file:
+            return shlex.split(str(file.attrs["command"]))
+    except (OSError, KeyError, ValueError):
+        return []
+
+
 def comment_design(text: str) -> list[str]:
     """Write a design as lines of comment for a text file, which `read_design` reads.
 
@@ -277,13 +287,3 @@ def comment_design(text: str) -> list[str]:
     """
     whole = json.dumps(text)
     return [MARK + whole[n : n + WIDTH] for n in range(0, len(whole), WIDTH)]
-
-
-@contextlib.contextmanager
-def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Report that the result of a design (`text`) was written, and if it replaced another's."""
-    before = read_design(path)
-    yield
-    replaced = before is not None and before != text
-    note = " (replaced the result of another design of this name; to keep both, give --name)"
-    say(f"wrote {path}{note if replaced else ''}")

@@ -42,8 +42,9 @@ def test_replaces_only_by_force(tmp_path):
 
 
 def test_examples(tmp_path):
-    names = run("new", "--examples").stdout.split()
-    assert names == reader.examples() and "husman2000/table2" in names
+    rows = run("new", "--examples").stdout.splitlines()[1:]
+    assert [row.split()[0] for row in rows] == reader.examples()
+    assert "  husman2000/table2           Prototype GEO 600 triple pendulum" in rows
     file = tmp_path / "mirror.toml"
     assert run("new", "--from", "husman2000/figure6", file).exit_code == 0
     design = reader.read(file).design

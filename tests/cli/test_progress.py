@@ -70,6 +70,23 @@ def test_before_anything_is_known(monkeypatch):
     assert "0 of 10  0/s" in screen.getvalue()
 
 
+def test_before_the_first_part_is_done(monkeypatch):
+    """An empty bar appears after a second, and none after the work has ended."""
+    monkeypatch.setattr(messages, "PATIENCE", 0.01)
+    screen = Screen(True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    with messages.Bar(enabled=True) as bar:
+        bar.timer.join()
+    assert "computing" in screen.getvalue()
+    silent = Screen(True)
+    monkeypatch.setattr(sys, "stderr", silent)
+    monkeypatch.setattr(messages, "PATIENCE", 60.0)
+    with messages.Bar(enabled=True) as bar:
+        pass
+    bar.timer.join()
+    assert silent.getvalue() == ""
+
+
 def test_of_a_run(monkeypatch, tmp_path):
     monkeypatch.setattr(messages, "PATIENCE", 0.0)
     monkeypatch.setattr(messages.Bar, "__init__", _on_any_stderr(messages.Bar.__init__))

@@ -74,7 +74,7 @@ def solve(
 
     `level` is the model of all quantities that need no more complete one, or ``auto``, which may
     leave the relative error `tolerance`. Of the `starts` the first is the design itself. `report`
-    is called with (done, all, rate per second) after each.
+    is called with (done, all, rate per second) after each, and after the final search.
 
     Raises `InputError` if the design lacks a number or quantity of the goals, or if dependent
     numbers lie outside their bounds in all designs found.
@@ -87,14 +87,19 @@ def solve(
     begins = [search.point(freed.begin), *_choose_starts(search, starts - 1, seed)]
     ends: list[Point | None] = []
     began = time.monotonic()
+
+    def count(done: int) -> None:
+        if report is not None:
+            report(done, len(begins) + 1, done / (time.monotonic() - began))
+
     for n, begin in enumerate(begins, 1):
         ends.append(begin and search.run(begin))
-        if report is not None:
-            report(n, len(begins), n / (time.monotonic() - began))
+        count(n)
     best = min((point for point in ends if point is not None), key=lambda point: point.rank)
     _check_bounds(freed, best)
     chosen, search, best = _continue(search, best, level, tolerance)
     best = search.compromise(best)
+    count(len(begins) + 1)
     return _summarise(search, chosen, best, _starts(begins, ends))
 
 
