@@ -30,6 +30,10 @@ class Header(Table, frozen=True):
     name: units.Stem
     title: str = key("title, for tables and pictures", "")
     reference: str = key("where the design comes from", "")
+    author: str = key("who made the design, for reports", "", max_length=1000)
+    notes: str = key(
+        "free text for reports; an empty line begins a paragraph", "", max_length=20000
+    )
 
 
 class Constants(Table, frozen=True):

@@ -152,7 +152,8 @@ def environment() -> Environment:
     def clean(value: object) -> object:
         if not isinstance(value, str) or isinstance(value, Markup):
             return value
-        return printable(value).replace("sqrt(Hz)", "√Hz").replace("+-", "±")
+        value = printable(value).replace("sqrt(Hz)", "√Hz").replace("/Hz^0.5", "/√Hz")
+        return value.replace("+-", "±")
 
     made = Environment(
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=clean,

@@ -60,8 +60,8 @@ class Composition:
     """State of a report during its composition.
 
     `request` is the run of the report itself, `scene` the design without imperfections; `folder` is
-    for analyses that write files, and `title` is that of the current section. `checked` is the
-    result of `check`, once computed.
+    for analyses that write files, and `title` is that of the current section. `results` are those
+    of the analyses that were run, the last of each, by the names of the commands.
     """
 
     request: Run
@@ -70,7 +70,7 @@ class Composition:
     folder: Path
     parts: list[Part] = field(default_factory=list)
     title: str = ""
-    checked: Any = None
+    results: dict[str, Any] = field(default_factory=dict)
 
     @property
     def source(self) -> Source:
@@ -114,13 +114,12 @@ class Composition:
         with one.faults():
             result = analysis.solve(one)
         self.list(command, result.run.choice if analysis.has_model else None)
+        self.results[name] = result
         return result
 
     def check(self) -> Any:
         """Run `check`, once for the requirements on the first page and its own section."""
-        if self.checked is None:
-            self.checked = self.run("check")
-        return self.checked
+        return self.results.get("check") or self.run("check")
 
     def answer(self, result: Record) -> Iterator[Block]:
         """Return the printed text of a result."""
@@ -149,6 +148,51 @@ def requirements(report: Composition) -> Iterator[Block]:
     noted = [one.requirement for one in found if one.requirement.limits.note]
     for one in noted:
         yield Paragraph([f"{one.quantity.text}: {one.limits.note}"], "model")
+
+
+def yields(report: Composition) -> Iterator[Block]:
+    """Fractions of random builds that meet the requirements, if the report has tolerances."""
+    found = report.results.get("tolerance")
+    if found is None or found.joint is None:
+        return
+    *single, joint = (
+        f"{tables.with_error(100 * one.fraction, 100 * one.error)} % {one.name}"
+        for one in (*found.yields, found.joint)
+    )
+    text = f"Yield of {found.good:,} random builds: {joint}"
+    yield Paragraph([f"{text} ({'; '.join(single)})." if single else f"{text}."])
+
+
+def models(report: Composition) -> Iterator[Block]:
+    """Models of the modes and of the thermal noise, and what they neglect."""
+    lines = {}
+    for name, title in (("modes", "Modes"), ("thermal", "Thermal noise")):
+        if name in report.results:
+            line = report.results[name].run.choice.line
+            lines[line] = [*lines.get(line, []), title]
+    for line, titles in lines.items():
+        yield Paragraph([f"{' and '.join(titles)}: {line}"], "model")
+
+
+def optimised(report: Composition) -> Iterator[Block]:
+    """Parameters that `optimise` found, if a results file beside the report has this design."""
+    import msgspec
+
+    design = report.source.design
+    for path in sorted(report.request.folder.glob("*-optimise.h5")):
+        result = _loaded(path)
+        if result is None or result.run.analysis.name != "optimise":
+            continue
+        reached = result.design.design
+        if msgspec.structs.replace(reached, design=design.design) != design:
+            continue
+        report.list(result.run.command, result.run.choice)
+        numbers = result.numbers
+        rows = zip(numbers.name, numbers.unit, numbers.before, numbers.after, strict=True)
+        columns = {"parameter": "", "unit": "", "before": "#.6g", "after": "#.6g"}
+        caption = f"Optimised for {Path(result.goals_file).name or 'goals'}"
+        yield page.table(tables.Table(columns, [*rows]), caption)
+        return
 
 
 def check(report: Composition) -> Iterator[Block]:
@@ -285,18 +329,26 @@ def tolerance(report: Composition) -> Iterator[Block]:
 
 def _stored(report: Composition, name: str) -> Any:
     """Return a result of an earlier run of this design; None if there is none."""
-    from suspension_cli.files.hdf5 import open_results, read_design
+    from suspension_cli.files.hdf5 import read_design
 
     path = report.request.folder / f"{report.source.stem()}-{name}.h5"
-    if read_design(path) != report.source.text:
-        return None
-    try:
-        with open_results(path) as file:
-            result = known_analyses.loaded(file, str(path))
-    except InputError:  # of another version, or incomplete
+    result = _loaded(path) if read_design(path) == report.source.text else None
+    if result is None:
         return None
     report.list(result.run.command, result.run.choice)
+    report.results[name] = result
     return result
+
+
+def _loaded(path: Path) -> Any:
+    """Read a results file; None if it is of another version, or incomplete."""
+    from suspension_cli.files.hdf5 import open_results
+
+    try:
+        with open_results(path) as file:
+            return known_analyses.loaded(file, str(path))
+    except InputError:
+        return None
 
 
 def budget(report: Composition) -> Iterator[Block]:

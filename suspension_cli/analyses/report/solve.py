@@ -8,7 +8,9 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -25,8 +27,11 @@ from suspension_cli.analyses.report.sections import (
     Composition,
     Omitted,
     Part,
+    models,
+    optimised,
     parse_sections,
     requirements,
+    yields,
 )
 from suspension_cli.design import reader
 from suspension_cli.drawing.panels import page_width
@@ -119,10 +124,15 @@ def solve(analysis: Analysis, run: Run) -> Report:
             sections.append((name, report.title, contents))
             listed.append(Section(name, report.title, missing))
         bar(len(wanted), len(wanted), 0.0)
+        report.title = "First page"
+        summary = [block for build in (yields, optimised) for block in build(report)]
+    drawn = [block for name, _, blocks in sections if name == "drawing" for block in blocks]
     text = _as_written(run.source)
     made = page.environment().get_template("page.html").render(
-        about=run.design.design, file=report.file, overrides=run.source.overrides,
-        version=__version__, requirements=judged, sections=sections, parts=report.parts,
+        about=run.design.design, file=report.file, date=_today(), version=__version__,
+        changes=(*run.source.overrides, *run.source.ties),
+        requirements=judged, summary=summary, drawing=drawn, models=[*models(report)],
+        sections=[one for one in sections if one[0] != "drawing"], parts=report.parts,
         text=escape(page.printable(text)),
         encoded=page.encode_text(text.encode()),
     )  # fmt: skip
@@ -178,3 +188,10 @@ def _as_written(source: Source) -> str:
         except InputError:
             pass
     return source.text
+
+
+def _today() -> str:
+    """Date for the page, UTC; that of SOURCE_DATE_EPOCH where pages must come out the same."""
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    seconds = int(given) if given.isdecimal() else time.time()
+    return time.strftime("%-d %B %Y", time.gmtime(seconds))

@@ -141,7 +141,6 @@ def test_says_what_it_is_of(page, written):
     assert "Not computed" not in text
     assert "Left out, as the design has no [tolerance] table" in text
     assert f"pendsus modes {written.with_name('double.toml')} --fidelity beam" in text
-    assert re.search(r"20\d\d-\d\d-\d\d", text) is None  # no date
 
 
 def test_modes_are_those_of_the_command(page):
@@ -288,6 +287,33 @@ note = "design document, 4.2"
 quantity = "tension test.1"
 at_most = 10.0
 """
+
+
+def test_the_first_page_is_for_a_design_review(tmp_path, monkeypatch):
+    """Author, date, notes, yields, what was optimised, the model and its error, and the drawing."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
+    notes = 'author = "A & B"\nnotes = """\nFirst <b>version</b>.\n\nClamps are open."""\n'
+    text = sus.template("single").text.replace("[design]\n", f"[design]\n{notes}")
+    text += '[[requirement]]\nquantity = "test pitch"\nat_most = 20.0\n'
+    text += '[[tolerance.body]]\nstage = "test"\ncom = { normal = 1e-4 }\n'
+    goals = tmp_path / "goals.toml"
+    goals.write_text('[[free]]\nname = "stage.test.wires.d"\nlower = 1e-4\nupper = 2e-3\n')
+    found = sus.optimise(sus.parse(text), goals, fidelity="string")
+    found.save(tmp_path / "single-optimise.h5")
+    quick = {"fidelity": "string", "builds": 100, "sections": "drawing,modes,tolerance"}
+    sus.report(found.design, tmp_path / "page.html", **quick)
+    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    first = "".join(page.text.partition("Provenance")[0].split())
+    for words in (
+        "Author A & B Date 9 September 2001",
+        "First <b>version</b>. Clamps are open.",
+        "The requirement is met.",
+        "Yield of 100 random builds: ",
+        "Optimised for goals.toml parameter unit before after stage.test.wires.d m 0.00100000 ",
+        "To scale, from the side and from the front: 5.6 kg in all.",
+        "Modes: model: string (as requested); neglected: wire bending",
+    ):
+        assert "".join(words.split()) in first, words
 
 
 def test_requirements_stand_on_the_first_page(tmp_path):
