@@ -302,7 +302,7 @@ def make_foton(
         same = sum(one.name.startswith(name) for one in modules)
         name += f"_{same}" if same else ""
         modules.append(Module(name, *signals, parts, text, error))
-    return FilterFile(rate, band, modules)
+    return FilterFile(rate, band, tuple(modules))
 
 
 def _units(roots: Complex[np.ndarray, " root"], limit: float) -> Units:
