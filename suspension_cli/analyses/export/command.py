@@ -10,6 +10,7 @@ import click
 
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Run
+from suspension_cli.analyses.export.file import FORMATS
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.export.gwinc_tables import GwincTables
     from suspension_cli.analyses.export.solve import Export, Exported
 
-FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "foton", "gwinc")
-"""Keys of `file.FORMATS`, which is not imported just to print help."""
 MOST = 12
 """Largest number of responses that are all printed."""
 
@@ -58,11 +57,9 @@ class ExportAnalysis(Analysis):
     parameters = (
         option(
             "--format",
-            type=click.Choice(FORMATS),
+            type=click.Choice(list(FORMATS)),
             default="mat",
-            help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python"
-            " module with an element of finesse 3; foton: a filter file of a front end; gwinc: a"
-            " folder with a noise budget of gwinc.",
+            help="; ".join(f"{name}: {form.about}" for name, form in FORMATS.items()) + ".",
         ),
         options.signals(
             "input",
@@ -122,7 +119,7 @@ class ExportAnalysis(Analysis):
 
     def solve(self, run: Run) -> Export | GwincTables:
         """Build the state space and measure its band."""
-        from suspension_cli.analyses.export import file
+        from suspension_cli.analyses.export import file, foton_modules
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.grids import parse_band
@@ -170,7 +167,8 @@ class ExportAnalysis(Analysis):
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
         made = replace(made, mirror=chain[-1])
         if setting["format"] == "foton":
-            made = replace(made, filters=file.make_foton(made, setting["rate"], band, accuracy))
+            filters = foton_modules.make_foton(made, setting["rate"], band, accuracy)
+            made = replace(made, filters=filters)
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         origin = run.origin(self, choice)
         return export.Export.extending(made, format=setting["format"], run=origin)
@@ -210,8 +208,6 @@ class ExportAnalysis(Analysis):
 
     def path(self, result: Export | GwincTables, folder: Path) -> Path:
         """Return the path of the exported file."""
-        from suspension_cli.analyses.export.file import FORMATS
-
         stem = result.run.design.stem()
         form = result.format
         # gwinc takes a dot for the start of a file's ending
@@ -220,10 +216,9 @@ class ExportAnalysis(Analysis):
 
     def save(self, path: Path, result: Export | GwincTables) -> None:
         """Write the exported file, in the format of its ending."""
-        from suspension_cli.analyses.export import file as stored
+        from suspension_cli.analyses.export.file import format_of
 
-        form = stored.format_of(path, result)
-        stored.FORMATS[form].write(path, result, result.provenance)
+        FORMATS[format_of(path, result)].write(path, result, result.provenance)
 
     def fill(self, file: h5py.File, result: Export | GwincTables) -> None:
         """Refuse: a state space has no labelled arrays."""
