@@ -278,9 +278,9 @@ def export(
     design : Design
         The design, or the path of its file.
     format : {"mat", "npz", "hdf5", "zpk", "control", "finesse", "foton", "gwinc"}
-        mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python module
-        with an element of finesse 3; foton: a filter file of a front end; gwinc: a folder with a
-        noise budget of gwinc.
+        mat: MATLAB; npz: numpy; hdf5: HDF5; zpk: zeros, poles, gain; control: python-control;
+        finesse: a Python module with an element of finesse 3; foton: a filter file of a front end;
+        gwinc: a folder with a noise budget of gwinc.
     inputs : str or sequence of str
         An input. Default: the support's six motions and six forces on the first stage; for finesse
         x, pitch and yaw of the support and of all stages of the main chain.

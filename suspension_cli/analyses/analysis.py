@@ -20,8 +20,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from suspension_cli.analyses import options
 from suspension_cli.analyses.options import Input, Option, Settings
 from suspension_cli.analyses.record import Origin
-from suspension_cli.analyses.record import only_one as only_one
-from suspension_cli.analyses.record import table as table
 from suspension_cli.errors import InputError, PendsusWarning, attribute_faults_to
 from suspension_cli.files.documents import Document as Document
 

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
@@ -314,24 +313,3 @@ class Record:
         import html
 
         return f"<pre>{html.escape(str(self))}</pre>"
-
-
-def table(source: Any, columns: str) -> list[Document]:
-    """Rows of JSON from the columns of a record, or from a sequence of records.
-
-    Columns are ``KEY``, or ``KEY=ATTRIBUTE`` where the names differ.
-    """
-    pairs = [word.partition("=") for word in columns.split()]
-    keys = [key for key, *_ in pairs]
-    names = [name or key for key, _, name in pairs]
-    rows = (
-        ([getattr(one, name) for name in names] for one in source)
-        if isinstance(source, Sequence)
-        else zip(*(getattr(source, name) for name in names), strict=True)
-    )
-    return [dict(zip(keys, row, strict=True)) for row in rows]
-
-
-def only_one(values: list[Document], name: str) -> Document:
-    """The only one of several documents, or all of them under `name`."""
-    return values[0] if len(values) == 1 else {name: values}

@@ -22,12 +22,13 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from suspension_cli.design import foton
 from suspension_cli.design.foton import Filter
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.files import whole_files
+from suspension_cli.files.documents import Layout
 
 SECTIONS = 10
 """Sections of a module."""
@@ -46,6 +47,9 @@ COMMENT: dict[str, Any] = {"initial_indent": "# ", "subsequent_indent": "# "}
 class Module:
     """A filter module that stands for a response."""
 
+    in_json: ClassVar = Layout(
+        only="name output input sections poles error", names={"name": "module"}
+    )
     name: str
     output: str
     input: str
@@ -53,14 +57,25 @@ class Module:
     text: list[str]  # their coefficients at the sample rate, as design strings with `sos`
     error: float  # largest relative error in the band, off resonance
 
+    @property
+    def sections(self) -> int:
+        """Number of sections."""
+        return len(self.section)
+
+    @property
+    def poles(self) -> int:
+        """Number of poles."""
+        return sum(len(part.poles) for part in self.section)
+
 
 @dataclass(frozen=True)
 class FilterFile:
     """Modules with their sample rate and the band of their errors, Hz."""
 
+    in_json: ClassVar = Layout(only="rate module", names={"rate": "rate_hz", "module": "modules"})
     rate: float
     band: tuple[float, float]
-    module: list[Module]
+    module: tuple[Module, ...]
 
 
 def read(path: Path, module: str, numbers: Sequence[int]) -> tuple[str, float]:

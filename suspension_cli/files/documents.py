@@ -35,21 +35,30 @@ class Layout:
         Keys of lists of objects, by dimension: arrays along this dimension, and along no other that
         is listed here, are their columns. The key "" makes the whole document that list.
     names
-        Keys of fields that are not called as in results files; of a complex one two.
+        Keys of fields that are not called as in results files; of complex numbers, and of a pair
+        of numbers, two.
     without
         Names of fields that JSON leaves out.
     also
         Names of properties that JSON has though no results file does.
+    only
+        Names of all fields and properties that JSON has, in its order, instead of `without` and
+        `also`.
     sparse
-        Names of fields that are left out where they have no value, and of columns that only those
-        rows have where the element is finite and not 0 or "".
+        Names of fields that are left out where they have no value, or are 0, false or empty, and of
+        columns that only those rows have where the element is finite and not 0 or "".
+    flat
+        Names of records whose keys stand beside the others, not in an object of their own; of
+        several records, if there is only one.
     """
 
     rows: Mapping[str, str] = dataclasses.field(default_factory=dict)
     names: Mapping[str, str] = dataclasses.field(default_factory=dict)
     without: str = ""
     also: str = ""
+    only: str = ""
     sparse: str = ""
+    flat: str = ""
 
 
 def document(record: Any) -> Any:
@@ -64,7 +73,7 @@ def document(record: Any) -> Any:
         value = getattr(record, item.name)
         listed = [dim for dim in item.dims if dim in layout.rows]
         if len(listed) != 1:
-            if value is not None or item.name not in sparse:
+            if item.name not in sparse or _is_given(value):
                 found |= _parts(item, value, layout)
         elif value is not None:
             rows = found.setdefault(layout.rows[listed[0]], [])
@@ -89,6 +98,11 @@ def as_json(part: Any) -> Any:
 
 def _items(kind: type, layout: Layout) -> Iterator[Item]:
     """List the fields and properties that a document has."""
+    if layout.only:
+        declared = {item.name: item for item in items(kind)}
+        for name in layout.only.split():
+            yield declared.get(name) or property_item(kind, name)
+        return
     without = layout.without.split()
     for item in items(kind):
         if item.name not in without and FINE not in item.dims:
@@ -102,25 +116,29 @@ def _parts(item: Item, value: Any, layout: Layout) -> Document:
     import numpy as np
 
     key = layout.names.get(item.name, item.key + ENDINGS.get(item.unit, ""))
+    is_flat = item.name in layout.flat.split()
     if value is None:
         return {key: None}
     if np.iscomplexobj(value):
         real, imag = key.split() if " " in key else (f"{key}_real", f"{key}_imag")
         return {real: np.real(value), imag: np.imag(value)}
+    if " " in key:
+        return dict(zip(key.split(), value, strict=True))
     if item.form == "axes":
         axes = [{"name": one.name, "unit": one.unit, "values": one.values} for one in value]
         return {key: axes}
     if dataclasses.is_dataclass(value):  # in a row, its columns
         own = document(value)
-        return {key: own} if item.form == "record" else own
+        return {key: own} if item.form == "record" and not is_flat else own
     if item.form in ("records", "columns"):
-        return {key: [document(one) for one in value]}
+        listed = [document(one) for one in value]
+        return listed[0] if is_flat and len(listed) == 1 else {key: listed}
     return {key: value}
 
 
 def _is_given(element: Any) -> bool:
-    """Whether an element of a sparse column is worth an entry."""
-    return bool(element) and (isinstance(element, str) or math.isfinite(element))
+    """Whether a sparse field, or an element of a sparse column, is worth an entry."""
+    return bool(element) and not (isinstance(element, float) and not math.isfinite(element))
 
 
 def _along(values: Any, dims: tuple[str, ...], dim: str) -> Any:

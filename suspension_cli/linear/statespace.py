@@ -59,6 +59,7 @@ NAMED = 0.2
 class StateSpace:
     """Linear system in state space, SI, with names and units."""
 
+    in_json: ClassVar = Layout(only="state input output")
     a: Float[np.ndarray, "state state"]
     b: Float[np.ndarray, "state input"]
     c: Float[np.ndarray, "output state"]

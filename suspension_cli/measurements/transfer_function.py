@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 import numpy as np
 
 from suspension_cli.design.measured import Measured, Transducer
 from suspension_cli.files.declared import in_unit
+from suspension_cli.files.documents import Layout
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -44,6 +45,10 @@ class MeasuredResponse:
     not measured. `file` is where it was read, for errors.
     """
 
+    in_json: ClassVar = Layout(
+        only="name file input output unit frequency value uncertainty coherence",
+        names={"value": "real imag"},
+    )
     name: str
     input: str
     output: str

@@ -170,6 +170,10 @@ class Requirement:
     intervals in which the motion is above the requirement, Hz. `unit` is that of the motion.
     """
 
+    in_json: ClassVar = Layout(
+        only="name met margin at exceeded",
+        names={"name": "file", "at": "at_hz"},
+    )
     name: str
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
     density: Float[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}/Hz^0.5"))
@@ -238,6 +242,20 @@ class MotionBudget:
         RMS of the drive of each coil, the same for all outputs; None without OSEMs.
     """
 
+    in_json: ClassVar = Layout(
+        only="output density_unit amplitude parts total_rms total_rms_velocity rms_by_cause"
+        " rms_velocity_by_cause rms rms_velocity requirement",
+        names={
+            "density_unit": "unit",
+            "amplitude": "displacement_asd",
+            "parts": "contributions",
+            "total_rms": "rms",
+            "total_rms_velocity": "rms_velocity",
+            "rms": "cumulative_rms",
+            "rms_velocity": "cumulative_rms_velocity",
+        },
+        sparse="requirement",
+    )
     frequency: Float[np.ndarray, " frequency"]
     output: str
     unit: str
@@ -265,9 +283,40 @@ class MotionBudget:
         return np.sqrt(self.mean_square_velocity.sum(-1))
 
     @property
+    def density_unit(self) -> str:
+        """Unit of amplitude spectral densities."""
+        return f"{self.unit}/sqrt(Hz)"
+
+    @property
     def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
         """Amplitude spectral density by cause."""
         return dict(zip(self.cause, self.contribution.T, strict=True))
+
+    @property
+    def total_rms(self) -> float:
+        """RMS of the motion."""
+        return float(self.rms[0])
+
+    @property
+    def total_rms_velocity(self) -> float:
+        """RMS of the velocity."""
+        return float(self.rms_velocity[0])
+
+    @property
+    def rms_by_cause(self) -> dict[str, float]:
+        """RMS of the motion due to each cause."""
+        return dict(zip(self.cause, self.mean_square[0] ** 0.5, strict=True))
+
+    @property
+    def rms_velocity_by_cause(self) -> dict[str, float]:
+        """RMS of the velocity due to each cause."""
+        return dict(zip(self.cause, self.mean_square_velocity[0] ** 0.5, strict=True))
+
+    @property
+    def ground(self) -> dict[str, str]:
+        """Names of models and files of the motion of the support, by coordinate."""
+        pairs = zip(self.cause, self.source, strict=True)
+        return {cause.partition(".")[2]: source for cause, source in pairs if source}
 
 
 def solve(

@@ -14,13 +14,15 @@ Z^-1 r, in contrast, loses the digits of a high Q.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from suspension_cli.conventions import BOLTZMANN, DOFS
 from suspension_cli.errors import InputError, format_value
+from suspension_cli.files.declared import in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
@@ -61,10 +63,14 @@ class MotionNoise:
         One-sided amplitude spectral density by source, 0 where a source does not contribute.
     """
 
+    in_json: ClassVar = Layout(
+        only="output tilt amplitude density_unit parts",
+        names={"amplitude": "displacement_asd", "density_unit": "unit", "parts": "contributions"},
+    )
     frequency: Float[np.ndarray, " frequency"]
     output: str
     unit: str
-    tilt: float
+    tilt: float = field(metadata=in_unit("rad"))
     source: tuple[str, ...]
     contribution: Float[np.ndarray, "frequency source"]
 
@@ -77,6 +83,11 @@ class MotionNoise:
     def density(self) -> Float[np.ndarray, "source frequency"]:
         """One-sided power spectral density by source, unit^2/Hz."""
         return self.contribution.T**2
+
+    @property
+    def density_unit(self) -> str:
+        """Unit of amplitude spectral densities."""
+        return f"{self.unit}/sqrt(Hz)"
 
     @property
     def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:

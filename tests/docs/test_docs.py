@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import get_args
@@ -13,7 +14,9 @@ import click
 import h5py
 import pytest
 
+from suspension_cli.analyses.compare import solve as compare
 from suspension_cli.analyses.export import file as export
+from suspension_cli.analyses.fit import result as fit_result
 from suspension_cli.analyses.modes import picture
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
@@ -29,6 +32,7 @@ from suspension_cli.design import (
     schema,
     wires,
 )
+from suspension_cli.files.declared import items
 from suspension_cli.models import registry
 from suspension_cli.physics import ground
 from tests.support.commandline import run
@@ -455,6 +459,39 @@ def test_built_in_losses_are_those_of_the_table():
         known = [_at_room_temperature(value) for value in known]
         values = [value.removesuffix("†").removesuffix("*").strip() for value in values]
         assert [float(value) if value else None for value in values[:6]] == known, name
+
+
+def declared_datasets(kind: type, folder: str = "", dims: str = "") -> Iterator[tuple]:
+    """Names of the datasets of a record, each with its axes and its unit."""
+    for item in items(kind):
+        name = f"{folder}{item.key}"
+        axes = ", ".join(item.dims) or dims
+        if item.form in ("record", "columns"):
+            yield from declared_datasets(item.leaf, f"{name}/", axes)
+        elif item.form == "records":
+            yield from declared_datasets(item.leaf, f"{name}/N/")
+        else:
+            unit = item.unit or ("name" if item.leaf is str else "1")
+            yield name, ("" if item.is_scale or axes == item.key else axes, unit)
+
+
+@pytest.mark.parametrize(
+    ("section", "kind"),
+    [
+        ("Group compare", compare.Comparison),
+        ("Transfer functions of a fit", fit_result.ResponseFit),
+    ],
+)
+def test_datasets_that_no_command_of_this_file_writes(section, kind):
+    declared = dict(declared_datasets(kind))
+    numbered = {"number": ("", "1")}  # scales without a field
+    for row in rows(sections("format.md")[section]):
+        names = named(row[0])
+        units = row[1].split(", ")
+        units = units if len(units) == len(names) else [row[1]] * len(names)
+        axes = row[0].partition("[")[2].removesuffix("]")
+        for name, unit in zip(names, units, strict=True):
+            assert (numbered | declared)[name] == (axes, unit), name
 
 
 def datasets(group: h5py.Group) -> list[h5py.Dataset]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+import pytest
 
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.files.documents import Layout, as_json, document
@@ -82,3 +83,50 @@ def test_rows_names_units_and_what_is_left_out():
         "remark": None,
         "tilt_rad": None,
     }
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A record that names all that JSON has."""
+
+    in_json: ClassVar = Layout(
+        only="peak parts ends closed peaks note",
+        names={"ends": "low_hz high_hz", "peaks": "all"},
+        sparse="closed note",
+        flat="peak peaks",
+    )
+    hidden: float
+    ends: tuple[float, float]
+    peak: Peak
+    peaks: tuple[Peak, ...]
+    closed: bool = False
+    note: str | None = None
+
+    @property
+    def parts(self) -> dict[str, Float[np.ndarray, " frequency"]]:
+        """A property that no file has."""
+        return {"a": np.array([1.0, np.nan])}
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_chosen_keys_pairs_and_flat_records(closed):
+    found = Chosen(0.0, (1.0, 2.0), Peak(1.0), (Peak(2.0), Peak(3.0)), closed=closed)
+    made = as_json(document(found))
+    given = {"closed": True} if closed else {}
+    assert made == given | {
+        "size": 1.0,
+        "double": 2.0,
+        "parts": {"a": [1.0, None]},
+        "low_hz": 1.0,
+        "high_hz": 2.0,
+        "all": [{"size": 2.0, "double": 4.0}, {"size": 3.0, "double": 6.0}],
+    }
+    assert list(made)[:4] == ["size", "double", "parts", "low_hz"]
+
+
+def test_several_records_are_flat_if_there_is_only_one():
+    found = Chosen(0.0, (1.0, 2.0), Peak(1.0), (Peak(2.0),), note="x")
+    made = document(found)
+    assert made["size"] == 2.0
+    assert made["note"] == "x"
+    assert "all" not in made

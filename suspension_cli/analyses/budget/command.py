@@ -8,17 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import (
-    Analysis,
-    Document,
-    Run,
-    Settings,
-    name_mirrors,
-)
+from suspension_cli.analyses.analysis import Analysis, Run, Settings, name_mirrors
 from suspension_cli.analyses.options import option
-from suspension_cli.errors import (
-    escape_unprintable,
-)
+from suspension_cli.errors import escape_unprintable
 from suspension_cli.grids import table_points
 
 if TYPE_CHECKING:
@@ -107,22 +99,9 @@ class BudgetAnalysis(Analysis):
 
         return solve.solve(self, run)
 
-    def document(self, result: Budget) -> Document:
-        """Return the budget of the first output flat, and those of the others."""
-        from suspension_cli.files import documents
-
-        first, *others = [_document(one) for one in result.motions]
-        if result.drive is not None:
-            first["drive_rms"] = [documents.document(one) for one in result.drive]
-        head: Document = {"frequency_hz": result.frequency}
-        ground = _sources(result.motions[0])
-        tilt = {"tilt_rad": result.largest_tilt} if result.largest_tilt else {}
-        about = {"other_outputs": others, "ground": ground, "mirrors": result.mirrors}
-        return head | first | about | tilt
-
     def text(self, result: Budget) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
-        first = result.motions[0]
+        first = result.first
         low, high = first.frequency[[0, -1]]
         span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz"
         lines = [result.run.choice.line, f"ground: {_describe_ground(first)}"]
@@ -146,39 +125,6 @@ class BudgetAnalysis(Analysis):
         return {"": picture.draw(result.motions, title)}
 
 
-def _sources(one: MotionBudget) -> dict[str, str]:
-    """Names of models and files by coordinate of the support."""
-    pairs = zip(one.cause, one.source, strict=True)
-    return {cause.partition(".")[2]: source for cause, source in pairs if source}
-
-
-def _document(one: MotionBudget) -> Document:
-    """Return one output as JSON, without its frequencies."""
-    squares = one.mean_square[0]
-    velocities = one.mean_square_velocity[0]
-    result: Document = {
-        "output": one.output,
-        "unit": f"{one.unit}/sqrt(Hz)",
-        "displacement_asd": one.amplitude.tolist(),
-        "contributions": {name: part.tolist() for name, part in one.parts.items()},
-        "rms": one.rms[0],
-        "rms_velocity": one.rms_velocity[0],
-        "rms_by_cause": dict(zip(one.cause, squares**0.5, strict=True)),
-        "rms_velocity_by_cause": dict(zip(one.cause, velocities**0.5, strict=True)),
-        "cumulative_rms": one.rms,
-        "cumulative_rms_velocity": one.rms_velocity,
-    }
-    if (found := one.requirement) is not None:
-        result["requirement"] = {
-            "file": found.name,
-            "met": found.met,
-            "margin": found.margin,
-            "at_hz": found.at,
-            "exceeded_hz": found.exceeded,
-        }
-    return result
-
-
 def _tabulate(one: MotionBudget) -> Iterator[str]:
     """Write the table of one output, the largest cause first, and what it requires."""
     shown = table_points(one.frequency)
@@ -186,8 +132,8 @@ def _tabulate(one: MotionBudget) -> Iterator[str]:
     heads = [f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)" for at in one.frequency[shown]]
     causes = zip(
         ("all", *one.cause),
-        (one.rms[0], *one.mean_square[0] ** 0.5),
-        (one.rms_velocity[0], *one.mean_square_velocity[0] ** 0.5),
+        (one.total_rms, *one.rms_by_cause.values()),
+        (one.total_rms_velocity, *one.rms_velocity_by_cause.values()),
         (one.amplitude, *one.contribution.T),
         strict=True,
     )
@@ -228,7 +174,7 @@ def _describe_requirement(found: Requirement) -> str:
 def _describe_ground(one: MotionBudget) -> str:
     """Describe the motion of the support, and where it is not that of its models."""
     sources: dict[str, list[str]] = {}
-    for dof, name in _sources(one).items():
+    for dof, name in one.ground.items():
         sources.setdefault(name, []).append(dof)
     text = "; ".join(
         f"{escape_unprintable(name)} along {', '.join(dofs)}" for name, dofs in sources.items()

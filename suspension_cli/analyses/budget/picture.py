@@ -70,7 +70,7 @@ def _panel(one: MotionBudget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
 def write_message(one: MotionBudget) -> str:
     """Describe a panel in one sentence: RMS, its main cause, requirement."""
     square = one.mean_square[0]
-    rms = one.rms[0]
+    rms = one.total_rms
     if np.isfinite(rms) and rms > 0:
         by = int(square.argmax())
         part = 100 * square[by] / square.sum()

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import mirror
 from suspension_cli.errors import InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import ADDED, along, derived, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import decade_points, parse_frequencies
 from suspension_cli.linear import signals
 from suspension_cli.linear.solver import Solver
@@ -79,6 +80,12 @@ class Budget(Record):
         versions.
     """
 
+    in_json: ClassVar = Layout(
+        only="frequency first drive others ground mirrors largest_tilt",
+        names={"drive": "drive_rms", "others": "other_outputs", "largest_tilt": "tilt_rad"},
+        sparse="drive largest_tilt",
+        flat="first",
+    )
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
     output: tuple[str, ...]
     unit: tuple[str, ...] = field(metadata=along("output"))
@@ -138,6 +145,21 @@ class Budget(Record):
             )
             for n, output in enumerate(self.output)
         )
+
+    @property
+    def first(self) -> MotionBudget:
+        """Budget of the first motion."""
+        return self.motions[0]
+
+    @property
+    def others(self) -> tuple[MotionBudget, ...]:
+        """Budgets of the other motions."""
+        return self.motions[1:]
+
+    @property
+    def ground(self) -> dict[str, str]:
+        """Names of models and files of the motion of the support, by coordinate."""
+        return self.first.ground
 
 
 def solve(analysis: Analysis, run: Run) -> Budget:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, cast
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Run
+from suspension_cli.analyses.analysis import Analysis, Run
+from suspension_cli.analyses.export.file import FORMATS
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -17,10 +18,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.export.gwinc_tables import GwincTables
     from suspension_cli.analyses.export.solve import Export, Exported
-    from suspension_cli.design.foton_file import FilterFile
 
-FORMATS = ("mat", "npz", "hdf5", "zpk", "control", "finesse", "foton", "gwinc")
-"""Keys of `file.FORMATS`, which is not imported just to print help."""
 MOST = 12
 """Largest number of responses that are all printed."""
 
@@ -59,11 +57,9 @@ class ExportAnalysis(Analysis):
     parameters = (
         option(
             "--format",
-            type=click.Choice(FORMATS),
+            type=click.Choice(list(FORMATS)),
             default="mat",
-            help="mat: MATLAB; zpk: zeros, poles, gain; control: python-control; finesse: a Python"
-            " module with an element of finesse 3; foton: a filter file of a front end; gwinc: a"
-            " folder with a noise budget of gwinc.",
+            help="; ".join(f"{name}: {form.about}" for name, form in FORMATS.items()) + ".",
         ),
         options.signals(
             "input",
@@ -124,7 +120,7 @@ class ExportAnalysis(Analysis):
 
     def solve(self, run: Run) -> Export | GwincTables:
         """Build the state space and measure its band."""
-        from suspension_cli.analyses.export import file
+        from suspension_cli.analyses.export import file, foton_modules
         from suspension_cli.analyses.export import solve as export
         from suspension_cli.design.derive import main_chain
         from suspension_cli.grids import parse_band
@@ -172,31 +168,11 @@ class ExportAnalysis(Analysis):
                 run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
         made = replace(made, mirror=chain[-1])
         if setting["format"] == "foton":
-            made = replace(made, filters=file.make_foton(made, setting["rate"], band, accuracy))
+            filters = foton_modules.make_foton(made, setting["rate"], band, accuracy)
+            made = replace(made, filters=filters)
         made = export.compare_with_complete(made, run.design, inputs, outputs)
         origin = run.origin(self, choice)
         return export.Export.extending(made, format=setting["format"], run=origin)
-
-    def document(self, result: Export | GwincTables) -> Document:
-        """Return names and the band of agreement."""
-        path = result.run.file
-        head: Document = {"format": result.format, "file": None if path is None else str(path)}
-        if result.format == "gwinc":
-            return head | cast("GwincTables", result).contents
-        made = cast("Export", result)
-        system = made.system
-        if made.filters is not None:
-            head |= {"rate_hz": made.filters.rate, "modules": _modules(made.filters)}
-        return head | {
-            "state": list(system.state),
-            "input": list(system.input),
-            "output": list(system.output),
-            "band_hz": list(made.band) if made.band else None,
-            "tolerance": made.tolerance,
-            "worst_error": made.worst,
-            "worst_q_error": made.q_error,
-            "agreement": _agreement(made),
-        }
 
     def text(self, result: Export | GwincTables) -> str:
         """Return the size of the system and the band of agreement."""
@@ -223,15 +199,16 @@ class ExportAnalysis(Analysis):
             low, high = filters.band
             head = f"filter modules at {filters.rate:g} Hz, with the largest error from {low:g} to"
             columns = dict.fromkeys(("module", "output", "input", "sections", "poles"), "")
-            rows = [tuple(row.values()) for row in _modules(filters)]
+            rows = [
+                (one.name, one.output, one.input, one.sections, one.poles, one.error)
+                for one in filters.module
+            ]
             lines += [f"\n{head} {high:g} Hz off resonance:\n"]
             lines += [tables.render(columns | {"error": ".2g"}, rows)]
         return "\n".join([*lines, _table(made)])
 
     def path(self, result: Export | GwincTables, folder: Path) -> Path:
         """Return the path of the exported file."""
-        from suspension_cli.analyses.export.file import FORMATS
-
         stem = result.run.design.stem()
         form = result.format
         # gwinc takes a dot for the start of a file's ending
@@ -240,10 +217,9 @@ class ExportAnalysis(Analysis):
 
     def save(self, path: Path, result: Export | GwincTables) -> None:
         """Write the exported file, in the format of its ending."""
-        from suspension_cli.analyses.export import file as stored
+        from suspension_cli.analyses.export.file import format_of
 
-        form = stored.format_of(path, result)
-        stored.FORMATS[form].write(path, result, result.provenance)
+        FORMATS[format_of(path, result)].write(path, result, result.provenance)
 
     def fill(self, file: h5py.File, result: Export | GwincTables) -> None:
         """Refuse: a state space has no labelled arrays."""
@@ -253,42 +229,6 @@ class ExportAnalysis(Analysis):
         raise InputError.of("", "a state space has no labelled arrays", remedy)
 
 
-def _modules(filters: FilterFile) -> list[Document]:
-    """Return the modules of a Foton filter file."""
-    return [
-        {
-            "module": one.name,
-            "output": one.output,
-            "input": one.input,
-            "sections": len(one.section),
-            "poles": sum(len(part.poles) for part in one.section),
-            "error": one.error,
-        }
-        for one in filters.module
-    ]
-
-
-def _agreement(made: Exported) -> Document:
-    """Return the bands of agreement with the most complete model."""
-    import numpy as np
-
-    from suspension_cli.analyses.export.solve import AGREEMENT
-
-    found = made.agreement
-    system = made.system
-    assert found is not None
-    if found.unknown:
-        return {"model": found.model, "unknown": found.unknown, "pairs": None}
-    pairs = []
-    for o, i in np.ndindex(found.low.shape[1:]):
-        pair: Document = {"output": system.output[o], "input": system.input[i]}
-        for error, low, high in zip(AGREEMENT, found.low, found.high, strict=True):
-            band = [float(low[o, i]), float(high[o, i])] if low[o, i] > 0 else None
-            pair[f"band_hz_{100 * error:g}_percent"] = band
-        pairs.append(pair)
-    return {"model": found.model, "pairs": pairs}
-
-
 def _table(made: Exported) -> str:
     """Tabulate the bands of agreement with the most complete model.
 
@@ -296,11 +236,12 @@ def _table(made: Exported) -> str:
     """
     from suspension_cli.analyses.export.solve import AGREEMENT
 
-    found = _agreement(made)
-    name = f"agreement with the {found['model']} model"
-    pairs = found["pairs"]
+    found = made.agreement
+    assert found is not None
+    name = f"agreement with the {found.model} model"
+    pairs = found.pairs
     if pairs is None:
-        why = f"{found['unknown']}; give the material and radius of wires"
+        why = f"{found.unknown}; give the material and radius of wires"
         return f"{name} (wires that bend and have mass) is not known: {why}"
 
     def coordinate(signal: str) -> str:

@@ -7,21 +7,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from suspension_cli.analyses import known_analyses
-from suspension_cli.analyses.analysis import Analysis, Document, Run
+from suspension_cli.analyses.analysis import Analysis, Run
 from suspension_cli.analyses.export import gwinc_budget
 from suspension_cli.analyses.export.gwinc_budget import Table, interpolate
 from suspension_cli.analyses.export.relaxation import count_wire_modes
-from suspension_cli.analyses.export.solve import FAINT
-from suspension_cli.analyses.record import Record
+from suspension_cli.analyses.export.solve import FAINT, Written
 from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.bodies import body_mass
 from suspension_cli.design.derive import main_chain
 from suspension_cli.errors import InputError, format_value
+from suspension_cli.files.documents import Layout
 from suspension_cli.files.hdf5 import Provenance
 from suspension_cli.files.whole_files import write_bytes, writing_to
 from suspension_cli.grids import parse_band
@@ -52,27 +52,33 @@ class Tables:
     accuracy: float
 
     @property
-    def contents(self) -> Document:
-        """What the table has, for JSON."""
-        frequency = self.table["frequency"]
-        found: Document = {"interferometer": self.interferometer, "frequencies": len(frequency)}
-        return found | {"band_hz": frequency[[0, -1]].tolist(), "accuracy": self.accuracy}
+    def frequencies(self) -> int:
+        """Number of frequencies."""
+        return len(self.table["frequency"])
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest frequency, Hz."""
+        low, high = self.table["frequency"][[0, -1]].tolist()
+        return low, high
 
     def describe(self, folder: Path | None) -> str:
         """Return what the table has, and how gwinc reads it from a folder, if it was written."""
-        low, high = self.contents["band_hz"]
-        count = len(self.table["frequency"])
+        low, high = self.band
         return (
-            f"{count} frequencies from {low:g} to {high:g} Hz; interpolation between them errs by"
-            f" about {100 * self.accuracy:.2g} % at most\n"
+            f"{self.frequencies} frequencies from {low:g} to {high:g} Hz; interpolation between"
+            f" them errs by about {100 * self.accuracy:.2g} % at most\n"
             f"budget of {self.interferometer}" + (f": gwinc {folder}" if folder else "")
         )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GwincTables(Record, Tables):
+class GwincTables(Written, Tables):
     """The table of a suspension for gwinc, and the format that was asked for."""
 
+    in_json: ClassVar = Layout(
+        only="format file interferometer frequencies band accuracy", names={"band": "band_hz"}
+    )
     format: str = "gwinc"
 
 

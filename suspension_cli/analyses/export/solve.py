@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from suspension_cli.conventions import DOFS
 from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
+from suspension_cli.files.documents import Layout
 from suspension_cli.linear import damped, eigenmodes, response, statespace
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
@@ -109,10 +110,25 @@ class Exported:
         return np.geomspace(*self.tried, GRID)
 
 
+class Written(Record):
+    """Record of an analysis that writes a file for another program."""
+
+    @property
+    def file(self) -> str | None:
+        """Path of the file; None if none was written."""
+        return None if self.run.file is None else str(self.run.file)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Export(Record, Exported):
+class Export(Written, Exported):
     """An exported system: matrices, bands of agreement, and the format that was asked for."""
 
+    in_json: ClassVar = Layout(
+        only="format file filters system band tolerance worst q_error agreement",
+        names={"band": "band_hz", "worst": "worst_error", "q_error": "worst_q_error"},
+        sparse="filters",
+        flat="filters system",
+    )
     format: str = "mat"
 
 
@@ -126,14 +142,33 @@ class Agreement:
         Name of that model.
     unknown
         Why the design has no such model; "" if it has.
+    output, input
+        Signals.
     low, high
         Ends of the band of each of `AGREEMENT` for each response, Hz; NaN where there is none.
     """
 
+    in_json: ClassVar = Layout(only="model unknown pairs", sparse="unknown")
     model: str
     unknown: str
+    output: tuple[str, ...]
+    input: tuple[str, ...]
     low: Float[np.ndarray, "tolerance output input"]
     high: Float[np.ndarray, "tolerance output input"]
+
+    @property
+    def pairs(self) -> tuple[dict[str, Any], ...] | None:
+        """Bands by response, with the errors of `AGREEMENT` in their names; None if unknown."""
+        if self.unknown:
+            return None
+        pairs = []
+        for o, i in np.ndindex(self.low.shape[1:]):
+            pair: dict[str, Any] = {"output": self.output[o], "input": self.input[i]}
+            for error, low, high in zip(AGREEMENT, self.low, self.high, strict=True):
+                band = (float(low[o, i]), float(high[o, i])) if low[o, i] > 0 else None
+                pair[f"band_hz_{100 * error:g}_percent"] = band
+            pairs.append(pair)
+        return tuple(pairs)
 
 
 def build(
@@ -312,7 +347,9 @@ def compare_with_complete(
         for n, o, i in np.ndindex(band.shape[:-1]):
             agrees = error[:, o, i] <= AGREEMENT[n]
             band[n, o, i] = _find_band(made.frequency, agrees) or np.nan
-    return replace(made, agreement=Agreement(complete.name, unknown, band[..., 0], band[..., 1]))
+    names = made.system.output, made.system.input
+    agreement = Agreement(complete.name, unknown, *names, band[..., 0], band[..., 1])
+    return replace(made, agreement=agreement)
 
 
 def compute_zero_pole_gain(system: statespace.StateSpace) -> ZeroPoleGain:

@@ -128,11 +128,11 @@ class OptimiseAnalysis(Analysis):
         return Optimum.extending(found, goals_file=str(file), run=run.origin(self, choice))
 
     def document(self, result: Optimum) -> Document:
-        """Name the bound that a number is at, and give the error of search and check."""
+        """Name the bound that a number is at."""
         document = super().document(result)
         for row in document["parameters"]:
             row["at_bound"] = BOUNDS[row["at_bound"] + 1] or None
-        return document | {"estimated_error": result.error}
+        return document
 
     def text(self, result: Optimum) -> str:
         """Return parameters, goals with their limits, and the ends of the searches."""

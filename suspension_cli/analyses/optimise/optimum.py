@@ -179,7 +179,9 @@ class ModeTable:
 class Starts:
     """Starts of the search; the first is the given design.
 
-    `before` and `after` are largest violations of a limit (logarithm); NaN for an invalid design.
+    `before` and `after` are largest violations, 0 if there is none, NaN for an invalid design: of a
+    limit its negative `Limits.margin`, to which the margin of the goals is added; of a bound of a
+    dependent number that over its range.
     `place` is the number of the design reached, from 1, equal for equal designs; 0 if none.
     """
 

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import (
-    Analysis,
-    Document,
-    Run,
-    Settings,
-    only_one,
-    table,
-)
+from suspension_cli.analyses.analysis import Analysis, Run, Settings
 from suspension_cli.analyses.options import option
 from suspension_cli.grids import end_points
 
@@ -24,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.response.solve import Comparison, Response
-    from suspension_cli.scene.arrays import Array
 
 FREQUENCY = "0.1:100:2000"
 """Default frequencies, Hz; with measured transfer functions, these cover them instead."""
@@ -102,19 +94,6 @@ class ResponseAnalysis(Analysis):
 
         return solve.solve(self, run, default=run.setting["frequency"] == FREQUENCY)
 
-    def document(self, result: Response) -> Document:
-        """Return one response flat, several in a list."""
-        pairs = [
-            {"input": into, "output": out, "unit": result.unit[o][i]}
-            | _real_and_imaginary(result.value[:, o, i])
-            for o, out in enumerate(result.output)
-            for i, into in enumerate(result.input)
-        ]
-        closed = {"closed_loop": True} if result.closed_loop else {}
-        answer = closed | {"frequency_hz": result.frequency.tolist()} | only_one(pairs, "responses")
-        measured = [*map(_document, result.measured)]
-        return answer | ({"measured": measured} if measured else {})
-
     def text(self, result: Response) -> str:
         """Return the ends of every response, and its peak even between the points of the grid.
 
@@ -160,33 +139,6 @@ class ResponseAnalysis(Analysis):
         return {"": picture.draw(drawn, result.subtitle, scale, stages)}
 
 
-def _document(one: Comparison) -> Document:
-    data = one.data
-    extreme, at = one.extreme
-    return {
-        "name": data.name,
-        "file": data.file,
-        "input": data.input,
-        "output": data.output,
-        "unit": data.unit,
-        "points": len(data.frequency),
-        "median_ratio": one.median,
-        "extreme_ratio": extreme,
-        "extreme_ratio_at_hz": at,
-        "chi_squared_per_number": one.chi_squared,
-        "resonances": table(one, "measured_hz=peak model_hz=pole mode shift"),
-        "frequency_hz": data.frequency.tolist(),
-        **_real_and_imaginary(data.value),
-        "uncertainty": data.uncertainty,
-        "coherence": data.coherence,
-        **_real_and_imaginary(one.predicted, "model_"),
-    }
-
-
-def _real_and_imaginary(value: Array, prefix: str = "") -> Document:
-    return {f"{prefix}real": value.real.tolist(), f"{prefix}imag": value.imag.tolist()}
-
-
 def _table(measured: Sequence[Comparison]) -> str:
     """Tables of the ratios, and of measured and modelled resonances."""
     from suspension_cli.analyses import tables
@@ -198,7 +150,7 @@ def _table(measured: Sequence[Comparison]) -> str:
         data = one.data
         label = f"{data.name}: {data.output} / {data.input}"
         label += f" ({data.unit})" if data.unit else ""
-        rows.append((len(data.frequency), one.median, *one.extreme, one.chi_squared, label))
+        rows.append((one.points, one.median, *one.extreme, one.chi_squared, label))
     lines = [tables.render(columns, rows)]
     columns = {"measured\nHz": "#.5g", "model\nHz": "#.5g", "shift\n%": "+.2f", "mode": ""}
     columns |= {"seen in": ""} if len(measured) > 1 else {}

@@ -18,7 +18,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -32,6 +32,7 @@ from suspension_cli.design.measured import Measured
 from suspension_cli.drawing.added_points import NARROWEST, add_from_model, add_points
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import INLINE, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import damped, response, signals
 from suspension_cli.linear.response import Peaks
@@ -128,6 +129,19 @@ class Comparison:
         there is none. No two peaks have one mode.
     """
 
+    in_json: ClassVar = Layout(
+        only="data predicted points median extreme chi_squared peak pole mode shift",
+        rows={"mode": "resonances"},
+        names={
+            "predicted": "model_real model_imag",
+            "median": "median_ratio",
+            "extreme": "extreme_ratio extreme_ratio_at_hz",
+            "chi_squared": "chi_squared_per_number",
+            "peak": "measured_hz",
+            "pole": "model_hz",
+        },
+        flat="data",
+    )
     data: MeasuredResponse = field(metadata=INLINE)
     predicted: Complex[np.ndarray, " frequency"] = field(metadata=in_unit("{unit}"))
     curve_frequency: Float[np.ndarray, " curve_frequency"] = field(metadata=in_unit("Hz"))
@@ -135,6 +149,11 @@ class Comparison:
     peak: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     pole: Float[np.ndarray, " mode"] = field(metadata=in_unit("Hz"))
     mode: tuple[str, ...]
+
+    @property
+    def points(self) -> int:
+        """Number of frequencies."""
+        return len(self.data.frequency)
 
     @property
     def ratio(self) -> Complex[np.ndarray, " point"]:
@@ -175,9 +194,20 @@ class Comparison:
         return float(np.mean(off**2) / 2)
 
     @property
-    def shift(self) -> Array:
+    def shift(self) -> Float[np.ndarray, " mode"]:
         """Relative distance of measured resonances from those of the model, (p,)."""
         return self.peak / self.pole - 1
+
+
+@dataclass(frozen=True)
+class SingleResponse:
+    """The response of one output to one input, complex, in a unit."""
+
+    in_json: ClassVar = Layout(names={"value": "real imag"})
+    input: str
+    output: str
+    unit: str
+    value: Complex[np.ndarray, " frequency"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,7 +235,21 @@ class Response(Record, response.Response):
         Measured transfer functions, each with its prediction.
     """
 
+    in_json: ClassVar = Layout(
+        only="closed_loop frequency responses measured",
+        sparse="closed_loop measured",
+        flat="responses",
+    )
     measured: tuple[Comparison, ...] = ()
+
+    @property
+    def responses(self) -> tuple[SingleResponse, ...]:
+        """The response of each output to each input."""
+        return tuple(
+            SingleResponse(into, out, self.unit[o][i], self.value[:, o, i])
+            for o, out in enumerate(self.output)
+            for i, into in enumerate(self.input)
+        )
 
     @property
     def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency o i"]]:

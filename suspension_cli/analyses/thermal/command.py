@@ -5,14 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import (
-    Analysis,
-    Document,
-    Run,
-    Settings,
-    name_mirrors,
-    only_one,
-)
+from suspension_cli.analyses.analysis import Analysis, Run, Settings, name_mirrors
 from suspension_cli.grids import table_points
 
 if TYPE_CHECKING:
@@ -72,14 +65,6 @@ class ThermalAnalysis(Analysis):
         from suspension_cli.analyses.thermal import solve
 
         return solve.solve(self, run)
-
-    def document(self, result: Thermal) -> Document:
-        """Add contributions by source; the noise of one output is flat, not in a list."""
-        document = super().document(result)
-        noises = document.pop("noises")
-        for row, noise in zip(noises, result.motions, strict=True):
-            row |= {"unit": f"{noise.unit}/sqrt(Hz)", "contributions": noise.parts}
-        return document | only_one(noises, "noises")
 
     def text(self, result: Thermal) -> str:
         """Return the noise at a few frequencies, and its leading causes there."""

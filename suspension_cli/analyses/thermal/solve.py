@@ -72,9 +72,9 @@ class Thermal(Record):
     """
 
     in_json: ClassVar = Layout(
-        rows={"output": "noises"},
-        names={"amplitude": "displacement_asd"},
-        without="unit source contribution",
+        only="frequency mirrors without_loss missing_losses motions",
+        names={"motions": "noises"},
+        flat="motions",
     )
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
     output: tuple[str, ...]

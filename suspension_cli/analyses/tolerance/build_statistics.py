@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+
+from suspension_cli.files.documents import Layout
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
@@ -23,6 +25,7 @@ class Yield:
     such an interval, which is not 0 where no build fails.
     """
 
+    in_json: ClassVar = Layout(names={"name": "requirement", "fraction": "yield"})
     name: str
     fraction: float
     interval: tuple[float, float]

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import (
-    Analysis,
-    Document,
-    Run,
-    Settings,
-    table,
-)
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -39,8 +33,6 @@ FIRST_ROUND = 2048
 """Builds after which their number is decided."""
 NEGLIGIBLE = 1e-7
 """Standard deviation of statics (m or rad) below which they are not printed."""
-LEADING = 5
-"""Number of causes in the JSON document, and of tolerances in a line."""
 LEAST_SHARE = 0.005
 """Fraction of the variance below which a tolerance is not printed."""
 
@@ -164,84 +156,6 @@ class ToleranceAnalysis(Analysis):
             f" {len(job.requirements)} requirements"
         )
         return sweeping.fill(run, self, study, choice)
-
-    def document(self, result: Tolerance) -> Document:
-        """Return statistics of all quantities, yields and causes."""
-        from suspension_cli.analyses.tolerance.build_statistics import strongest
-        from suspension_cli.analyses.tolerance.estimates import QUANTILES
-
-        def leading(one: Spread) -> list[tuple[str, float]]:
-            chosen = strongest(one.rank, LEADING)
-            return [(result.factor[n], float(one.rank[n])) for n in chosen]
-
-        spread = (
-            "mean_hz=mean mean_error_hz=error std_hz=deviation std_error_hz=deviation_error"
-            " quantiles_hz=quantiles quantile_errors_hz=quantile_errors"
-        )
-        rows = table(result.modes, f"label=name {spread}")
-        modes = [
-            row | {"nominal_hz": frequency, "leading": leading(one)}
-            for row, frequency, one in zip(
-                rows, result.nominal_frequency, result.modes, strict=True
-            )
-        ]
-        spread = (
-            "quantity=name unit mean mean_error=error std=deviation std_error=deviation_error"
-            " quantiles quantile_errors"
-        )
-        statics = [
-            row | {"leading": leading(one)}
-            for row, one in zip(table(result.static, spread), result.static, strict=True)
-        ]
-        counted = f"{spread} missing infinite reason"
-        others = [
-            row | {"leading": leading(one)}
-            for row, one in zip(table(result.others, counted), result.others, strict=True)
-        ]
-        together = None
-        required: list[Document] = []
-        if result.joint is not None:
-            every = (*result.yields, result.joint)
-            *required, together = table(every, "requirement=name yield=fraction interval error")
-        return {
-            "builds": result.builds,
-            "good": result.good,
-            "failures": result.failures,
-            "seed": int(result.seed),
-            "precision": result.precision or None,
-            "largest_error": result.largest_error,
-            "largest_error_of": result.largest_error_of,
-            "levels": list(QUANTILES),
-            "significant_correlation": result.significant,
-            "modes": modes,
-            "coupling": {
-                "ratio": result.ratio,
-                "frequency_hz": result.frequency,
-                "limit": result.limit,
-                "fraction_under_limit": result.under.fraction,
-                "fraction_under_limit_interval": result.under.interval,
-                "fraction_under_limit_error": result.under.error,
-                "mean": result.coupling.mean,
-                "mean_error": result.coupling.error,
-                "std": result.coupling.deviation,
-                "std_error": result.coupling.deviation_error,
-                "quantiles": result.coupling.quantiles,
-                "quantile_errors": result.coupling.quantile_errors,
-                "leading": leading(result.coupling),
-                "leading_signed": leading(result.signed),
-            },
-            "statics": statics,
-            "results": others,
-            "requirements": required,
-            "all_requirements": together,
-            "variance_shares": {
-                "tolerances": result.group,
-                "results": result.result,
-                "share": result.share,
-                "share_error": result.share_error,
-                "r_squared": result.r_squared,
-            },
-        }
 
     def text(self, result: Tolerance) -> str:
         """Return tables of modes, statics, other quantities and yields, and their causes."""
@@ -440,7 +354,7 @@ def _others(found: Tolerance) -> Iterator[str]:
             yield f"  in {one.infinite:,} of {found.good:,} builds {one.name} is infinite"
 
 
-def _table_of_spreads(found: Tolerance, spreads: list[Spread], heading: str) -> str:
+def _table_of_spreads(found: Tolerance, spreads: Sequence[Spread], heading: str) -> str:
     rows = []
     for one in spreads:
         unit, per = one.displayed
@@ -494,6 +408,8 @@ def _causes(found: Tolerance, one: Spread, count: int) -> str:
 def _shares(found: Tolerance) -> Iterator[str]:
     """Table of the fractions of variance that tolerances cause."""
     import numpy as np
+
+    from suspension_cli.analyses.tolerance.summary import LEADING
 
     rows = []
     asked = {one.name: one for one in (found.signed, *found.required, *found.others)}

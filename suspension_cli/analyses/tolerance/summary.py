@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from suspension_cli.analyses.record import Record
-from suspension_cli.analyses.tolerance.build_statistics import Yield, slopes, unit_ranks
+from suspension_cli.analyses.tolerance.build_statistics import Yield, slopes, strongest, unit_ranks
 from suspension_cli.analyses.tolerance.estimates import (
     QUANTILES,
     Estimates,
@@ -23,6 +23,7 @@ from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tolerance.variance_shares import fit
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, NOT_STORED, along, in_unit
+from suspension_cli.files.documents import Layout
 from suspension_cli.quantities.kinds.poses import STATIC
 from suspension_cli.quantities.requirements import Band, displayed_unit
 from suspension_cli.studies.builds import GOOD, STATUS
@@ -43,6 +44,18 @@ MAX_POINTS = 4000
 SIGNED = "coupling with its sign"
 """Name of the part of the cross-coupling along the phase in which it varies most."""
 UNIT = in_unit("{result_unit}")
+LEADING = 5
+"""Most causes, or tolerances, of a quantity that are listed."""
+STATISTICS = {
+    "mean": "mean",
+    "error": "mean_error",
+    "deviation": "std",
+    "deviation_error": "std_error",
+    "quantiles": "quantiles",
+    "quantile_errors": "quantile_errors",
+}
+"""Fields of `Spread` with statistics, and their keys in JSON."""
+LISTED = " ".join(STATISTICS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +80,15 @@ class Spread:
         Numbers of builds that hang but have no value, and an infinite one.
     reason
         Why a build that hangs may have no value.
+    factor
+        Names of the numbers that vary.
     sample
         Values of the first builds; NaN where one has none.
     """
 
+    in_json: ClassVar = Layout(
+        only=f"name unit {LISTED} leading", names={"name": "quantity"} | STATISTICS
+    )
     name: str
     unit: str
     mean: float
@@ -87,12 +105,77 @@ class Spread:
     missing: int
     infinite: int
     reason: str
+    factor: tuple[str, ...]
     sample: Float[np.ndarray, " build"]
 
     @property
     def displayed(self) -> tuple[str, float]:
         """Unit in which values are shown, "" for ratios, and the factor from SI to it."""
         return displayed_unit(self.unit)
+
+    @property
+    def leading(self) -> tuple[tuple[str, float], ...]:
+        """Numbers with the strongest rank correlations, and these."""
+        chosen = strongest(self.rank, LEADING)
+        return tuple((self.factor[n], float(self.rank[n])) for n in chosen)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeSpread(Spread):
+    """Distribution of the frequency of a mode, Hz."""
+
+    in_json: ClassVar = Layout(
+        only=f"name {LISTED} nominal leading",
+        names={"name": "label"} | {name: f"{key}_hz" for name, key in STATISTICS.items()},
+    )
+    nominal: float = field(metadata=in_unit("Hz"))
+
+
+@dataclass(frozen=True, eq=False)
+class CouplingSpread(Spread):
+    """Distribution of the magnitude of the cross-coupling, and the fraction below the limit.
+
+    `leading_signed` are the leading causes of the coupling with its sign; for the others see
+    `Tolerance`.
+    """
+
+    in_json: ClassVar = Layout(
+        only="ratio frequency limit fraction_under_limit fraction_under_limit_interval"
+        f" fraction_under_limit_error {LISTED} leading leading_signed",
+        names=STATISTICS,
+    )
+    ratio: str
+    frequency: float = field(metadata=in_unit("Hz"))
+    limit: float
+    fraction_under_limit: float
+    fraction_under_limit_interval: tuple[float, float]
+    fraction_under_limit_error: float
+    leading_signed: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class CountedSpread(Spread):
+    """Distribution of a quantity that some builds may not have."""
+
+    in_json: ClassVar = Layout(
+        only=f"name unit {LISTED} missing infinite reason leading",
+        names={"name": "quantity"} | STATISTICS,
+    )
+
+
+AnySpread = TypeVar("AnySpread", bound=Spread)
+
+
+@dataclass(frozen=True, eq=False)
+class VarianceShares:
+    """Fractions of the variance of each result that each tolerance causes; see `Spread`."""
+
+    in_json: ClassVar = Layout(names={"group": "tolerances", "result": "results"})
+    group: tuple[str, ...]
+    result: tuple[str, ...]
+    share: Float[np.ndarray, "result group"]
+    share_error: Float[np.ndarray, "result group"]
+    r_squared: Float[np.ndarray, " result"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -139,6 +222,20 @@ class Tolerance(Record):
         Quantities of the first builds, for histograms.
     """
 
+    in_json: ClassVar = Layout(
+        only="builds good failures seed_number wanted_precision largest_error largest_error_of"
+        " quantile significant modes coupling static others yields joint variance_shares",
+        names={
+            "seed_number": "seed",
+            "wanted_precision": "precision",
+            "quantile": "levels",
+            "significant": "significant_correlation",
+            "static": "statics",
+            "others": "results",
+            "yields": "requirements",
+            "joint": "all_requirements",
+        },
+    )
     seed: str  # not every HDF5 tool can read seeds up to 2^64 - 1 as numbers
     builds: int
     good: int
@@ -218,14 +315,37 @@ class Tolerance(Record):
         }
 
     @property
-    def modes(self) -> list[Spread]:
-        """Distributions of the frequencies of modes, Hz."""
-        return self._spreads(0, len(self.mode))
+    def seed_number(self) -> int:
+        """Seed of the random numbers."""
+        return int(self.seed)
 
     @property
-    def coupling(self) -> Spread:
+    def wanted_precision(self) -> float | None:
+        """The standard error that was asked for; None if none was."""
+        return self.precision or None
+
+    @property
+    def modes(self) -> tuple[ModeSpread, ...]:
+        """Distributions of the frequencies of modes, Hz."""
+        return tuple(
+            self._spread(n, ModeSpread, nominal=nominal)
+            for n, nominal in enumerate(self.nominal_frequency.tolist())
+        )
+
+    @property
+    def coupling(self) -> CouplingSpread:
         """Distribution of the magnitude of the cross-coupling."""
-        return self.spread_of(self.quantity[len(self.mode)])
+        return self._spread(
+            len(self.mode),
+            CouplingSpread,
+            ratio=self.ratio,
+            frequency=self.frequency,
+            limit=self.limit,
+            fraction_under_limit=self.fraction_under_limit,
+            fraction_under_limit_interval=self.fraction_under_limit_interval,
+            fraction_under_limit_error=self.fraction_under_limit_error,
+            leading_signed=self.signed.leading,
+        )
 
     @property
     def signed(self) -> Spread:
@@ -233,16 +353,22 @@ class Tolerance(Record):
         return self.spread_of(SIGNED)
 
     @property
-    def static(self) -> list[Spread]:
+    def static(self) -> tuple[Spread, ...]:
         """Distributions of static displacements (m) and rotations (rad) of the stages."""
         start = len(self.mode) + 1
-        return self._spreads(start, start + len(STATIC) * len(self.stage))
+        stop = start + len(STATIC) * len(self.stage)
+        return tuple(self._spread(n, Spread) for n in range(start, stop))
 
     @property
-    def others(self) -> list[Spread]:
+    def others(self) -> tuple[CountedSpread, ...]:
         """Distributions of the quantities that are asked for, beside all these."""
         start = len(self.mode) + 1 + len(STATIC) * len(self.stage)
-        return self._spreads(start, len(self.quantity))
+        return tuple(self._spread(n, CountedSpread) for n in range(start, len(self.quantity)))
+
+    @property
+    def variance_shares(self) -> VarianceShares:
+        """Fractions of variances that tolerances cause."""
+        return VarianceShares(self.group, self.result, self.share, self.share_error, self.r_squared)
 
     @property
     def required(self) -> list[Spread]:
@@ -330,11 +456,14 @@ class Tolerance(Record):
 
     def spread_of(self, name: str) -> Spread:
         """Distribution of one quantity by its name."""
-        n = self.result.index(name)
+        return self._spread(self.result.index(name), Spread)
+
+    def _spread(self, n: int, kind: type[AnySpread], **more: Any) -> AnySpread:
+        """Distribution of the quantity of a number; `more` are fields of its class."""
         empty = np.zeros(0)
         has_sample = self.sample is not None and n < len(self.quantity)
-        return Spread(
-            name=name,
+        return kind(
+            name=self.result[n],
             unit=self.result_unit[n],
             mean=float(self.result_mean[n]),
             error=float(self.result_error[n]),
@@ -350,11 +479,10 @@ class Tolerance(Record):
             missing=int(self.missing[n]),
             infinite=int(self.infinite[n]),
             reason=self.missing_reason[n],
+            factor=self.factor,
             sample=self.sample[:, n] if has_sample and self.sample is not None else empty,
+            **more,
         )
-
-    def _spreads(self, start: int, stop: int) -> list[Spread]:
-        return [self.spread_of(name) for name in self.quantity[start:stop]]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

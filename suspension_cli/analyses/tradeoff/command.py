@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Run, Settings
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
@@ -83,25 +83,6 @@ class TradeoffAnalysis(Analysis):
         near_limits.warn_implausible(run.design, run.log)
         choice = Choice("all", "every valid model is compared")
         return Tradeoff.extending(found, run=run.origin(self, choice))
-
-    def document(self, result: Tradeoff) -> Document:
-        """Return times, errors, advice and the choice of ``auto`` by question."""
-        from suspension_cli.files import documents
-
-        questions = []
-        for answer in result.answers:
-            question: Document = {
-                "quantity": answer.entries[0].quantity,
-                "question": answer.question,
-                "reference": answer.reference or None,
-                "best": answer.best and answer.best.model,
-                "advice": answer.advice,
-                "models": [documents.document(one) for one in answer.entries],
-            }
-            if answer.automatic is not None:
-                question["auto"] = documents.document(answer.automatic)
-            questions.append(question)
-        return {"first_violin_hz": result.first_violin, "questions": questions}
 
     def text(self, result: Tradeoff) -> str:
         """Return the advice for each question, all times and errors, and what ``auto`` takes."""

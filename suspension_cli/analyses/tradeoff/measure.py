@@ -126,18 +126,28 @@ class Answer:
     `automatic` is the choice of ``--fidelity auto``; None where that compares many designs.
     """
 
+    in_json: ClassVar = Layout(
+        only="quantity question reference best_model advice entries automatic",
+        names={"best_model": "best", "entries": "models", "automatic": "auto"},
+        sparse="automatic",
+    )
     entries: tuple[Entry, ...]
     automatic: Automatic | None = None
 
     @property
+    def quantity(self) -> str:
+        """What is asked, one of `command.QUANTITIES`."""
+        return self.entries[0].quantity
+
+    @property
     def question(self) -> str:
-        """What is asked."""
+        """What is asked, in words."""
         return self.entries[0].question
 
     @property
-    def reference(self) -> str:
-        """Name of the model against which errors are taken; "" if there is none."""
-        return next((e.model for e in reversed(self.entries) if not math.isnan(e.error)), "")
+    def reference(self) -> str | None:
+        """Name of the model against which errors are taken; None if there is none."""
+        return next((e.model for e in reversed(self.entries) if not math.isnan(e.error)), None)
 
     @property
     def options(self) -> list[Entry]:
@@ -151,6 +161,11 @@ class Answer:
         if good:
             return min(good, key=lambda entry: entry.time)
         return min(self.options, key=lambda entry: entry.error, default=None)
+
+    @property
+    def best_model(self) -> str | None:
+        """Name of the best model; None if there is none."""
+        return self.best and self.best.model
 
     @property
     def advice(self) -> str:
@@ -180,18 +195,19 @@ class Measured:
     infinite if the design does not give the mass of wires.
     """
 
+    in_json: ClassVar = Layout(only="first_violin answers", names={"answers": "questions"})
     entries: tuple[Entry, ...] = field(metadata=along("entry") | INLINE)
     choices: tuple[Automatic, ...] = field(default=(), metadata=along("choice"))
     first_violin: float = field(default=math.inf, metadata=in_unit("Hz"))
 
     @cached_property
-    def answers(self) -> list[Answer]:
+    def answers(self) -> tuple[Answer, ...]:
         """The entries by question."""
         chosen = {one.question: one for one in self.choices}
-        return [
+        return tuple(
             Answer(tuple(part), chosen.get(question))
             for question, part in groupby(self.entries, lambda entry: entry.question)
-        ]
+        )
 
     @property
     def within(self) -> str:

@@ -102,7 +102,7 @@ class Rms(_FromBudget):
 
     def number(self, noises: Noises, poles: Complex[np.ndarray, " pole"]) -> float:
         """Integrate the densities over the band."""
-        return float(self.budget(noises, poles).rms[0])
+        return self.budget(noises, poles).total_rms
 
 
 @dataclass(frozen=True)

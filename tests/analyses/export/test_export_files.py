@@ -12,7 +12,6 @@ import pytest
 from scipy.io import loadmat
 
 import suspension_cli as sus
-from suspension_cli.analyses.export import command
 from suspension_cli.analyses.export import solve as export
 from suspension_cli.analyses.export.file import FORMATS, python_control
 from suspension_cli.design.reader import template
@@ -178,10 +177,6 @@ def test_the_command_takes_all_signals_by_default(tmp_path):
     assert len(answer["input"]) == 12
     assert answer["output"] == [f"test.{dof}" for dof in ("x", "y", "z", "roll", "pitch", "yaw")]
     assert len(answer["state"]) == 12
-
-
-def test_formats_of_help_are_those_that_are_written():
-    assert tuple(FORMATS) == command.FORMATS
 
 
 DAMPED = plants.CONFIGS / "triple-damped.toml"
