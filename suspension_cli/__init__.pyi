@@ -53,8 +53,9 @@ def budget(
     outputs : str or sequence of str
         Output: test.x, test.pitch, test.x@0,0,0.001, .... Default: x, pitch and yaw of the mirror.
     ground : str or sequence of str
-        Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi (or aligo-bsc)
-        and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for some coordinates.
+        Motion of the support: nlnm (quiet ground), nhnm (noisy ground), vc-e (quiet laboratory) to
+        vc-a (noisy one), kamioka-quiet, kamioka-noisy, aligo-isi (or aligo-bsc) and aligo-ham
+        (platforms), a file, or none; x,y=SOURCE for some coordinates.
     isolation : path or sequence of paths
         CSV of a platform's transmissibility, a factor on the ground.
     requirements : path or sequence of paths

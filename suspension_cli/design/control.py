@@ -5,48 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import foton, key_rules, units
-from suspension_cli.design.typed_tables import Plausible, Problems, Table, doc, given, key
+from suspension_cli.design import foton, key_rules, noise_spectra, units
+from suspension_cli.design.noise_spectra import MotionNoise, Noise
+from suspension_cli.design.typed_tables import Problems, Table, doc, given, key
 
-NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),))
-"""Optical shadow sensors reach 1e-10 m/sqrt(Hz)."""
-SpectralDensity = Annotated[float, doc(plausible=NOISY, ge=0, le=1e3)]
-PositiveDensity = Annotated[float, doc(plausible=NOISY, gt=0, le=1e3)]
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+    from numpy.typing import ArrayLike
+
 Reference = Literal["support", "inertial"]
-
-
-class NoiseSpectrum(Table, frozen=True):
-    """Amplitude spectral density of a sensor against frequency."""
-
-    asd: SpectralDensity | Annotated[list[PositiveDensity], Meta(min_length=2)] = key(
-        "m/sqrt(Hz) or rad/sqrt(Hz): above the corner, or one per frequency"
-    )
-    corner: units.Corner | None = key("Hz; the density is asd sqrt(1 + corner / f)")
-    frequency: list[units.Frequency] | None = key("Hz, ascending; log-interpolated", min_length=2)
-
-    def check(self) -> Problems:
-        """Check that lists have one length."""
-        counts = [len(one) if isinstance(one, list) else 0 for one in (self.asd, self.frequency)]
-        if counts[0] != counts[1]:
-            problem = "asd and frequency are lists of one length, or asd a number without frequency"
-            yield "", problem, "give {asd, corner} or {frequency = [...], asd = [...]}"
-
-    rules = (key_rules.excludes("frequency", "corner"), key_rules.ascending("frequency"))
-
-
-SENSORS = {
-    # after LIGO-T0900496, as rounded in LIGO's public noise budget of triple suspensions (function
-    # HAM_SUS_OSEM_noise, "original_data"); Carbone et al., Class. Quantum Grav. 29, 115005 (2012)
-    # describe the sensor
-    "bosem": NoiseSpectrum(
-        frequency=[0.1, 0.5, 1.0, 10.0, 100.0], asd=[1e-8, 3e-10, 1.5e-10, 6e-11, 6e-11]
-    ),
-}
-"""Noise of known sensors, m/sqrt(Hz)."""
 
 
 class Osem(Table, frozen=True):
@@ -60,9 +32,11 @@ class Osem(Table, frozen=True):
     )
     reference: Reference = key("that of a loop, whose OSEMs have the same one", "support")
     sensor: Literal["bosem"] | None = key("a known sensor, for its noise")
-    sensor_noise: SpectralDensity | NoiseSpectrum = key("as that of a loop, m/sqrt(Hz)", 0.0)
-    force_noise: float = key("of the coil, N/sqrt(Hz), flat", 0.0, ge=0, le=1e3)
-    driver_noise: float = key("of the driver's input, V/sqrt(Hz), flat", 0.0, ge=0, le=1e3)
+    sensor_noise: MotionNoise = key("as that of a loop, m/sqrt(Hz)", 0.0)
+    force_noise: Noise = key("of the coil, N/sqrt(Hz), in the forms of sensor_noise", 0.0)
+    driver_noise: Noise = key(
+        "of the driver's input, V/sqrt(Hz), in the forms of sensor_noise; known: dac-18bit", 0.0
+    )
     coil: units.Positive | None = key("force per current, N/A", unit="N/A")
     transconductance: units.Positive | None = key("current per input voltage, A/V", unit="A/V")
     counts_per_volt: units.Positive | None = key("counts per voltage, 1/V", unit="1/V")
@@ -72,6 +46,7 @@ class Osem(Table, frozen=True):
         """Check the direction."""
         if not any(self.vector):
             yield "direction", "has no direction", "give x, y, z, not all zero"
+        yield from noise_spectra.problems(self, "sensor_noise", "force_noise", "driver_noise")
 
     rules = (
         key_rules.excludes("sensor", "sensor_noise"),
@@ -91,10 +66,17 @@ class Osem(Table, frozen=True):
         return tuple(part / size for part in along)
 
     @property
-    def actuator_noise(self) -> float:
-        """Amplitude spectral density of the force, N/sqrt(Hz)."""
-        driven = self.driver_noise * (self.transconductance or 0.0) * (self.coil or 0.0)
-        return math.hypot(self.force_noise, driven)
+    def noise_of_sensor(self) -> MotionNoise:
+        """Noise of the sensor as motion."""
+        return self.sensor or self.sensor_noise
+
+    def actuator_density(self, frequency: ArrayLike) -> Float[np.ndarray, " frequency"]:
+        """Amplitude spectral density of the force, N/sqrt(Hz), at frequencies in Hz."""
+        import numpy as np
+
+        force_per_input = (self.transconductance or 0.0) * (self.coil or 0.0)
+        driven = force_per_input * noise_spectra.density(self.driver_noise, frequency)
+        return np.hypot(noise_spectra.density(self.force_noise, frequency), driven)
 
 
 Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -176,10 +158,12 @@ class Loop(Table, frozen=True):
     sensor_response: str | DigitalFilter | None = key(
         f"reading over motion of the sensor: {FOTON}; or a digital filter"
     )
-    sensor_noise: SpectralDensity | NoiseSpectrum = key(
-        "as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, {asd, corner} or {frequency, asd}", 0.0
+    sensor_noise: MotionNoise = key(
+        "as motion, m/sqrt(Hz) or rad/sqrt(Hz): flat, a known sensor, [[f, asd], ...], a table, or"
+        " a file",
+        0.0,
     )
-    actuator_noise: float = key("flat, N/sqrt(Hz) or N m/sqrt(Hz)", 0.0, ge=0, le=1e3)
+    actuator_noise: Noise = key("N/sqrt(Hz) or N m/sqrt(Hz), in the forms of sensor_noise", 0.0)
 
     rules = (
         key_rules.exactly_one("damper", "gain", "filter", when=lambda loop: loop.gain_at is None),
@@ -194,6 +178,7 @@ class Loop(Table, frozen=True):
 
     def check(self) -> Problems:
         """Check that the gain can be set, and does not grow without bound."""
+        yield from noise_spectra.problems(self, "sensor_noise", "actuator_noise")
         for name in given(self, "filter", "sensor_response"):
             try:
                 make_response(getattr(self, name))

@@ -188,8 +188,8 @@ def _free(value: object) -> Schema:
 
 
 def _member(node: Schema, value: Any) -> Schema:
-    """Choose the member of a union by the form of the value: table, array or other."""
-    form = {list: "array", dict: "object"}.get(type(value))
+    """Choose the member of a union by the form of the value: table, array, text or other."""
+    form = {list: "array", dict: "object", str: "string"}.get(type(value))
     member = next((one for one in node["anyOf"] if one.get("type") == form), node["anyOf"][0])
     text = node.get("description")
     return member | {"description": text} if text and member.get("type") != "object" else member

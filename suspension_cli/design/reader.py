@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from datetime import date, time
 from decimal import Decimal
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths, ties
 from suspension_cli.design.locked_stages import spell_out, title_of, undo
@@ -212,7 +212,10 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
         of_wire = insert is _insert_profile
         for path, holder, key in _find(raw, pattern.split(".")) if of_links or of_wire else ():
             value = holder[key]
-            table = {"file": value} if of_wire and isinstance(value, str) else value
+            named = insert in (_insert_profile, _insert_noise) and isinstance(value, str)
+            if named and insert is _insert_noise and not os.path.isfile(folder / value):
+                continue  # a known sensor, or a name that the checks refuse
+            table: Any = {"file": value} if named else value
             name = table.get("file") if isinstance(table, dict) else None
             if not isinstance(name, str):
                 continue
@@ -276,6 +279,30 @@ def _insert_sections(table: Raw, file: Path) -> Raw:
     return {**rest, "design": text, "rate": rate, "source": rest.get("source", source)}
 
 
+def _insert_noise(table: Raw, file: Path) -> Raw:
+    """Read a spectrum of noise as frequencies and densities."""
+    from suspension_cli.files import spectra
+
+    if table.keys() & {"asd", "frequency", "corner"}:
+        return table
+    found = spectra.read(file, "noise")
+    wanted = table.get("column")
+    name = next(iter(found)) if wanted is None and len(found) == 1 else str(wanted or "").lower()
+    if name not in found:
+        columns_here = ", ".join(found)
+        problem = f"has the spectra {columns_here}" if wanted is None else "has no such column"
+        close = suggest(name, list(found)) if wanted else f"name one of them: {columns_here}"
+        remedy = f'{{ file = "{table["file"]}", column = "..." }}; {close}'
+        raise InputError.of("", problem, f"write {remedy}", None if wanted is None else wanted)
+    frequency, density = found[name]
+    read_from = f"{table['file']}, {name}".removesuffix(", ")
+    return {
+        "frequency": frequency.tolist(),
+        "asd": density.tolist(),
+        "source": table.get("source", read_from),
+    }
+
+
 def _insert_stiffness(table: Raw, file: Path) -> Raw:
     """Read frequency, real and imaginary parts per axis from a CSV file."""
     import numpy as np
@@ -302,6 +329,11 @@ FILES = {
     "link.*.table": _insert_stiffness,
     "control.loop.*.filter": _insert_sections,
     "control.loop.*.sensor_response": _insert_sections,
+    "control.loop.*.sensor_noise": _insert_noise,
+    "control.loop.*.actuator_noise": _insert_noise,
+    "control.osem.*.sensor_noise": _insert_noise,
+    "control.osem.*.force_noise": _insert_noise,
+    "control.osem.*.driver_noise": _insert_noise,
     "stage.*.wires.profile": _insert_profile,
     "stage.*.wire.*.profile": _insert_profile,
 }

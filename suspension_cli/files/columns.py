@@ -169,7 +169,7 @@ def split_unit(title: str, units: Mapping[str, float], per: str = "") -> tuple[s
 
 
 def read(
-    path: Path, most: int = whole_files.TEXT, kind: str = "a CSV, HDF5 or DTT XML file"
+    path: Path, most: int = whole_files.TEXT, kind: str = "a CSV, HDF5, MATLAB or DTT XML file"
 ) -> Columns:
     """Read a table with or without a line of headings, with comments after # or %.
 

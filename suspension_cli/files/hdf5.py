@@ -137,7 +137,7 @@ def open_results(path: str | Path) -> Iterator[h5py.File]:
 @contextlib.contextmanager
 def open_data(path: str | Path) -> Iterator[h5py.File]:
     """Open HDF5 from elsewhere for reading, as `open_results` does; links are not followed."""
-    remedy = "name a CSV, HDF5 or DTT XML file"
+    remedy = "name a CSV, HDF5, MATLAB or DTT XML file"
     with reporting_damage(path, remedy), _opened(path, remedy) as file:
         if problem := _unsafe(file, links=True):
             raise InputError.of("", problem, remedy)

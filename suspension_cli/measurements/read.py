@@ -15,17 +15,14 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.measured import Measured, TransferFunction
 from suspension_cli.errors import InputError, attribute_faults_to, format_value, gather
-from suspension_cli.files import columns, whole_files
+from suspension_cli.files import columns, data_files
 from suspension_cli.files.columns import WORDS, Columns
-from suspension_cli.files.hdf5 import is_results_file, open_data
-from suspension_cli.measurements import dtt
-from suspension_cli.measurements.dtt import Dtt
+from suspension_cli.files.dtt import Dtt
+from suspension_cli.files.hdf5 import is_results_file
 from suspension_cli.measurements.transfer_function import MeasuredResponse, find_transducer
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
-
-    from suspension_cli.files.hdf5 import Stored
 
     Values = Float[np.ndarray, " frequency"]
 
@@ -51,7 +48,7 @@ def read_all(measured: Measured, file: str | Path) -> list[MeasuredResponse]:
         path = Path(file).parent / table.file
         name = table.name or Path(table.file).stem
         with attribute_faults_to(str(path)):
-            source = opened[path] = opened.get(path) or _open(path)
+            source = opened[path] = opened.get(path) or data_files.open_data_file(path)
             values = _values(_columns(source, table), table)
         if names.count(name) > 1:
             name = f"{name} {table.output}/{table.input}"
@@ -71,7 +68,7 @@ def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[Me
     path = Path(path)
     table = TransferFunction(file=path.name, input=input, output=output)
     with attribute_faults_to(str(path)):
-        source = _open(path)
+        source = data_files.open_data_file(path)
         if is_results_file(path):
             problem = "is a results file of pendsus, not a measurement"
             remedy = "compare it with pendsus compare DESIGN FILE"
@@ -88,18 +85,6 @@ def read_bare(path: str | Path, *, input: str = "", output: str = "") -> list[Me
         return found
 
 
-def _open(path: Path) -> Columns | Dtt:
-    begin = whole_files.read_head(path, 512, "a file of data")
-    if not begin.strip():
-        raise InputError.of("", "is empty", "give a frequency and a value per line")
-    if begin.startswith(b"\x89HDF") or path.suffix.lower() in (".h5", ".hdf5", ".hdf"):
-        return _read_hdf5(path)
-    xml = begin.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<")
-    if xml or begin.startswith(b"\x1f\x8b") or path.suffix.lower() == ".xml":
-        return dtt.read(path)
-    return columns.read(path)
-
-
 def _columns(source: Columns | Dtt, table: TransferFunction) -> Columns:
     """Return the columns of one transfer function."""
     if isinstance(source, Dtt):
@@ -110,62 +95,6 @@ def _columns(source: Columns | Dtt, table: TransferFunction) -> Columns:
             problem = "is for XML of the diagnostics test tools, which this file is not"
             raise InputError.of(key, problem, remedy, getattr(table, key))
     return source
-
-
-def _read_hdf5(path: Path) -> Columns:
-    """List the one-dimensional datasets of numbers of a file, by their paths.
-
-    Complex numbers are compounds of two numbers, as h5py and MATLAB write them. A series with
-    attributes ``x0`` and ``dx``, as gwpy writes a FrequencySeries, also gives a column
-    ``frequency`` and, if it is the only dataset, ``value``.
-    """
-    import h5py
-
-    stored: dict[str, str] = {}  # the dataset of each name
-    series: list[tuple[str, float, float]] = []
-
-    def visit(name: str, item: Stored) -> None:
-        if isinstance(item, h5py.Dataset) and item.size and max(item.shape, default=0) == item.size:
-            stored[name] = name
-            if {"x0", "dx"} <= set(item.attrs):
-                start, step = (_attribute(name, key, item.attrs[key]) for key in ("x0", "dx"))
-                series.append((name, start, step))
-
-    with open_data(path) as file:
-        file.visititems(visit)
-    if not stored:
-        problem = "has no one-dimensional dataset"
-        raise InputError.of("", problem, "write frequency and value as datasets")
-    has_grid = bool(series) and "frequency" not in stored
-    if has_grid:
-        if len(stored) == 1:
-            stored["value"] = series[0][0]
-        stored["frequency"] = series[0][0]
-    names = [*stored]
-
-    def column(position: int) -> np.ndarray:
-        name = names[position]
-        with open_data(path) as file:
-            values = np.asarray(file[stored[name]]).ravel()
-        if has_grid and name == "frequency":
-            return series[0][1] + series[0][2] * np.arange(len(values))
-        if values.dtype.names and len(values.dtype.names) == 2:
-            first, second = values.dtype.names
-            values = values[first] + 1j * values[second]
-        if values.dtype.kind not in "iufc":
-            problem = f"dataset holds {values.dtype}, not numbers"
-            raise InputError.of("", problem, "name another", format_value(name))
-        return values
-
-    return Columns(names, column, lambda n: f"element {n}", noun="dataset")
-
-
-def _attribute(name: str, key: str, value: Stored) -> float:
-    """Return the attribute of a series as a number; raises `InputError` for anything else."""
-    values = np.asarray(value)
-    if values.size != 1 or values.dtype.kind not in "iuf":
-        raise InputError.of(f"{name}.{key}", "must be one number", "write it as one, in Hz")
-    return float(values.item())
 
 
 def _choose(source: Columns, table: TransferFunction) -> tuple[dict[str, int], tuple[str, ...]]:

@@ -9,14 +9,16 @@ used, so that displacement falls as f^-2. All this is a power law between the co
 
 Shipped models are CSV files beside this module, with their sources: `aligo-isi` (also called
 `aligo-bsc`) is the platform of Advanced LIGO's quadruple suspensions, `aligo-ham` that of its
-triple and double suspensions. They are read like tables of the user. Between points lines are
+triple and double suspensions, `kamioka-quiet` and `kamioka-noisy` the ground of KAGRA; `vc-a` to
+`vc-e` are the limits of laboratory floors in the generic vibration criteria, from a noisy to a
+quiet laboratory. They are read like tables of the user. Between points lines are
 straight in a log-log plot (gwinc uses cubic polynomials).
 """
 
 from __future__ import annotations
 
+import csv
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,21 +28,20 @@ import numpy as np
 
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.faults import suggest
-from suspension_cli.errors import InputError, attribute_faults_to, format_value
-from suspension_cli.files import columns
-from suspension_cli.files.columns import PER_M, PER_RAD
+from suspension_cli.errors import InputError, format_value
+from suspension_cli.files import spectra
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-UNITS = {"m": PER_M, "rad": PER_RAD, "1": {"1": 1.0, "m/m": 1.0, "rad/rad": 1.0, "%": 100.0}}
-"""Units by kind of a column, without "per sqrt(Hz)"; 1 for ratios."""
-PER_ROOT_HZ = r"\s*(/\s*(sqrt\s*\(?Hz\)?|rtHz|\u221aHz|Hz\^\(?(1/2|0\.5)\)?)|Hz\^\(?-(1/2|0\.5)\)?)"
 PETERSON = ("nlnm", "nhnm")
+CRITERIA = ("vc-a", "vc-b", "vc-c", "vc-d", "vc-e")
 LONGEST = 1e5
 """Longest period of both, s."""
 HIGHEST = 1e12
 """Frequency up to which they are continued, Hz."""
+LOWEST = 1e-3
+"""Frequency down to which vibration criteria are continued, Hz."""
 BESIDE = 1e-9
 """Relative distance from a corner to where its line ends; coefficients are rounded, so lines do not
 meet exactly."""
@@ -48,7 +49,10 @@ FOLDER = Path(__file__).parent
 """Folder of the shipped models."""
 NONE = "none"
 TRANSLATIONS = DOFS[:3]
-SHIPPED = (*PETERSON, "aligo-isi", "aligo-bsc", "aligo-ham")
+SHIPPED = (
+    *(*PETERSON, *CRITERIA, "kamioka-quiet", "kamioka-noisy"),
+    *("aligo-isi", "aligo-bsc", "aligo-ham"),
+)
 """Names of shipped models."""
 
 
@@ -95,6 +99,8 @@ def _read(text: str, option: str, folder: Path, every: Sequence[str]) -> dict[st
     found: dict[str, Spectrum]
     if option == "--ground" and source.lower() in PETERSON:
         found = dict.fromkeys(TRANSLATIONS, _peterson(source.lower()))
+    elif option == "--ground" and source.lower() in CRITERIA:
+        found = dict.fromkeys(TRANSLATIONS, _criterion(source.lower()))
     elif option == "--ground" and source.lower() in SHIPPED:
         found = read(FOLDER / f"{source.lower().replace('bsc', 'isi')}.csv", "m")
     else:
@@ -128,6 +134,21 @@ def _peterson(name: str) -> Spectrum:
     at = np.append(1 / period.ravel()[::-1], HIGHEST)
     level = np.append(acceleration.ravel()[::-1], acceleration[0, 0])
     return Spectrum(name, at, 10 ** (level / 20) / (2 * np.pi * at) ** 2)
+
+
+def _criterion(name: str) -> Spectrum:
+    """Displacement at a vibration criterion in all one-third octaves, m/sqrt(Hz).
+
+    A one-third octave around f is (2^(1/6) - 2^(-1/6)) f wide.
+    """
+    with (FOLDER / "vibration-criteria.csv").open(encoding="utf-8") as file:
+        rows = csv.DictReader(line for line in file if not line.startswith("#"))
+        [row] = [row for row in rows if row["name"] == name]
+    corner = float(row["corner"])
+    at = np.array([LOWEST, corner, HIGHEST])
+    rms = float(row["velocity"]) * np.minimum(at / corner, 1.0)
+    width = (2 ** (1 / 6) - 2 ** (-1 / 6)) * at
+    return Spectrum(name, at, rms / np.sqrt(width) / (2 * np.pi * at))
 
 
 def find(source: str, folder: Path, option: str, known: Sequence[str] = ()) -> Path:
@@ -171,43 +192,6 @@ class Spectrum:
 
 
 def read(path: Path, unit: str, arm: float = 0.0) -> dict[str, Spectrum]:
-    """Read a table: frequency, then one or more columns (format: `files.columns`).
-
-    Headings are optional for two columns, and may give units: "f (mHz)", "x (um/sqrt(Hz))". The
-    keys of the result are the headings in lower case; "" is the only column of a file without.
-
-    `unit` is the SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", or
-    "1". Columns in m may be strains of an arm of a length in m. Raises `InputError` with the line
-    at fault.
-    """
-    with attribute_faults_to(str(path)):
-        source = columns.read(path)
-        width = len(source.names)
-        if width < 2:
-            problem = "has one column"
-            remedy = "write a frequency and a value per line"
-            raise InputError.of("", problem, remedy)
-        if not source.headed and width > 2:
-            problem = f"has {width} columns without headings"
-            raise InputError.of("", problem, "begin with a line such as frequency,x,y,z")
-        first = columns.recognise(source.names).get("frequency", 0) if source.headed else 0
-        frequency = source.frequencies(first, low=1e-9)
-        found = {}
-        for n in (n for n in range(width) if n != first):
-            name, scale = _split_heading(source.names[n], unit, arm) if source.headed else ("", 1.0)
-            if name in found:
-                remedy = "give each column a heading of its own"
-                raise InputError.of("", "has two columns of one name", remedy, name)
-            remedy = "give amplitude spectral densities, not dB: 10^(dB/20)"
-            values = source.numbers(n, name or "value", 0.0, remedy=remedy) / scale
-            found[name] = Spectrum(str(path), frequency, values)
-        return found
-
-
-def _split_heading(title: str, unit: str, arm: float) -> tuple[str, float]:
-    """Split a heading into its name, in lower case, and its unit, as the number per SI unit."""
-    title = re.sub(PER_ROOT_HZ, "", title) if unit != "1" else title
-    units = UNITS["rad" if unit == "m" and title.lower().startswith(DOFS[3:]) else unit]
-    units = units | ({"strain": 1 / arm} if arm and unit == "m" else {})
-    name, scale = columns.split_unit(title, units, "" if unit == "1" else " per sqrt(Hz)")
-    return name.lower(), scale
+    """Read the spectra of a file by their headings, see `files.spectra.read`."""
+    found = spectra.read(path, unit, arm)
+    return {name: Spectrum(str(path), *points) for name, points in found.items()}

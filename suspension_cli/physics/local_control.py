@@ -18,14 +18,15 @@ and of all such weights have the least sum of squares: the least noise of equal 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from suspension_cli.conventions import DOFS, SUPPORT
-from suspension_cli.design.control import SENSORS, Loop, NoiseSpectrum, Osem
+from suspension_cli.design import noise_spectra
+from suspension_cli.design.control import Loop, Osem
 from suspension_cli.design.locked_stages import as_in_file, locked_names
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value
@@ -245,22 +246,18 @@ def evaluate_filters(
 def evaluate_noise(
     part: Loop | Osem, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
-    """Evaluate the sensor noise of a loop or OSEM, as motion, at frequencies in Hz.
+    """Evaluate the sensor noise of a loop or OSEM, as motion, at frequencies in Hz."""
+    own = part.noise_of_sensor if isinstance(part, Osem) else part.sensor_noise
+    return noise_spectra.density(own, frequency)
 
-    It is flat, or flat with power rising as 1/f below a corner, or interpolated on logarithmic
-    axes.
-    """
-    known = isinstance(part, Osem) and part.sensor
-    noise = part.sensor_noise
-    noise = SENSORS[known] if known else noise
-    frequency = np.asarray(frequency, dtype=float)
-    if not isinstance(noise, NoiseSpectrum):
-        return np.full(frequency.shape, noise)
-    with np.errstate(divide="ignore"):
-        if noise.frequency is not None:
-            curve = np.interp(np.log(frequency), np.log(noise.frequency), np.log(noise.asd))
-            return np.exp(curve)
-        return np.asarray(noise.asd) * np.sqrt(1 + (noise.corner or 0.0) / frequency)
+
+def evaluate_actuator_noise(
+    part: Loop | Osem, frequency: Float[np.ndarray, " frequency"]
+) -> Float[np.ndarray, " frequency"]:
+    """Evaluate the noise of the force or torque of a loop or coil at frequencies in Hz."""
+    if isinstance(part, Osem):
+        return part.actuator_density(frequency)
+    return noise_spectra.density(part.actuator_noise, frequency)
 
 
 @dataclass(frozen=True)
@@ -289,16 +286,20 @@ class LoopResponses:
 
         Unit of the output over sqrt(Hz).
         """
-        parts = self.plant.parts
         of_parts = np.hstack([np.eye(len(self.plant.loops)), self.plant.reading])
-        noise = np.array([evaluate_noise(part, self.frequency) for part in parts])
-        noise = noise.reshape(len(parts), len(self.frequency)).T
-        return np.abs(self.sensing @ of_parts) * noise[:, None]
+        return np.abs(self.sensing @ of_parts) * self._of_parts(evaluate_noise)[:, None]
 
     @property
     def actuator_noise(self) -> Float[np.ndarray, "frequency output part"]:
         """Amplitude spectral density at each output from the actuator of each of `Plant.parts`."""
-        return np.abs(self.pushing) * np.array([part.actuator_noise for part in self.plant.parts])
+        return np.abs(self.pushing) * self._of_parts(evaluate_actuator_noise)[:, None]
+
+    def _of_parts(
+        self, evaluate: Callable[[Loop | Osem, Float[np.ndarray, " frequency"]], np.ndarray]
+    ) -> Float[np.ndarray, "frequency part"]:
+        parts = self.plant.parts
+        found = np.array([evaluate(part, self.frequency) for part in parts])
+        return found.reshape(len(parts), len(self.frequency)).T
 
 
 def solve_responses(

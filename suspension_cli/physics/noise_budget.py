@@ -108,7 +108,8 @@ class Noises:
         parts = [*enumerate(self.plant.parts)]
         at = np.ones(1)
         sensing = [n for n, part in parts if local_control.evaluate_noise(part, at).any()]
-        return sensing, [n for n, part in parts if part.actuator_noise]
+        pushing = [n for n, part in parts if local_control.evaluate_actuator_noise(part, at).any()]
+        return sensing, pushing
 
     def density(
         self, frequency: Float[np.ndarray, " frequency"]

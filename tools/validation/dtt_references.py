@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from suspension_cli.files import dtt
 from suspension_cli.files.whole_files import write_bytes
-from suspension_cli.measurements import dtt
 from tools.tables import ROOT
 
 REPOSITORY = "github.com/terrencetec/kontrol"

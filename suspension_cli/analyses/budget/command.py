@@ -69,9 +69,10 @@ class BudgetAnalysis(Analysis):
             multiple=True,
             default=(GROUND,),
             metavar="[COORDINATES=]SOURCE",
-            help="Motion of the support: nlnm (quiet ground), nhnm (noisy ground), aligo-isi"
-            " (or aligo-bsc) and aligo-ham (platforms), a CSV file, or none; x,y=SOURCE for"
-            " some coordinates (repeatable).",
+            help="Motion of the support: nlnm (quiet ground), nhnm (noisy ground), vc-e (quiet"
+            " laboratory) to vc-a (noisy one), kamioka-quiet, kamioka-noisy, aligo-isi (or"
+            " aligo-bsc) and aligo-ham (platforms), a file, or none; x,y=SOURCE for some"
+            " coordinates (repeatable).",
         ),
         option(
             "--isolation",
@@ -101,6 +102,8 @@ class BudgetAnalysis(Analysis):
 
     def text(self, result: Budget) -> str:
         """Return a table per output: RMS and amplitude spectral densities by cause."""
+        from suspension_cli.analyses.budget import cause_groups
+
         first = result.first
         low, high = first.frequency[[0, -1]]
         span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz"
@@ -108,7 +111,9 @@ class BudgetAnalysis(Analysis):
         for n, one in enumerate(result.motions):
             tilt = 0.0 if result.tilt is None else float(result.tilt[n])
             title = f"{one.output}{name_mirrors(result.mirrors, tilt)}, {span}"
-            lines += ["", title, *_tabulate(one)]
+            grouped = cause_groups.group(one, result.run.design.design)
+            lines += ["", title, *_tabulate(grouped.budget)]
+            lines += [f"  {remark}" for remark in grouped.remarks]
         if result.drive is not None:
             units = ("N", "A", "V", "counts", "of range")
             columns = {"coil": ""} | {f"RMS\n{unit}": ".3g" for unit in units}
@@ -119,10 +124,12 @@ class BudgetAnalysis(Analysis):
 
     def figures(self, result: Budget, setting: Settings) -> dict[str, Figure]:
         """Draw a panel per output."""
-        from suspension_cli.analyses.budget import picture
+        from suspension_cli.analyses.budget import cause_groups, picture
 
         title = result.subtitle + name_mirrors(result.mirrors)
-        return {"": picture.draw(result.motions, title)}
+        design = result.run.design.design
+        shown = [cause_groups.group(one, design) for one in result.motions]
+        return {"": picture.draw(shown, title)}
 
 
 def _tabulate(one: MotionBudget) -> Iterator[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.budget.cause_groups import Grouped
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import Line, Panel
 from suspension_cli.drawing.style import (
@@ -27,20 +28,22 @@ MOST = 99.0
 """Part of the mean square, per cent, from which a cause makes "nearly all" of it."""
 
 
-def draw(budgets: Sequence[MotionBudget], title: str) -> Figure:
+def draw(grouped: Sequence[Grouped], title: str) -> Figure:
     """Draw a panel per output, below a sentence on it."""
+    budgets = [one.budget for one in grouped]
     drawn = [*dict.fromkeys(name for one in budgets for name in _drawn(one))]
     colours = [PALETTE[n % len(PALETTE)] for n in range(len(drawn))]
     looks: dict[str, tuple[str, LineLook]] = {
         name: (colour, {"linestyle": dashes, "linewidth": 0.9})
         for name, colour, dashes in zip(drawn, colours, panels.dashes_of(colours), strict=True)
     }
-    shown = [_panel(one, looks) for one in budgets]
+    shown = [_panel(one, looks) for one in grouped]
     outputs = ", ".join(one.output for one in budgets)
     return panels.draw(f"Noise budget of {outputs}", title, shown)
 
 
-def _panel(one: MotionBudget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
+def _panel(grouped: Grouped, looks: dict[str, tuple[str, LineLook]]) -> Panel:
+    one = grouped.budget
     at = one.frequency
     drawn = _drawn(one)
     lines = [Line(at, one.amplitude, "all", INK, {"linewidth": 2.0})]
@@ -63,7 +66,7 @@ def _panel(one: MotionBudget, looks: dict[str, tuple[str, LineLook]]) -> Panel:
         "log",
         curves.limit_spectrum(np.concatenate(known)),
         title=write_message(one),
-        remarks=remarks,
+        remarks=[*remarks, *grouped.remarks],
     )
 
 

@@ -182,7 +182,8 @@ def test_noise_of_a_known_sensor():
     found = local_control.evaluate_noise(part, np.array([1.0, np.sqrt(10.0), 10.0]))
     np.testing.assert_allclose(found, [1.5e-10, np.sqrt(9e-21), 6e-11], rtol=1e-12)
     voltage = Osem(**osem("a", (0, 0, 0), driver_noise=2e-7, coil=1.5, transconductance=0.1))
-    assert voltage.actuator_noise == pytest.approx(3e-8)
+    found = local_control.evaluate_actuator_noise(voltage, np.array([1.0, 100.0]))
+    assert found == pytest.approx([3e-8, 3e-8])
 
 
 REFUSED = {

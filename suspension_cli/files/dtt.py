@@ -1,4 +1,4 @@
-"""Transfer functions in XML files of the LIGO diagnostics test tools (diaggui).
+"""Transfer functions and spectra in XML files of the LIGO diagnostics test tools (diaggui).
 
 A file is a LIGO_LW document. Each ``<LIGO_LW Name="Result[n]">`` (a stored trace: ``Reference[n]``)
 has parameters `Subtype`, `f0`, `df`, `N` (frequencies), `M` (traces), `Averages`, `ChannelA` and
@@ -72,10 +72,30 @@ class Trace(NamedTuple):
 
 @dataclass(frozen=True)
 class Dtt:
-    """Transfer functions and coherences of one DTT file, by channels (input, output)."""
+    """Transfer functions and coherences of one DTT file, by channels (input, output).
+
+    `amplitude` are the amplitude spectral densities, by channel.
+    """
 
     transfer: dict[Pair, Trace]
     coherence: dict[Pair, Trace]
+    amplitude: dict[str, Trace]
+
+    @property
+    def spectra(self) -> Columns:
+        """Frequencies, and the densities of all channels that have the same; see `columns`."""
+        if not self.amplitude:
+            problem = "has no amplitude spectral density"
+            raise InputError.of("", problem, "measure a power spectrum, or export it")
+        first = next(iter(self.amplitude.values())).frequency
+        good = first > 0  # a spectrum says nothing at 0 Hz
+        held = {"frequency": first[good]} | {
+            name: trace.value[good]
+            for name, trace in self.amplitude.items()
+            if np.array_equal(trace.frequency, first)
+        }
+        place = lambda n: f"point {n + 1}"  # noqa: E731
+        return Columns([*held], [*held.values()].__getitem__, place, noun="channel")
 
     def columns(self, into: str | None, out: str | None) -> Columns:
         """Return the transfer function between two channels, and its coherence.
@@ -162,7 +182,8 @@ def read(path: Path) -> Dtt:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     value = value / density.value.astype(float) ** 2
                 found["transfer"].setdefault(pair, Trace(frequency, value, averages))
-    return Dtt(found["transfer"], found["coherence"])
+    densities = {channel: trace for (channel, _), trace in found["amplitude"].items()}
+    return Dtt(found["transfer"], found["coherence"], densities)
 
 
 def _traces(
