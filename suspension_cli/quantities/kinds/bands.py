@@ -6,6 +6,7 @@ mode in it, and the extreme is then searched between the neighbours of the large
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -57,6 +58,7 @@ class OverBand(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no steady state, or an infinite response"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

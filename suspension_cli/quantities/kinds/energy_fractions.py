@@ -38,6 +38,7 @@ class EnergyFraction(Quantity):
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, 1.0)
     missing = "has no such mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

@@ -5,6 +5,7 @@ Modes have any of the names of `kinds.modes`: ``test pitch``, ``lowest yaw``, ``
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,6 +35,7 @@ class TopFraction(Quantity):
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, 1.0)
     missing = "has no such mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -57,6 +59,7 @@ class _BetweenModes(Quantity):
     steady: ClassVar[bool] = False
     vanishes: ClassVar[bool] = True
     undamped: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no such modes, or one is unstable"
 
     @abstractmethod

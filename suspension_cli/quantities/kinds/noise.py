@@ -6,6 +6,7 @@ loops closed. What moves the support is that of `[analysis.budget]`.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -45,6 +46,7 @@ class _FromBudget(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = UNSTABLE
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

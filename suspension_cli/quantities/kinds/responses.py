@@ -45,6 +45,7 @@ class Ratio(Quantity):
     frequency: float
 
     analytic: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no steady state, or a response that is divided by is 0"
 
     @property

@@ -6,6 +6,7 @@ fluctuation-dissipation theorem: S_F = S_x / abs(chi)^2 (Saulson, Phys. Rev. D 4
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -42,6 +43,7 @@ class ThermalNoise(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no steady state, or a resonance without loss there"
 
     @property

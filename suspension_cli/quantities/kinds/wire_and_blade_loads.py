@@ -5,6 +5,7 @@ The formulas are those of `physics.statics`, for a whole batch.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -40,6 +41,11 @@ class Load(Quantity):
     steady: ClassVar[bool] = False
     analytic: ClassVar[bool] = True
     missing = "does not hang on taut wires"
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """A wire can only pull; a blade may be bent either way."""
+        return (0.0 if self.part == "wire" else -math.inf, math.inf)
 
     @property
     def function_count(self) -> int:
