@@ -293,7 +293,8 @@ def _remedy(found: Fitted) -> str:
     if found.exchange is None:
         channels = ", or give channels gain_uncertainty or mix_uncertainty"
         more = channels if found.responses is not None else ""
-        return f"free more parameters{more}, or check designs, labels and uncertainties"
+        extra = "more" if found.freedom > 0 else "other"
+        return f"free {extra} parameters{more}, or check designs, labels and uncertainties"
     first, second = found.exchange.labels
     several = len(found.experiment) > 1
     where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
