@@ -17,7 +17,6 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 import suspension_cli as sus
 from suspension_cli.analyses import named_quantities
-from suspension_cli.analyses.sweep import swept_results
 from suspension_cli.analyses.sweep.solve import ParameterSweep, complete, follow
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import rule
@@ -26,6 +25,7 @@ from suspension_cli.drawing.style import NOTE, PALETTE, house_style, new_figure,
 from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.models import closed_form
 from suspension_cli.models.closed_form import FourWires
+from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.studies.job import Axis
 from tools.margins import set_margins
 from tools.tables import PAPER, ROOT
@@ -76,7 +76,7 @@ def follow_mode(text: str, path: str, value: Any, mode: str, level: str) -> Any:
     """Compute the frequency (p,) of one mode over a parameter, as `pendsus sweep` does."""
     names = named_quantities.names_of(sus.parse(text))
     axis = Axis(path, tuple(value.tolist()))
-    every = swept_results.find_results([], names, text, level)
+    every = find_results([], names, text, level)
     [number] = [n for n, one in enumerate(every) if one.text == mode]
     job = ParameterSweep(text, (axis,), level, (every[number],))
     points = job.compute(0, job.count)

@@ -20,10 +20,10 @@ import numpy as np
 
 from suspension_cli.analyses import named_quantities
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.sweep.swept_results import find_results
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes
+from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.studies import interpolated
 from suspension_cli.studies.job import Axis, nominal_system
 from tools.tables import ROOT

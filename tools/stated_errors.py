@@ -18,7 +18,6 @@ import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.point_errors import PointErrors
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.sweep.swept_results import find_results
 from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import eigenmodes
@@ -29,6 +28,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.choice import Transfer, choose, relative_change
 from suspension_cli.models.spectrum_error import NEAR, away_from_modes
 from suspension_cli.physics import model_choice, wire_modes
+from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies.job import Axis
 from tests.support import scenes

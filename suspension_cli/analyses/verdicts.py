@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.quantities import requirements
+from suspension_cli.quantities.impossible_requirements import demand_possible
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Document
@@ -22,10 +23,14 @@ if TYPE_CHECKING:
 def find_requirements(source: Source) -> tuple[Requirement, ...]:
     """Look up what `[[requirement]]` of a design limits.
 
-    Raises `InputError` if a requirement names no quantity of the design.
+    Raises `InputError` if a requirement names no quantity of the design, or can never be met.
     """
     wanted = requirements.of_design(source.design)
-    return requirements.find(wanted, names_of(source)) if wanted else ()
+    if not wanted:
+        return ()
+    found = requirements.find(wanted, names_of(source))
+    demand_possible(found)
+    return found
 
 
 def judge(source: Source, level: str | None) -> tuple[Verdict, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from suspension_cli.quantities.names import Names
@@ -13,7 +13,7 @@ from suspension_cli.quantities.quantity import Quantity
 class Kind:
     """A kind of quantity, as help and the docs list it.
 
-    `parse` returns the quantities that a name means in a design, or none if it is a name of another
+    `parse` returns the quantity that a name means in a design, or None if it is a name of another
     kind. It raises `InputError`, which names the option (its third argument), if the name is of
     this kind but wrong.
     """
@@ -22,4 +22,4 @@ class Kind:
     example: str
     unit: str
     summary: str
-    parse: Callable[[str, Names, str], Sequence[Quantity]]
+    parse: Callable[[str, Names, str], Quantity | None]

@@ -56,6 +56,8 @@ class Quantity(ABC):
         Whether it is computed design by design, which takes some 0.05 to 0.5 s each.
     analytic
         Whether it follows from `functions` that are analytic in the numbers of a design.
+    within
+        Least and largest value, SI, that any design can have.
     negligible
         Size below which errors of maps are relative to this size: smaller values are rounding
         errors.
@@ -74,7 +76,13 @@ class Quantity(ABC):
     undamped: ClassVar[bool] = False
     slow: ClassVar[bool] = False
     analytic: ClassVar[bool] = False
+    within: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
     negligible: ClassVar[float] = 0.0
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest value, SI, that it can have."""
+        return self.within
 
     @property
     def function_count(self) -> int:

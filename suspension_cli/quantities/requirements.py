@@ -17,11 +17,11 @@ import numpy as np
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value, gather
+from suspension_cli.quantities import vocabulary
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity, evaluate
 from suspension_cli.quantities.solved import of_designs
-from suspension_cli.quantities.vocabulary import parse_one
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
@@ -188,7 +188,7 @@ def find(limits: Sequence[Limits], names: Names) -> tuple[Requirement, ...]:
 
 def find_one(limits: Limits, names: Names) -> Requirement:
     """Look up the quantity of limits; raises `InputError` if the design has none of that name."""
-    return Requirement(parse_one(limits.quantity, names, limits.key), limits)
+    return Requirement(vocabulary.parse(limits.quantity, names, limits.key), limits)
 
 
 def parse(text: str) -> Limits:

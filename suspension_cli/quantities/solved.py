@@ -203,12 +203,16 @@ class Solved:
     def followed(self, nominal: str) -> Int[np.ndarray, "design mode"]:
         """Numbers of the modes that those of a nominal design (TOML) have become, by their shapes.
 
-        In the order of that design's modes in the same model.
+        In the order of that design's modes in the same model; -1 in designs of other coordinates.
         """
         if nominal not in self._followed:
             before = batch_modes.solve(nominal_system(nominal, self.level)).shape
-            with np.errstate(all="ignore"):
-                self._followed[nominal] = mode_pairing.pair_batch(before, self.spectrum.shape)
+            after = self.spectrum.shape
+            numbers = np.full((self.count, len(before)), -1)
+            if before.shape == after.shape[1:]:
+                with np.errstate(all="ignore"):
+                    numbers = mode_pairing.pair_batch(before, after)
+            self._followed[nominal] = numbers
         return self._followed[nominal]
 
     def response(

@@ -24,7 +24,7 @@ def every_kind() -> tuple[Kind, ...]:
     return tuple(kind for module in modules for kind in module.KINDS)
 
 
-def parse(text: str, names: Names, option: str = "--result") -> tuple[Quantity, ...]:
+def parse(text: str, names: Names, option: str = "--result") -> Quantity:
     """Parse a name of a quantity of a design.
 
     Raises `InputError`, which names the `option`, if the design has no such quantity.
@@ -32,8 +32,8 @@ def parse(text: str, names: Names, option: str = "--result") -> tuple[Quantity, 
     plain = " ".join(text.split())
     for kind in every_kind():
         found = kind.parse(plain, names, option)
-        if found:
-            return tuple(found)
+        if found is not None:
+            return found
     if plain == ALL:
         remedy = f"name one, such as {names.labels[0]!r} or 'lowest pitch'"
         raise InputError.of(
@@ -47,14 +47,4 @@ def parse(text: str, names: Names, option: str = "--result") -> tuple[Quantity, 
 def parse_all(texts: Sequence[str], names: Names, option: str = "--result") -> tuple[Quantity, ...]:
     """Parse names of quantities, each quantity once; raises `InputError` with all faults."""
     found = gather(lambda text: parse(text, names, option), texts)
-    return tuple(dict.fromkeys(quantity for each in found for quantity in each))
-
-
-def parse_one(text: str, names: Names, option: str) -> Quantity:
-    """Parse the name of a single quantity; raises `InputError` if it means several."""
-    found = parse(text, names, option)
-    if len(found) != 1:
-        some = ", ".join(one.text for one in found[:3])
-        problem = f"means {len(found)} quantities"
-        raise InputError.of(option, problem, f"name one: {some}, ...", format_value(text))
-    return found[0]
+    return tuple(dict.fromkeys(found))

@@ -16,7 +16,7 @@ from suspension_cli.quantities.quantity import Quantity
 def compare(design: sus.Design, *texts: str, simple: str, refined: str) -> tuple[float, str]:
     """Largest change of quantities from one model to another, and which."""
     names = names_of(design)
-    wanted = [vocabulary.parse_one(text, names, "--result") for text in texts]
+    wanted = [vocabulary.parse(text, names, "--result") for text in texts]
     change = compare_designs(wanted, [design.design])
     return change(registry.by_name(simple), registry.by_name(refined))
 

@@ -25,7 +25,7 @@ LOSSLESS = 1e-6
 def evaluate(design: sus.Design, *texts: str, level: str = "beam") -> list[float]:
     """Values of quantities of one design in a model."""
     names = names_of(design)
-    wanted = [vocabulary.parse_one(text, names, "--result") for text in texts]
+    wanted = [vocabulary.parse(text, names, "--result") for text in texts]
     [(places, batch)] = solved.of_designs([design.design], level, Needs.of(wanted))
     assert places.tolist() == [0]
     return evaluate_all(wanted, batch)[0].tolist()
@@ -237,7 +237,7 @@ def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
     design = sus.parse(SMALL)
     heights = np.linspace(2e-4, 2e-3, 1200)
     designs = [design.replace({D: d}).design for d in heights.tolist()]
-    quantity = vocabulary.parse_one(name, names_of(design), "--result")
+    quantity = vocabulary.parse(name, names_of(design), "--result")
     [(_, batch)] = solved.of_designs(designs, "string", Needs.of([quantity]))
     low, high = quantity.ends(batch, smooth=True)
     value = quantity.values(batch)
@@ -329,15 +329,15 @@ def test_a_margin_is_relative_to_the_nearer_limit(low, high, value, margin):
 )
 def test_no_two_quantities_have_one_name(lossy, one, other):
     names = names_of(lossy)
-    texts = [vocabulary.parse_one(text, names, "--result").text for text in (one, other)]
+    texts = [vocabulary.parse(text, names, "--result").text for text in (one, other)]
     assert texts == [one, other]
 
 
 @pytest.mark.parametrize("written", ["test.x / support.x : 10.0", "test.x/support.x:10"])
 def test_blanks_and_digits_of_a_name_do_not_matter(lossy, written):
-    found = vocabulary.parse_one(written, names_of(lossy), "--result")
+    found = vocabulary.parse(written, names_of(lossy), "--result")
     assert found.text == "test.x/support.x:10"
-    peak = vocabulary.parse_one("peak of test.x / support.x:0.10:5", names_of(lossy), "--result")
+    peak = vocabulary.parse("peak of test.x / support.x:0.10:5", names_of(lossy), "--result")
     assert peak.text == "peak of test.x/support.x:0.1:5"
 
 

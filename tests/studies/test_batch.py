@@ -20,13 +20,13 @@ from hypothesis import strategies as st
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.sweep.swept_results import find_results
 from suspension_cli.analyses.tolerance import solve as random_builds
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError, PendsusError
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.studies import chunks
 from suspension_cli.studies import run as batch
 from suspension_cli.studies.job import Axis

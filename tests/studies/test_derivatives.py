@@ -11,12 +11,12 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
-from suspension_cli.analyses.sensitivity import solve as sensitivity
 from suspension_cli.design import paths, reader
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from suspension_cli.physics.wire_modes import solve_undamped_bodies
 from suspension_cli.quantities.kinds.responses import Ratio
+from suspension_cli.quantities.nominal_results import find_results
 from tests.equilibrium.test_clamps import tables_as_built
 from tests.support.golden import CONFIGS
 from tests.support.scenes import plain
@@ -35,7 +35,7 @@ def beam(text, *overrides):
 @cache
 def solved(text, *results, level="beam"):
     names = names_of(reader.Source(reader.parse(text), text, ""))
-    requested = sensitivity.parse(results, names, text, level)
+    requested = find_results(results, names, text, level)
     found = sus.sensitivity(sus.parse(text), results=results, fidelity=level, allow_unstable=True)
     return found, requested
 

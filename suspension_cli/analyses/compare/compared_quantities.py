@@ -141,7 +141,7 @@ def request(source: Source, texts: Sequence[str], required: Sequence[Requirement
         except InputError as error:
             missing[text] = error
         else:
-            quantities |= {one.text: one for one in found}
+            quantities[found.text] = found
     return Request(source, quantities, tuple(required), missing)
 
 

@@ -236,12 +236,7 @@ def first_lines(found: Fitted) -> list[str]:
     """Return lines on a misfit, on wrong channels, and on values far from their priors."""
     lines = []
     if found.unlikely:
-        lines.append(
-            f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom, so"
-            " these parameters do not explain the measurements; uncertainties are given"
-            f" {found.scale:.3g} times as large"
-        )
-        lines.append(_remedy(found))
+        lines += [_misfit(found), _remedy(found)]
     if found.unlikely_priors:
         count = len(found.pulls)
         lines.append(
@@ -268,12 +263,38 @@ def first_lines(found: Fitted) -> list[str]:
     return lines
 
 
+def _misfit(found: Fitted) -> str:
+    """Say that chi^2 is too large, and what that does to the uncertainties."""
+    head = f"MISFIT: chi^2 is {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
+    if found.freedom > 0:
+        return (
+            f"{head}, so these parameters do not explain the measurements; uncertainties are given"
+            f" {found.scale:.3g} times as large"
+        )
+    name, residual = found.worst
+    return (
+        f"{head}: there are at least as many parameters as data, and yet no values of them meet the"
+        f" data; {name} is off by {residual:+.3g} sigma"
+    )
+
+
+def _freedom(found: Fitted) -> str:
+    """Say how far chi^2 tests the model."""
+    text = f"{found.freedom} degrees of freedom"
+    if found.freedom > 0 or found.unlikely:
+        return text
+    if found.freedom == 0:
+        return f"{text}: the data determine the parameters and test nothing"
+    return f"{text}: fewer data and priors than parameters, which they do not all determine"
+
+
 def _remedy(found: Fitted) -> str:
     """Say what may remove a misfit."""
     if found.exchange is None:
         channels = ", or give channels gain_uncertainty or mix_uncertainty"
         more = channels if found.responses is not None else ""
-        return f"free more parameters{more}, or check designs, labels and uncertainties"
+        extra = "more" if found.freedom > 0 else "other"
+        return f"free {extra} parameters{more}, or check designs, labels and uncertainties"
     first, second = found.exchange.labels
     several = len(found.experiment) > 1
     where = f" in {found.experiment[found.exchange.experiment]}" if several else ""
@@ -298,7 +319,7 @@ def report(found: Fitted) -> str:
         parts.append(["What these data say, without the priors:", *found.determined])
     if responses is not None and responses.least:
         parts.append(_next(found, responses))
-    end = f"chi^2 {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
+    end = f"chi^2 {found.chi_squared:.4g} for {_freedom(found)}"
     if len(found.ends) > 1:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
         rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""

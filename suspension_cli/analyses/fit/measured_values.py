@@ -49,7 +49,7 @@ def look_up(
     def find(pair: tuple[int, MeasuredQuantity]) -> Quantity:
         number, one = pair
         key = f"{where}quantity.{number}.name"
-        return vocabulary.parse_one(one.name, names, key)
+        return vocabulary.parse(one.name, names, key)
 
     return tuple(gather(find, list(enumerate(measured, 1))))
 

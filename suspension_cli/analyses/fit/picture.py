@@ -40,9 +40,10 @@ def draw(found: Fitted, title: str) -> Figure:
     transfer functions, which are not fitted themselves.
     """
     verdict = rf"$\chi^2$ = {found.chi_squared:.4g} for {found.freedom} degrees of freedom"
-    if found.misfit:
-        wide = f"uncertainties {found.scale:.3g} times as large"
-        verdict += f"; {wide if found.unlikely else 'contradicts the priors'}"
+    if found.scale > 1:
+        verdict += f"; uncertainties {found.scale:.3g} times as large"
+    elif found.misfit and not found.unlikely:
+        verdict += "; contradicts the priors"
     shown = [_residuals(found, verdict)]
     if found.name:
         with np.errstate(invalid="ignore", divide="ignore"):

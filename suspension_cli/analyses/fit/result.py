@@ -294,7 +294,7 @@ class Fitted:
         a bound) and covariance, SI; in a misfit larger than the given uncertainties imply.
     scale
         Factor on `sigma` in a misfit, the root of chi^2 per degree of freedom (Birge, Phys. Rev.
-        40, 207 (1932)), else 1.
+        40, 207 (1932)), else 1; also 1 without degrees of freedom.
     prior, prior_sigma
         Priors and their standard deviations, infinite where there is none.
     of, label
@@ -425,7 +425,8 @@ class Fitted:
     @property
     def unlikely(self) -> bool:
         """Whether so large a chi^2 has a probability below `SIGNIFICANCE`."""
-        return is_unlikely(self.chi_squared, self.freedom)
+        unknowns = int((~self.at_bound).sum())  # others matter only where data abound
+        return is_unlikely(self.chi_squared, self.freedom + unknowns, unknowns)
 
     @property
     def pulls(self) -> list[tuple[str, float]]:
@@ -450,7 +451,7 @@ class Fitted:
         Parameters that the data determine are distributed as their priors say if these are right;
         all others stay at them.
         """
-        return is_unlikely(self.prior_chi_squared, len(self.pulls))
+        return is_unlikely(self.prior_chi_squared, len(self.pulls), 0)
 
     @property
     def excess(self) -> float:
@@ -475,6 +476,13 @@ class Fitted:
     def value_residual(self) -> Float[np.ndarray, " measured_quantity"]:
         """Residuals of quantities after the fit over the uncertainties."""
         return (self.value_after - self.value_measured) / self.value_uncertainty
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """Name and residual of the mode, quantity or prior that is farthest off, over its error."""
+        modes = zip(self.modes, self.residual.tolist(), strict=True)
+        quantities = zip(self.quantities, self.value_residual.tolist(), strict=True)
+        return max([*modes, *quantities, *self.pulls], key=lambda item: abs(item[1]))
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -534,8 +542,15 @@ class Fit(Record, Fitted):
         return tuple(reader.with_text(self.run.design, text) for text in self.toml)
 
 
-def is_unlikely(chi_squared: float, freedom: int) -> bool:
-    """Whether so large a chi^2 has a probability below `SIGNIFICANCE`."""
+def is_unlikely(chi_squared: float, data: int, unknowns: int) -> bool:
+    """Whether so large a chi^2 of data and priors has a probability below `SIGNIFICANCE`.
+
+    Its degrees of freedom are the data less the unknowns. Where none is left, chi^2 at the best fit
+    is still at most that of the true unknowns, which has one degree of freedom per datum.
+    """
     from scipy.special import chdtrc
 
-    return freedom > 0 and float(chdtrc(freedom, chi_squared)) < SIGNIFICANCE
+    if not data:
+        return False
+    freedom = data - unknowns
+    return float(chdtrc(freedom if freedom > 0 else data, chi_squared)) < SIGNIFICANCE

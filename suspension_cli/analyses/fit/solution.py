@@ -34,8 +34,7 @@ class Solution:
     @property
     def misfit(self) -> bool:
         """Whether so large a chi^2 is unlikely."""
-        freedom = len(self.problem.residual(self.z)) - len(self.z)
-        return is_unlikely(self.chi_squared, freedom)
+        return is_unlikely(self.chi_squared, len(self.problem.residual(self.z)), len(self.z))
 
     def descend(self, z: Array, **how: Any) -> Solution:
         """Fit all values from z on."""

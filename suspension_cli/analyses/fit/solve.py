@@ -227,9 +227,11 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
     ]
     before, after = (problem.predict_modes(x)[0] for x in (problem.base, value))
     spread = problem.covariance(found.z, slope)
-    freedom = len(slope) - int((~np.isnan(np.diag(spread))).sum())
-    unlikely = is_unlikely(found.chi_squared, freedom)
-    scale = float(np.sqrt(found.chi_squared / freedom)) if unlikely else 1.0
+    inner = int((~np.isnan(np.diag(spread))).sum())
+    freedom = len(slope) - inner
+    scale = 1.0
+    if freedom > 0 and is_unlikely(found.chi_squared, len(slope), inner):
+        scale = float(np.sqrt(found.chi_squared / freedom))
     relative = np.where(value != 0, np.abs(value), 1.0)
     _, singular, direction = np.linalg.svd(problem.data_rows(slope) * relative, full_matrices=False)
     if direction.size:

@@ -17,10 +17,10 @@ from suspension_cli.design.faults import suggest
 from suspension_cli.design.goals import Goal
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.physics.loads import BladeLoad, WireLoad
+from suspension_cli.quantities import vocabulary
 from suspension_cli.quantities.kinds.modes import ALL, parse_mode
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
-from suspension_cli.quantities.vocabulary import parse_one
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def expand(goal: Goal, names: Names, at: str) -> Meant:
     unknown: dict[str, str] = {}
     limits = _limits(goal)
     if goal.response is not None:
-        quantities = [parse_one(goal.response, names, f"{at}.response")]
+        quantities = [vocabulary.parse(goal.response, names, f"{at}.response")]
     elif goal.kind == "stress":
         quantities, unknown = _stresses(goal, names, at)
     elif goal.kind == "height":
@@ -60,7 +60,7 @@ def expand(goal: Goal, names: Names, at: str) -> Meant:
     else:
         form = "top fraction of {}" if goal.kind == "coupling" else "{}"
         modes = _mode_names(goal, names, at)
-        quantities = [parse_one(form.format(mode), names, at) for mode in modes]
+        quantities = [vocabulary.parse(form.format(mode), names, at) for mode in modes]
     return Meant(quantities, limits, unknown)
 
 
@@ -99,7 +99,7 @@ def _separations(goal: Goal, names: Names, at: str) -> list[Quantity]:
         raise InputError.of(at, "there are no two modes to separate", "name more modes")
     word = "difference" if goal.apart == "hertz" else "distance"
     pairs = combinations(modes, 2)
-    return [parse_one(f"{word} {one}, {other}", names, at) for one, other in pairs]
+    return [vocabulary.parse(f"{word} {one}, {other}", names, at) for one, other in pairs]
 
 
 def _height(goal: Goal, names: Names, at: str) -> Quantity:
@@ -107,7 +107,7 @@ def _height(goal: Goal, names: Names, at: str) -> Quantity:
     if stage not in names.stages:
         remedy = suggest(stage, list(names.stages))
         raise InputError.of(at, "names no stage", remedy, format_value(stage))
-    return parse_one(f"{stage} height", names, at)
+    return vocabulary.parse(f"{stage} height", names, at)
 
 
 def _stresses(goal: Goal, names: Names, at: str) -> tuple[list[Quantity], dict[str, str]]:
@@ -138,7 +138,7 @@ def _stresses(goal: Goal, names: Names, at: str) -> tuple[list[Quantity], dict[s
             part = f"{stage} {word}" if _is_alike(names, stage, word) else load.label
             if load.fraction is not None:
                 text = f"stress fraction {part}"
-                found.setdefault(text, parse_one(text, names, at))
+                found.setdefault(text, vocabulary.parse(text, names, at))
                 continue
             unknown[f"stress of {part}"] = _missing_key(names, word, load)
             if not everything:

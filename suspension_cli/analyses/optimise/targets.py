@@ -20,11 +20,10 @@ from suspension_cli.design.goals import Goals
 from suspension_cli.design.locked_stages import spell_out, undo
 from suspension_cli.design.schema import Design, Perturbation
 from suspension_cli.errors import InputError, collect, format_value, join_errors
-from suspension_cli.quantities import requirements
+from suspension_cli.quantities import requirements, vocabulary
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.requirements import Limits, Requirement
-from suspension_cli.quantities.vocabulary import parse_one
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -192,7 +191,7 @@ class _Made:
         given = self.goals.requirement[number]
         key = f"requirement.{number + 1}"
         perturbation = self._imperfections(given.perturbation, key)
-        quantity = parse_one(given.quantity, self.names, f"{key}.quantity")
+        quantity = vocabulary.parse(given.quantity, self.names, f"{key}.quantity")
         target = Target(quantity, perturbation)
         self._add(target, key)
         low = _first(given.at_least, given.equals, -math.inf)
@@ -206,7 +205,7 @@ class _Made:
         key = f"objective.{number + 1}"
         word = "maximise" if given.minimise is None else "minimise"
         perturbation = self._imperfections(given.perturbation, key)
-        quantity = parse_one(getattr(given, word), self.names, f"{key}.{word}")
+        quantity = vocabulary.parse(getattr(given, word), self.names, f"{key}.{word}")
         sign = 1.0 if word == "minimise" else -1.0
         target = Target(quantity, perturbation)
         self._add(target, key)
@@ -214,7 +213,7 @@ class _Made:
 
     def add_own_requirement(self, limits: Limits) -> None:
         """Add a requirement of the design itself."""
-        target = Target(parse_one(limits.quantity, self.names, limits.key))
+        target = Target(vocabulary.parse(limits.quantity, self.names, limits.key))
         self._add(target, limits.key)
         self._add_limits(target, limits, limits.note or target.text)
 

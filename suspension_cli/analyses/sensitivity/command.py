@@ -77,6 +77,7 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.physics import model_choice
         from suspension_cli.quantities.differences import compare_designs
         from suspension_cli.quantities.kinds.modes import describe_shared_motions
+        from suspension_cli.quantities.nominal_results import find_results
 
         setting = run.setting
         source = run.source
@@ -85,7 +86,7 @@ class SensitivityAnalysis(Analysis):
         model_choice.demand_one_of(wanted, registry.SCENE_MODELS, "cannot compute derivatives")
         names = names_of(source)
         models = model_choice.with_and_without_wire_mass(source)
-        asked = sensitivity.parse(setting["results"], names, source.text, models[-1].name)
+        asked = find_results(setting["results"], names, source.text, models[-1].name)
         choice = choose(
             source.design,
             wanted,
@@ -94,7 +95,7 @@ class SensitivityAnalysis(Analysis):
             setting["tolerance"],
         )
         model = model_choice.stable_system(source, choice, unstable, run.log, bends=True)
-        quantities = sensitivity.parse(setting["results"], names, source.text, choice.level)
+        quantities = find_results(setting["results"], names, source.text, choice.level)
         for said in describe_shared_motions(quantities, eigenmodes.solve(model.constant)):
             run.log.warn(f"{said}; the effects are those on the first of them")
         model_choice.warn_of_neglected(source, choice, run.log, registry.SCENE_MODELS)

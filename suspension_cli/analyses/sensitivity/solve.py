@@ -1,6 +1,6 @@
 """First derivatives of quantities with respect to the numbers of a design::
 
-    quantities = parse(["test pitch", "Q of test pitch"], names, source.text, "beam")
+    quantities = find_results(["test pitch", "Q of test pitch"], names, source.text, "beam")
     found = solve(source.text, quantities, "beam", run=run.origin(analysis, choice))
     found.derivative  # (parameter, result)
 
@@ -12,7 +12,7 @@ their errors (`quantities.slopes`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -20,30 +20,21 @@ import numpy as np
 from suspension_cli.analyses.record import Record
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
-from suspension_cli.errors import InputError, gather
+from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.files.documents import Layout
-from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import has_wire_mass
 from suspension_cli.physics import wire_modes
-from suspension_cli.quantities import slopes, vocabulary
-from suspension_cli.quantities.kinds.modes import (
-    ALL,
-    FollowedMode,
-    Frequency,
-    FrequencyByNumber,
-    FrequencyOfMode,
-)
+from suspension_cli.quantities import slopes
+from suspension_cli.quantities.kinds.modes import FrequencyOfMode
 from suspension_cli.quantities.kinds.responses import Ratio
-from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity, evaluate
 from suspension_cli.quantities.solved import Solved, of_designs
 from suspension_cli.scene.arrays import Array
 from suspension_cli.studies import builds, derivatives, parameters
 from suspension_cli.studies.builds import Builds
-from suspension_cli.studies.job import nominal_system
 from suspension_cli.studies.parameters import Parameter, natural_step
 
 if TYPE_CHECKING:
@@ -151,34 +142,6 @@ class Sensitivity(Record):
         with np.errstate(invalid="ignore", divide="ignore"):
             change = self.derivative * step[:, None]
             return np.where(self.nominal == 0, np.abs(change), 100 * change / self.nominal)
-
-
-def parse(texts: Sequence[str], names: Names, text: str, level: str) -> tuple[Quantity, ...]:
-    """Look up quantities of a design, whose TOML is `text`; all modes if there are none.
-
-    ``modes`` and numbers are modes of the design in the model, `level`, by whose labels they are
-    named. Raises `InputError` with all that the design lacks.
-    """
-    labels = eigenmodes.solve(nominal_system(text, level).constant).numbered_label
-    followed = [FollowedMode(label, "Hz", n, text) for n, label in enumerate(labels)]
-
-    def find(one: str) -> Sequence[Quantity]:
-        return followed if one.strip() == ALL else vocabulary.parse(one, names)
-
-    every = [one for some in gather(find, list(texts) or [ALL]) for one in some]
-    by_label = {one.text for one in every if isinstance(one, Frequency)}
-    result: list[Quantity] = []
-    for one in every:
-        own = one
-        if isinstance(one, FrequencyByNumber):
-            if one.place >= len(followed):
-                problem = f"is no number of a mode in the {level} model"
-                raise InputError.of("--result", problem, f"give 1 to {len(followed)}", one.text)
-            own = followed[one.place]
-        if isinstance(own, FollowedMode) and own.text in by_label:
-            own = replace(own, text=f"{own.text} (mode {own.place + 1})")
-        result.append(own)
-    return tuple(dict.fromkeys(result))
 
 
 def solve(

@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from suspension_cli.analyses.record import Record
-from suspension_cli.analyses.sweep.swept_results import ModeAsDrawn
 from suspension_cli.design import reader
 from suspension_cli.design.paths import value_at
 from suspension_cli.design.schema import Design
@@ -37,7 +36,7 @@ from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_content import Content
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.quantities.kinds.modes import Frequency
+from suspension_cli.quantities.kinds.modes import FollowedMode, Frequency
 from suspension_cli.quantities.kinds.responses import Ratio
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity
@@ -102,9 +101,9 @@ class ParameterSweep(Grid):
         return tuple(one for one in self.results if isinstance(one, Ratio))
 
     @cached_property
-    def followed(self) -> tuple[ModeAsDrawn, ...]:
+    def followed(self) -> tuple[FollowedMode, ...]:
         """Modes among the results that are followed by their shapes."""
-        return tuple(one for one in self.results if isinstance(one, ModeAsDrawn))
+        return tuple(one for one in self.results if isinstance(one, FollowedMode))
 
     @cached_property
     def labelled(self) -> tuple[Frequency, ...]:
@@ -500,7 +499,7 @@ def nominal_results(job: ParameterSweep) -> Float[np.ndarray, " result"]:
     """
     found = job.compute_designs([job.design], 1)["value"][0]
     for n, one in enumerate(job.results):
-        if isinstance(one, ModeAsDrawn):
+        if isinstance(one, FollowedMode):
             found[n] = job.nominal.frequency[one.place]
     return found
 
@@ -524,7 +523,7 @@ def complete(
     """Values of all results; those of followed modes by the places of these at each point."""
     value = known["value"].copy()
     for n, one in enumerate(job.results):
-        if isinstance(one, ModeAsDrawn):
+        if isinstance(one, FollowedMode):
             assert rank is not None
             place = rank[..., one.place].astype(np.intp)
             value[..., n] = mode_content.frequencies(known["omega_squared"], place)
@@ -582,7 +581,7 @@ def write(group: Stored, columns: Columns, job: ParameterSweep, run: Origin) -> 
 def _degree(job: ParameterSweep, quantity: Quantity) -> str:
     """Dominant motion of a mode in the nominal design; "" for other quantities."""
     number = -1
-    if isinstance(quantity, ModeAsDrawn):
+    if isinstance(quantity, FollowedMode):
         number = quantity.place
     elif isinstance(quantity, Frequency):
         number = int(mode_content.find(job.nominal.fractions, quantity.motion).mode)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.sweep.swept_results import find_results
 from suspension_cli.errors import InputError, format_value, gather
 from suspension_cli.models import registry
 from suspension_cli.quantities import requirements
+from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.requirements import Requirement
 

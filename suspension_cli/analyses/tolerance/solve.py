@@ -34,6 +34,7 @@ from suspension_cli.quantities.kinds.poses import STATIC, StaticPose
 from suspension_cli.quantities.kinds.responses import COUPLING, Ratio, quotient_unit
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
+from suspension_cli.quantities.nominal_results import follow_all
 from suspension_cli.quantities.quantity import Quantity, evaluate
 from suspension_cli.quantities.requirements import Limits, Requirement, find
 from suspension_cli.quantities.solved import Solved
@@ -108,8 +109,7 @@ class RandomBuilds(Job):
     @cached_property
     def followed(self) -> tuple[FollowedMode, ...]:
         """Frequencies of all modes, each followed from the nominal design by its shape."""
-        labels = self.nominal.numbered_label
-        return tuple(FollowedMode(text, "Hz", n, self.text) for n, text in enumerate(labels))
+        return tuple(follow_all(self.text, self.level))
 
     @cached_property
     def modes(self) -> tuple[Quantity, ...]:
@@ -175,7 +175,7 @@ class RandomBuilds(Job):
         own = self.followed[quantity.place]
         if self.modes[quantity.place] is own:
             return own
-        return replace(own, text=f"{own.text} (mode {quantity.place + 1})")
+        return own.with_number()
 
     def check(self) -> None:
         """Raise `InputError` if there is no table of tolerances, or a signal is invalid."""

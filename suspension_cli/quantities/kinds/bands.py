@@ -6,7 +6,8 @@ mode in it, and the extreme is then searched between the neighbours of the large
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -57,6 +58,7 @@ class OverBand(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no steady state, or an infinite response"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -118,11 +120,11 @@ def _minimise(height: Callable[[Array], Array], frequency: Array) -> float:
     return best
 
 
-def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``peak of test.x/support.x:0.1:5``, ``largest of ...`` and ``smallest of ...``."""
     word, of, rest = text.partition(" of ")
     if not of or word not in ("peak", "largest", "smallest") or "/" not in rest:
-        return ()
+        return None
     given = parse_numbers(rest, 2)
     if given is None or not 0 < given[1][0] < given[1][1] < 1e9:
         remedy = f"write {word} of OUTPUT/INPUT:LOW:HIGH, in Hz: {word} of test.x/support.x:0.1:5"
@@ -131,7 +133,7 @@ def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
     over, under, drive = parse_paths(paths, names, option)
     unit = quotient_unit(over, under or drive)
     name = f"{word} of {write_paths(paths)}:{write_number(low)}:{write_number(high)}"
-    return [OverBand(name, unit, word, over, under, drive, low, high)]
+    return OverBand(name, unit, word, over, under, drive, low, high)
 
 
 KINDS = (

@@ -5,7 +5,6 @@ A mode is meant by its label, as for frequencies, or ``modes`` means the one tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -72,22 +71,22 @@ class Decay(Quantity):
         return values[self.what]
 
 
-def parse(what: What, text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse(what: What, text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``Q of test pitch`` and ``settling of modes``."""
     word, of, label = text.partition(" of ")
     if not of or word != what:
-        return ()
+        return None
     if what == "dilution" and names.design.control is not None and names.design.control.loop:
         problem = "is not known: loops store and take energy"
         remedy = f"take Q of {label}, or leave out [[control.loop]]"
         raise InputError.of(option, problem, remedy, format_value(text))
     if label == ALL:
-        return [Decay(text, UNITS[what], what, None)]
+        return Decay(text, UNITS[what], what, None)
     motion = find_motion(label, names)
     if motion is None:
         remedy = suggest(label, [*names.labels, ALL])
         raise InputError.of(option, "is the label of no mode", remedy, format_value(text))
-    return [Decay(text, UNITS[what], what, motion)]
+    return Decay(text, UNITS[what], what, motion)
 
 
 SUMMARIES: dict[What, str] = {

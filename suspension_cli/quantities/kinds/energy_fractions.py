@@ -6,7 +6,6 @@ one, in proportion to this fraction.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -38,6 +37,7 @@ class EnergyFraction(Quantity):
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, 1.0)
     missing = "has no such mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -54,11 +54,11 @@ class EnergyFraction(Quantity):
         return solved.fractions[..., self.motion.place]
 
 
-def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``fraction of upper yaw in yaw 3``."""
     word, of, rest = text.partition(" of ")
     if not of or word != "fraction":
-        return ()
+        return None
     label, _, mode = rest.partition(" in ")
     motion = find_motion(label, names)
     if motion is None or motion.number:
@@ -67,7 +67,7 @@ def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
     if not mode:
         remedy = f"write fraction of {label} in MODE, such as {names.labels[0]}"
         raise InputError.of(option, "names no mode", remedy, format_value(text))
-    return [EnergyFraction(text, "1", motion, parse_mode(mode, names, option))]
+    return EnergyFraction(text, "1", motion, parse_mode(mode, names, option))
 
 
 KINDS = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -35,10 +34,10 @@ class Margin(Quantity):
         return solved.margins[:, self.loop, list(MARGINS).index(self.which)]
 
 
-def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``margin pitch.gain``, ``.phase``, ``.delay`` and ``.distance``."""
     if not text.startswith("margin "):
-        return ()
+        return None
     loop, _, which = text.removeprefix("margin ").rpartition(".")
     loops = [] if names.design.control is None else names.design.control.loop
     known = [one.name for one in loops]
@@ -48,7 +47,7 @@ def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
     if loop not in known:
         remedy = suggest(loop, known) if known else "give [[control.loop]] tables"
         raise InputError.of(option, "names no loop", remedy, format_value(text))
-    return [Margin(text, MARGINS[which], known.index(loop), which)]
+    return Margin(text, MARGINS[which], known.index(loop), which)
 
 
 KINDS = (

@@ -5,8 +5,8 @@ Modes have any of the names of `kinds.modes`: ``test pitch``, ``lowest yaw``, ``
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -34,6 +34,7 @@ class TopFraction(Quantity):
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, 1.0)
     missing = "has no such mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -57,6 +58,7 @@ class _BetweenModes(Quantity):
     steady: ClassVar[bool] = False
     vanishes: ClassVar[bool] = True
     undamped: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no such modes, or one is unstable"
 
     @abstractmethod
@@ -108,19 +110,19 @@ class Difference(_BetweenModes):
         return np.abs(one - other)
 
 
-def parse_top(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_top(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``top fraction of test pitch``."""
     word, of, label = text.partition(" of ")
     if not of or word != "top fraction":
-        return ()
-    return [TopFraction(text, "1", parse_mode(label, names, option))]
+        return None
+    return TopFraction(text, "1", parse_mode(label, names, option))
 
 
-def parse_distance(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_distance(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``distance test pitch, test longitudinal``, and ``difference`` likewise."""
     word, _, rest = text.partition(" ")
     if word not in ("distance", "difference"):
-        return ()
+        return None
     labels = [label.strip() for label in rest.split(",")]
     if len(labels) != 2:
         remedy = f"write {word} MODE, MODE: {word} test pitch, test longitudinal"
@@ -131,8 +133,8 @@ def parse_distance(text: str, names: Names, option: str) -> Sequence[Quantity]:
         remedy = "name two modes"
         raise InputError.of(option, "names one mode twice", remedy, format_value(text))
     if word == "distance":
-        return [Distance(text, "1", first, second)]
-    return [Difference(text, "Hz", first, second)]
+        return Distance(text, "1", first, second)
+    return Difference(text, "Hz", first, second)
 
 
 KINDS = (

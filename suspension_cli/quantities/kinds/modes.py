@@ -7,15 +7,16 @@ them. ``lowest pitch`` is the lowest of the modes with most energy in the pitch 
 ``longitudinal-pitch 2`` is the second of the modes in which motions move that couple by symmetry
 (`linear.mode_families`).
 
-Where all modes are listed, as those of random builds, each is followed from the nominal design by
-its shape (`FollowedMode`).
+Where all modes are listed, as those of random builds or of a sweep, each is followed from the
+nominal design by its shape (`FollowedMode`).
 """
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -46,6 +47,7 @@ class FrequencyOfMode(Quantity):
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no such mode, or it is unstable"
 
     @abstractmethod
@@ -126,8 +128,9 @@ class Frequency(FrequencyOfMode):
 class FollowedMode(FrequencyOfMode):
     """Frequency, Hz, of the mode that mode number `place` of a nominal design has become.
 
-    It has the shape that overlaps most with that of the nominal mode, one to one. `place` is from
-    0, in the order of the nominal design's modes in the same model.
+    It has the shape that overlaps most with that of the nominal mode, one to one; over a grid,
+    where all points are known, a sweep follows it from point to point (`mode_pairing.follow`).
+    `place` is from 0, in the order of the nominal design's modes in the same model.
     """
 
     place: int
@@ -139,6 +142,10 @@ class FollowedMode(FrequencyOfMode):
         if self.place >= numbers.shape[1]:  # models may differ in their tips of blades
             return np.full(solved.count, -1)
         return numbers[:, self.place]
+
+    def with_number(self) -> FollowedMode:
+        """The mode under a name that its label alone cannot be confused with."""
+        return replace(self, text=f"{self.text} (mode {self.place + 1})")
 
 
 @dataclass(frozen=True)
@@ -225,7 +232,7 @@ def parse_mode(text: str, names: Names, option: str) -> FrequencyOfMode:
     """Parse the name of a mode, of any kind; raises `InputError` if there is none."""
     for parse in (parse_label, parse_number, parse_lowest, parse_family):
         if found := parse(text, names, option):
-            return found[0]
+            return found
     remedy = suggest(text, names.labels)
     raise InputError.of(option, "is the label of no mode", remedy, format_value(text))
 
@@ -251,47 +258,47 @@ def find_motion(text: str, names: Names) -> Motion | None:
     return Motion(places[label], int(rank or 0))
 
 
-def parse_label(text: str, names: Names, option: str) -> Sequence[FrequencyOfMode]:
+def parse_label(text: str, names: Names, option: str) -> FrequencyOfMode | None:
     """Parse the label of a mode; raises `InputError` if it has a number that is too large."""
     found = find_motion(text, names)
     if found is None:
-        return ()
+        return None
     count = len(names.modes.label)
     if found.number > count:  # how many have this label depends on the model
         problem = f"is more than the {count} modes of the design"
         remedy = "leave the number out, or list the modes with pendsus modes"
         raise InputError.of(option, problem, remedy, format_value(text))
-    return [Frequency(text, "Hz", found)]
+    return Frequency(text, "Hz", found)
 
 
-def parse_number(text: str, names: Names, option: str) -> Sequence[FrequencyOfMode]:
+def parse_number(text: str, names: Names, option: str) -> FrequencyOfMode | None:
     """Parse the number of a mode in the table of `pendsus modes`."""
     if not (text.isascii() and text.isdigit()):
-        return ()
+        return None
     count = len(names.modes.label)
     if not 1 <= int(text) <= count:
         problem = "is no number of a mode"
         raise InputError.of(option, problem, f"give 1 to {count}", format_value(text))
-    return [FrequencyByNumber(text, "Hz", int(text) - 1)]
+    return FrequencyByNumber(text, "Hz", int(text) - 1)
 
 
-def parse_lowest(text: str, names: Names, option: str) -> Sequence[FrequencyOfMode]:
+def parse_lowest(text: str, names: Names, option: str) -> FrequencyOfMode | None:
     """Parse ``lowest pitch``."""
     del names
     word, _, dof = text.partition(" ")
     if word != "lowest" or dof == "violin":
-        return ()
+        return None
     if dof not in DEGREES:
         remedy = suggest(dof, list(DEGREES))
         raise InputError.of(option, "is no degree of freedom", remedy, format_value(text))
-    return [LowestFrequency(text, "Hz", DOFS.index(DEGREES[dof]))]
+    return LowestFrequency(text, "Hz", DOFS.index(DEGREES[dof]))
 
 
-def parse_family(text: str, names: Names, option: str) -> Sequence[FrequencyOfMode]:
+def parse_family(text: str, names: Names, option: str) -> FrequencyOfMode | None:
     """Parse ``longitudinal-pitch 2``."""
     name, _, rank = text.rpartition(" ")
     if not (rank.isascii() and rank.isdigit()) or not set(name.split("-")) <= set(DEGREES):
-        return ()
+        return None
     families = names.families
     if name not in families.names:
         problem = "names no family of modes that couple by symmetry"
@@ -302,7 +309,7 @@ def parse_family(text: str, names: Names, option: str) -> Sequence[FrequencyOfMo
     if not 1 <= int(rank) <= count:
         problem = f"is not one of the {count} modes of this family"
         raise InputError.of(option, problem, f"give 1 to {count}", format_value(text))
-    return [FrequencyInFamily(text, "Hz", families, family, int(rank) - 1)]
+    return FrequencyInFamily(text, "Hz", families, family, int(rank) - 1)
 
 
 KINDS = (

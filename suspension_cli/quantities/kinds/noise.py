@@ -6,8 +6,8 @@ loops closed. What moves the support is that of `[analysis.budget]`.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
@@ -45,6 +45,7 @@ class _FromBudget(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = UNSTABLE
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -121,31 +122,29 @@ class CoilRms(Rms):
         return drives[self.coil]
 
 
-def parse_noise(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_noise(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``noise test.x:10``."""
     if not text.startswith("noise "):
-        return ()
+        return None
     given = parse_numbers(text.removeprefix("noise "), 1)
     if given is None or not 0 < given[1][0] < 1e9:
         remedy = "write noise MOTION:FREQUENCY, in Hz: noise test.x:10"
         raise InputError.of(option, "has no frequency", remedy, format_value(text))
     written, [frequency] = given
     motion = signals.parse_output(written, names.signals, option)
-    return [
-        Noise(
-            f"noise {written}:{write_number(frequency)}",
-            f"{motion.unit}/Hz^0.5",
-            names.surroundings,
-            motion,
-            frequency,
-        )
-    ]
+    return Noise(
+        f"noise {written}:{write_number(frequency)}",
+        f"{motion.unit}/Hz^0.5",
+        names.surroundings,
+        motion,
+        frequency,
+    )
 
 
-def parse_rms(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_rms(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``rms test.x``, ``rms test.x:0.05:10`` and ``rms coil UL:0.05:10``."""
     if not text.startswith("rms "):
-        return ()
+        return None
     rest = text.removeprefix("rms ")
     given = parse_numbers(rest, 2)
     written, (low, high) = given or (rest, names.surroundings.band)
@@ -163,9 +162,9 @@ def parse_rms(text: str, names: Names, option: str) -> Sequence[Quantity]:
             remedy = suggest(coil, known) if known else "give [[control.osem]] tables"
             raise InputError.of(option, "names no OSEM", remedy, format_value(text))
         motion = signals.parse_output(f"{names.stages[-1]}.x", names.signals, option)
-        return [CoilRms(name, "N", around, motion, low, high, coil)]
+        return CoilRms(name, "N", around, motion, low, high, coil)
     motion = signals.parse_output(written, names.signals, option)
-    return [Rms(name, motion.unit, around, motion, low, high)]
+    return Rms(name, motion.unit, around, motion, low, high)
 
 
 KINDS = (

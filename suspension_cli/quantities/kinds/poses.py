@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -81,25 +80,25 @@ def _find_body(name: str, names: Names, text: str, option: str) -> int:
     return names.stages.index(name)
 
 
-def parse_static(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_static(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``test static pitch``; z is called height."""
     body, static, dof = text.partition(" static ")
     if not static:
-        return ()
+        return None
     dof = "height" if dof == "z" else dof
     if dof not in STATIC:
         remedy = f"write {body} static {'|'.join(STATIC)}"
         raise InputError.of(option, "is no static motion", remedy, format_value(text))
     number = _find_body(body, names, text, option)
-    return [StaticPose(f"{body} static {dof}", STATIC[dof], number, list(STATIC).index(dof))]
+    return StaticPose(f"{body} static {dof}", STATIC[dof], number, list(STATIC).index(dof))
 
 
-def parse_height(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_height(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``test height``."""
     body, space, word = text.rpartition(" ")
     if word != "height" or body == SUPPORT or not space:
-        return ()
-    return [Height(text, "m", _find_body(body, names, text, option))]
+        return None
+    return Height(text, "m", _find_body(body, names, text, option))
 
 
 KINDS = (

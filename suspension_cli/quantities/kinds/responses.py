@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -45,6 +44,7 @@ class Ratio(Quantity):
     frequency: float
 
     analytic: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no steady state, or a response that is divided by is 0"
 
     @property
@@ -141,10 +141,10 @@ def write_paths(paths: str) -> str:
     return "/".join(part.strip() for part in paths.split("/"))
 
 
-def parse_ratio(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_ratio(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``test.x/support.x:10`` and ``test.x/test.z/support.z:50``."""
     if "/" not in text or " " in text.partition("/")[0].strip():
-        return ()
+        return None
     given = parse_numbers(text, 1)
     if given is None or not 0 <= given[1][0] < 1e9:
         raise InputError.of(option, "is no response", SYNTAX, format_value(text))
@@ -152,14 +152,14 @@ def parse_ratio(text: str, names: Names, option: str) -> Sequence[Quantity]:
     over, under, drive = parse_paths(paths, names, option)
     name = f"{write_paths(paths)}:{write_number(frequency)}"
     unit = quotient_unit(over, under or drive)
-    return [Ratio(name, unit, over, under, drive, frequency)]
+    return Ratio(name, unit, over, under, drive, frequency)
 
 
-def parse_coupling(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_coupling(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``coupling``: that of the options of the analysis, at its last frequency."""
     if text != COUPLING:
-        return ()
-    return [replace(names.coupling, text=COUPLING)]
+        return None
+    return replace(names.coupling, text=COUPLING)
 
 
 KINDS = (

@@ -6,7 +6,7 @@ fluctuation-dissipation theorem: S_F = S_x / abs(chi)^2 (Saulson, Phys. Rev. D 4
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -42,6 +42,7 @@ class ThermalNoise(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no steady state, or a resonance without loss there"
 
     @property
@@ -83,10 +84,10 @@ def demand_losses(names: Names, text: str, option: str) -> None:
         raise InputError.of(option, f"is not known: {why}", remedy, format_value(text))
 
 
-def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``thermal test.x:10``."""
     if not text.startswith("thermal "):
-        return ()
+        return None
     given = parse_numbers(text.removeprefix("thermal "), 1)
     if given is None or not 0 < given[1][0] < 1e9:
         raise InputError.of(option, "has no frequency", SYNTAX, format_value(text))
@@ -98,13 +99,13 @@ def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
     demand_losses(names, text, option)
     unit = f"{motion.unit}/Hz^0.5"
     name = f"thermal {written}:{write_number(frequency)}"
-    return [ThermalNoise(name, unit, motion, frequency)]
+    return ThermalNoise(name, unit, motion, frequency)
 
 
-def parse_force(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse_force(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``force noise test.torque_yaw:1e-3``."""
     if not text.startswith("force noise "):
-        return ()
+        return None
     given = parse_numbers(text.removeprefix("force noise "), 1)
     if given is None or not 0 < given[1][0] < 1e9:
         remedy = "write force noise FORCE:FREQUENCY, in Hz: force noise test.torque_yaw:1e-3"
@@ -118,7 +119,7 @@ def parse_force(text: str, names: Names, option: str) -> Sequence[Quantity]:
     unit = f"{force.unit}/Hz^0.5"
     motion = Signal(force.text, force.body, force.dof, force.point, acts=False)
     name = f"force noise {written}:{write_number(frequency)}"
-    return [ForceNoise(name, unit, motion, frequency)]
+    return ForceNoise(name, unit, motion, frequency)
 
 
 KINDS = (

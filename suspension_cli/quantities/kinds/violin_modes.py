@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -32,6 +32,7 @@ class ViolinMode(Quantity):
 
     wire_mass: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = "has no such violin mode"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
@@ -43,14 +44,14 @@ class ViolinMode(Quantity):
         return wire_modes.lowest_violin_mode(solver, self.stage, self.order)
 
 
-def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``test violin 1`` and ``lowest violin``."""
     if text == "lowest violin":
         _demand_mass(names, text, option)
-        return [ViolinMode(text, "Hz", "", 1)]
+        return ViolinMode(text, "Hz", "", 1)
     stage, _, order = text.partition(" violin ")
     if not order:
-        return ()
+        return None
     hung = list(dict.fromkeys(label.rpartition(".")[0] for label in names.system.wire))
     if stage not in hung:
         problem = "names no stage with wires"
@@ -59,7 +60,7 @@ def parse(text: str, names: Names, option: str) -> Sequence[Quantity]:
         remedy = f"write {stage} violin 1"
         raise InputError.of(option, "has no order from 1 to 100", remedy, format_value(text))
     _demand_mass(names, text, option)
-    return [ViolinMode(text, "Hz", stage, int(order))]
+    return ViolinMode(text, "Hz", stage, int(order))
 
 
 def _demand_mass(names: Names, text: str, option: str) -> None:

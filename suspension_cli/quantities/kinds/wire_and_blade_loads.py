@@ -5,7 +5,8 @@ The formulas are those of `physics.statics`, for a whole batch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -40,6 +41,11 @@ class Load(Quantity):
     steady: ClassVar[bool] = False
     analytic: ClassVar[bool] = True
     missing = "does not hang on taut wires"
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """A wire can only pull; a blade may be bent either way."""
+        return (0.0 if self.part == "wire" else -math.inf, math.inf)
 
     @property
     def function_count(self) -> int:
@@ -85,11 +91,11 @@ VALUES: dict[What, Callable[[WireLoad | BladeLoad], float | None]] = {
 }
 
 
-def parse(what: What, text: str, names: Names, option: str) -> Sequence[Quantity]:
+def parse(what: What, text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``tension test.1``, ``stress test blade``, ``sag of upper blades`` and the like."""
     target = text.removeprefix(f"{what} ").removeprefix("of ")
     if not text.startswith(f"{what} ") or target.startswith("fraction "):
-        return ()
+        return None
     part, numbers = _find_parts(target, names, text, option)
     wanted = {"tension": "wire", "sag": "blade"}.get(what, part)
     if part != wanted:
@@ -97,7 +103,7 @@ def parse(what: What, text: str, names: Names, option: str) -> Sequence[Quantity
         raise InputError.of(option, problem, f"name {wanted}s", format_value(text))
     found = Load(text, UNITS[what], what, part, numbers)
     _demand_known(found, names, option)
-    return [found]
+    return found
 
 
 def _find_parts(

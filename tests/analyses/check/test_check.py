@@ -160,3 +160,27 @@ def test_tipping_is_a_finding():
     assert found.document()["inverted_pendulums"][0]["frequency_hz"] is None
     assert "tips over at" in str(found)
     assert not sus.modes(sus.parse(text), fidelity="string").stable
+
+
+def test_requirements_that_no_design_meets_are_faults(tmp_path):
+    """A wire cannot push, a fraction not exceed 1, and one quantity not be above 5 and below 2."""
+    limits = (
+        ("stress test.1", "at_most", -1.0),
+        ("top fraction of test pitch", "at_least", 1.5),
+        ("lowest pitch", "at_least", 5.0),
+        ("lowest pitch", "at_most", 2.0),
+        ("test static pitch", "at_most", 1e-3),
+        ("test static pitch", "at_least", 1e-2),
+        ("test static roll", "at_most", -1e-3),
+        ("tension test.1", "at_least", 0.0),
+    )
+    tables = "".join(
+        f'[[requirement]]\nquantity = "{name}"\n{key} = {value}\n' for name, key, value in limits
+    )
+    file = written(tmp_path, f"{reader.template('single', 'single')}\n{tables}")
+    found = run("check", file)
+    assert found.exit_code == 2
+    lines = found.stderr.strip().splitlines()
+    for line, number in zip(lines, (1, 2, 3, 6), strict=True):
+        assert f"requirement.{number}.{limits[number - 1][1]} = " in line
+    assert "contradicts requirement.4.at_most = 2" in lines[2]

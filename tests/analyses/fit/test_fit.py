@@ -3,6 +3,7 @@ explains nothing says so first, and errors are reported."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import h5py
@@ -98,6 +99,26 @@ def test_one_number_by_hand():
     slope = np.pi * radius**2 / l * 4 * (1 - sin2) / m / (8 * np.pi**2 * 11.4)
     assert found.sigma[0] == pytest.approx(0.1 / slope, rel=1e-7)
     assert found.freedom == 0 and found.chi_squared < 1e-12
+
+
+def test_as_many_parameters_as_data(tmp_path):
+    """One parameter meets one frequency, which tests nothing. E and radius together count as E r^2
+    alone, so that they cannot meet two frequencies that contradict each other."""
+    design = written(tmp_path, CASE.read_text(), "design.toml")
+    vertical = '[[mode]]\nlabel = "test vertical"\nfrequency = 11.4\nuncertainty = 0.1\n'
+    roll = '[[mode]]\nlabel = "test roll"\nfrequency = 15.0\nuncertainty = 0.1\n'
+    modulus = '[[parameter]]\nname = "materials.steel302.youngs_modulus"\n'
+    radius = '[[parameter]]\nname = "stage.test.wires.radius"\n'
+    short = written(tmp_path, vertical + modulus, "one.toml")
+    exact = run("fit", design, short, "--fidelity", "string", "--out", tmp_path)
+    assert "MISFIT" not in exact.stdout
+    assert "for 0 degrees of freedom: the data determine the parameters and test" in exact.stdout
+    both = written(tmp_path, vertical + roll + modulus + radius, "two.toml")
+    found = run("fit", design, both, "--fidelity", "string", "--out", tmp_path / "two")
+    said = found.stdout + found.stderr
+    assert "MISFIT" in said and "0 degrees of freedom: there are at least as many" in said
+    assert re.search(r"test (vertical|roll) is off by [+-]\d", said)
+    assert "test nothing" not in said
 
 
 def test_what_is_determined_does_not_depend_on_the_start():

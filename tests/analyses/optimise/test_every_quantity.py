@@ -106,7 +106,7 @@ def level_of(text: str) -> str:
 def evaluated(text: str, name: str) -> float:
     """Value of a quantity of a design, with bending if its wires have a radius."""
     design = sus.parse(text)
-    quantity = vocabulary.parse_one(name, names_of(design), "--result")
+    quantity = vocabulary.parse(name, names_of(design), "--result")
     [(_, batch)] = solved.of_designs([design.design], level_of(text), Needs.of([quantity]))
     return float(evaluate([quantity], batch)[0, 0])
 

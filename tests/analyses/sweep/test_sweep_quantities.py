@@ -10,8 +10,8 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.sweep.swept_results import find_results
 from suspension_cli.quantities import requirements, vocabulary
+from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.quantities.requirements import Limits
 from suspension_cli.studies.job import Axis
 from tests.support.commandline import document, run, written

@@ -66,7 +66,7 @@ def test_each_kind_is_that_of_the_imperfect_design(pattern, computed):
     if NAMES[pattern] == "coupling":
         quantity = job.coupling
     else:
-        quantity = vocabulary.parse_one(NAMES[pattern], names_of(source), "")
+        quantity = vocabulary.parse(NAMES[pattern], names_of(source), "")
     for n, design in enumerate(designs):
         expected = expect(quantity, design)
         assert np.isfinite(expected) and expected != 0.0
@@ -79,7 +79,7 @@ def test_dilution_is_that_of_the_imperfect_design():
     job = job_of(raw | {"tolerance": SCATTER}, BUILDS, 5, [DILUTION], level="beam")
     values = job.compute(0, BUILDS)["value"][:, -1]
     names = names_of(reader.Source(job.design, job.text, ""))
-    quantity = vocabulary.parse_one(DILUTION, names, "")
+    quantity = vocabulary.parse(DILUTION, names, "")
     assert job.quantities[-1] == quantity
     for value, drawn in zip(values, job.deviations(0, BUILDS), strict=True):
         design = scenes.design_of(raw | {"perturbation": perturbations(job, drawn)})
