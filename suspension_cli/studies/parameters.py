@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import msgspec
@@ -14,6 +15,7 @@ from suspension_cli.design.materials import AgainstTemperature, Material
 from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import CROSS_SECTIONS, stretches
+from suspension_cli.errors import InputError, format_value, gather, suggest
 from suspension_cli.models import registry
 
 OTHER_TABLES = ("design", "analysis", "control", "tolerance")
@@ -74,6 +76,28 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
         if name in bent and made.poisson_ratio is not None:
             implied.append(Parameter(f"materials.{name}.{TWIST}", made.poisson_ratio))
     return (*found, *(item for item in implied if item.name not in known))
+
+
+def choose(numbers: Sequence[Parameter], paths: Sequence[str]) -> tuple[Parameter, ...]:
+    """Take the numbers that dotted paths name, or that are below them; all if none is given.
+
+    Raises `InputError`, which names ``--vary``, if a path names no number.
+
+    >>> numbers = Parameter("stage.test.wires.l", 0.3), Parameter("constants.gravity", 9.8)
+    >>> [one.name for one in choose(numbers, ["stage.test"])]
+    ['stage.test.wires.l']
+    """
+
+    def find(path: str) -> list[Parameter]:
+        found = [one for one in numbers if f"{one.name}.".startswith(f"{path}.")]
+        if not found:
+            remedy = suggest(path, [one.name for one in numbers])
+            problem = "names no number of the design that can vary"
+            raise InputError.of("--vary", problem, remedy, format_value(path))
+        return found
+
+    wanted = {one for some in gather(find, paths) for one in some}
+    return tuple(one for one in numbers if not paths or one in wanted)
 
 
 def _bent(design: Design) -> set[str]:
