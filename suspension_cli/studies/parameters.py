@@ -78,7 +78,7 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
     return (*found, *(item for item in implied if item.name not in known))
 
 
-def choose(numbers: Sequence[Parameter], paths: Sequence[str]) -> tuple[Parameter, ...]:
+def choose(numbers: Sequence[Parameter], vary: Sequence[str]) -> tuple[Parameter, ...]:
     """Take the numbers that dotted paths name, or that are below them; all if none is given.
 
     Raises `InputError`, which names ``--vary``, if a path names no number.
@@ -96,8 +96,8 @@ def choose(numbers: Sequence[Parameter], paths: Sequence[str]) -> tuple[Paramete
             raise InputError.of("--vary", problem, remedy, format_value(path))
         return found
 
-    wanted = {one for some in gather(find, paths) for one in some}
-    return tuple(one for one in numbers if not paths or one in wanted)
+    wanted = {one for some in gather(find, vary) for one in some}
+    return tuple(one for one in numbers if not vary or one in wanted)
 
 
 def _bent(design: Design) -> set[str]:
