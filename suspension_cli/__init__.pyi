@@ -605,11 +605,12 @@ def sensitivity(
     design: Design | PathLike,
     *,
     results: Names = (),
+    vary: Names = (),
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Sensitivity:
-    """Compute the effect of every number of a design on its modes, or on any quantity.
+    """Compute the effect of the numbers of a design on its modes, or on any quantity.
 
     Parameters
     ----------
@@ -618,6 +619,9 @@ def sensitivity(
     results : str or sequence of str
         A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10', a
         response OUTPUT/INPUT:HZ, .... Default: modes, which stands for every mode.
+    vary : str or sequence of str
+        A number of the design by its dotted path, or all numbers below a path: stage.test.wires.l,
+        stage.test.wires. Default: every number.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float

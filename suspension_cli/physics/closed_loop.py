@@ -590,7 +590,7 @@ class DampedModes:
     frequency
         Hz; 0 of a mode that does not oscillate.
     q
-        Im s / (-2 Re s); infinite without decay.
+        abs(s) / (-2 Re s); infinite without decay.
     decay_rate
         Of the amplitude, 1/s; negative of a mode that grows.
     dilution

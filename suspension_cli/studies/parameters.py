@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import msgspec
@@ -15,7 +15,7 @@ from suspension_cli.design.materials import AgainstTemperature, Material
 from suspension_cli.design.paths import DISPLAYED, is_loss_angle, twins, unit_of
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import CROSS_SECTIONS, stretches
-from suspension_cli.errors import suggest
+from suspension_cli.errors import InputError, format_value, gather, suggest
 from suspension_cli.models import registry
 
 OTHER_TABLES = ("design", "analysis", "control", "tolerance", "tie")
@@ -88,6 +88,28 @@ def why_unknown(text: str, name: str, known: Iterable[str]) -> tuple[str, str]:
         if name in twins(tied):
             return "follows from others, to which it is tied", "let one of those vary"
     return "the design gives no such number", f"add it to the design; {suggest(name, list(known))}"
+
+
+def choose(numbers: Sequence[Parameter], vary: Sequence[str]) -> tuple[Parameter, ...]:
+    """Take the numbers that dotted paths name, or that are below them; all if none is given.
+
+    Raises `InputError`, which names ``--vary``, if a path names no number.
+
+    >>> numbers = Parameter("stage.test.wires.l", 0.3), Parameter("constants.gravity", 9.8)
+    >>> [one.name for one in choose(numbers, ["stage.test"])]
+    ['stage.test.wires.l']
+    """
+
+    def find(path: str) -> list[Parameter]:
+        found = [one for one in numbers if f"{one.name}.".startswith(f"{path}.")]
+        if not found:
+            remedy = suggest(path, [one.name for one in numbers])
+            problem = "names no number of the design that can vary"
+            raise InputError.of("--vary", problem, remedy, format_value(path))
+        return found
+
+    wanted = {one for some in gather(find, vary) for one in some}
+    return tuple(one for one in numbers if not vary or one in wanted)
 
 
 def _bent(design: Design) -> set[str]:

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses import record
+from suspension_cli.analyses import known_analyses, record
+from suspension_cli.analyses.analysis import Analysis
 from suspension_cli.drawing import style
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.linear import response
@@ -150,6 +151,17 @@ def forbid_models(monkeypatch) -> None:
     monkeypatch.setattr(response, "solve", refuse)
     monkeypatch.setattr(response, "transfer", refuse)
     monkeypatch.setattr(equilibrium, "solve", refuse)
+
+
+def test_each_analysis_with_pictures_is_here():
+    """One that is added gets a result in `PICTURES`, whose first word is its name."""
+    drawing = {
+        name
+        for name in known_analyses.GROUPS
+        if type(known_analyses.get(name)).figures is not Analysis.figures
+    }
+    missing = drawing - {name.partition(" ")[0] for name in PICTURES}
+    assert not missing, f"add a result of {missing} to PICTURES"
 
 
 @pytest.mark.parametrize("name", PICTURES)

@@ -20,7 +20,7 @@ LEAST = 0.0005
 
 
 class SensitivityAnalysis(Analysis):
-    """Compute the effect of every number of a design on its modes, or on any quantity.
+    """Compute the effect of the numbers of a design on its modes, or on any quantity.
 
     Effects are those of 1 mm for lengths, 1 mrad for angles and 1 % for all else. They are first
     derivatives that include the change of the equilibrium. The model is chosen by the error of the
@@ -60,6 +60,16 @@ class SensitivityAnalysis(Analysis):
                 "A quantity: a mode by its label or number, 'Q of test pitch', 'thermal test.x:10',"
                 " a response OUTPUT/INPUT:HZ, ... (repeatable)."
                 "  [default: modes, which stands for every mode]"
+            ),
+        ),
+        option(
+            "--vary",
+            "vary",
+            multiple=True,
+            metavar="PATH",
+            help=(
+                "A number of the design by its dotted path, or all numbers below a path:"
+                " stage.test.wires.l, stage.test.wires (repeatable).  [default: every number]"
             ),
         ),
         options.ALLOW_UNSTABLE,
@@ -104,6 +114,7 @@ class SensitivityAnalysis(Analysis):
             quantities,
             choice.level,
             run=run.origin(self, choice),
+            vary=setting["vary"],
             allow_unstable=unstable,
         )
         fixed = [name for name, free in zip(found.parameter, found.free, strict=True) if not free]

@@ -150,15 +150,16 @@ def solve(
     level: str = registry.STRING.name,
     *,
     run: Origin,
+    vary: Sequence[str] = (),
     allow_unstable: bool = True,
 ) -> Sensitivity:
-    """Differentiate quantities with respect to every number of a design (TOML).
+    """Differentiate quantities with respect to numbers of a design (TOML).
 
     `level` is the name of a model that supports derivatives, `run` what the record says of its
-    origin.
+    origin, `vary` dotted paths of numbers or of tables of them, or none for every number.
     """
     design = reader.parse(text)
-    numbers = parameters.every(text, level)
+    numbers = parameters.choose(parameters.every(text, level), vary)
     exact = [one for one in quantities if isinstance(one, FrequencyOfMode | Ratio)]
     others = [one for one in quantities if not isinstance(one, FrequencyOfMode | Ratio)]
     solved = _balance(design, level, quantities, allow_unstable=allow_unstable)

@@ -9,9 +9,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.compare import compared_quantities
-from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.files import hdf5
-from suspension_cli.quantities import vocabulary
 from tests.support.commandline import document, run
 from tests.support.legible import assert_legible, said
 from tests.support.paths import CONFIGS
@@ -73,20 +71,6 @@ def lossy():
 @pytest.fixture(scope="module")
 def free(lossy):
     return values_of(lossy, FREE, **BEAM)
-
-
-def test_every_kind_is_here():
-    """A new kind needs a line in this file."""
-    names = [
-        (names_of(sus.example("geo-silica-triple")), FREE),
-        (names_of(sus.example("triple-damped")), (*DAMPED, *SAGGING)),
-    ]
-    unseen = {
-        kind.pattern
-        for kind in vocabulary.every_kind()
-        if not any(kind.parse(text, own, "") for own, texts in names for text in texts)
-    }
-    assert unseen == set()
 
 
 def test_modes(lossy, free):

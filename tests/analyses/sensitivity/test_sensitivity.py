@@ -276,6 +276,19 @@ def test_a_ratio_to_what_symmetry_forbids_has_no_derivative(tmp_path):
     assert any(row[1] for row in reported["derivative"])
 
 
+def test_only_some_numbers_are_varied():
+    """A path of a table means all numbers below it, and derivatives are those among all."""
+    design = sus.example("double")
+    asked = {"results": ["test pitch", "test height"], "fidelity": "string"}
+    paths = ["stage.test.wires", "stage.upper.body.mass"]
+    every = sus.sensitivity(design, **asked)
+    some = sus.sensitivity(design, vary=paths, **asked)
+    expected = [n for n, name in enumerate(every.parameter) if name.startswith(tuple(paths))]
+    assert some.parameter == tuple(every.parameter[n] for n in expected)
+    assert len(some.parameter) > 4
+    np.testing.assert_allclose(some.derivative, every.derivative[expected], rtol=1e-9)
+
+
 DAMPED = CONFIGS / "triple-damped.toml"
 ANY = {
     "Q of test pitch": "stage.test.wires.d",

@@ -10,7 +10,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.quantities import requirements, vocabulary
+from suspension_cli.quantities import requirements
 from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.quantities.requirements import Limits
 from suspension_cli.studies.job import Axis
@@ -19,19 +19,6 @@ from tests.support.golden import CONFIGS
 
 SINGLE = "husman2000/table1-case2"
 LENGTH = "stage.test.wires.l"
-GRAVITY = 9.9
-IMPERFECT = """
-[[perturbation]]
-body = "test"
-com_offset = [1e-4, 2e-4, 0.0]
-"""
-"""Without it, static rotations and couplings of symmetric designs are 0."""
-OTHERS = {
-    "dilution of test pitch": "double",
-    "longitudinal-pitch 2": "double",
-    "test violin 1": "double",
-}
-"""Designs of the quantities that `triple-damped` does not have."""
 
 
 def alone(design: sus.Design, text: str, level: str) -> float:
@@ -39,20 +26,6 @@ def alone(design: sus.Design, text: str, level: str) -> float:
     found = requirements.find([Limits(text, low=-math.inf, high=1e99)], names_of(design))
     [verdict] = requirements.judge(found, design.design, level)
     return verdict.value
-
-
-@pytest.mark.parametrize("kind", vocabulary.every_kind(), ids=lambda kind: kind.pattern)
-def test_every_kind_is_swept(kind):
-    """A point, and the design as drawn, have the values that these designs have alone."""
-    perfect = sus.example(OTHERS.get(kind.example, "triple-damped"))
-    design = sus.parse(perfect.text + IMPERFECT)
-    vary = {"constants.gravity": [GRAVITY]}
-    found = sus.sweep(design, vary=vary, results=[kind.example], fidelity="beam", workers=1)
-    expected = alone(design.replace({"constants.gravity": GRAVITY}), kind.example, "beam")
-    assert found.value[0, 0] == pytest.approx(expected, rel=1e-8, abs=0.0)
-    drawn = alone(design, kind.example, "beam")
-    assert found.nominal[0] == pytest.approx(drawn, rel=1e-8, abs=0.0)
-    assert 0.0 not in (expected, drawn)
 
 
 def test_thermal_noise_and_q_are_those_of_their_commands():
