@@ -27,7 +27,7 @@ from suspension_cli.linear.wire_term import WireTerm
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
 from suspension_cli.models.string import Assembly
-from suspension_cli.rotations import cross, cross_matrix
+from suspension_cli.rotations import cross
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, Pose, layout
@@ -209,28 +209,34 @@ def wire_forms(
     bodies = 6 * np.stack([wires.upper, wires.lower], axis=1)[..., None] + np.arange(6)
     tips = np.append(numbering.blade, np.full((1, 3), numbering.size), axis=0)[wires.blade]
     place = np.concatenate([bodies.reshape(-1, 12), tips], axis=1)
-    moved = np.zeros((2, *e.shape[:-1], 15, 3), dtype=e.dtype)  # upper and lower end
-    moved[0, ..., :3, :] = moved[1, ..., 6:9, :] = np.eye(3)
-    moved[0, ..., 3:6, :] = cross_matrix(now.upper_arm)  # rows t: t x arm
-    moved[1, ..., 9:12, :] = cross_matrix(now.lower_arm)
-    moved[0, ..., 12:, :] = np.swapaxes(pose.rotation[..., wires.upper, :, :], -1, -2)
-    turned = np.zeros((2, *(1,) * (e.ndim - 1), 15, 3))
-    turned[0, ..., 3:6, :] = turned[1, ..., 9:12, :] = np.eye(3)
+    turn = pose.rotation[..., wires.upper, :, :]
 
-    def even_odd(
-        ends: Inexact[np.ndarray, "2 *batch wire 15 3"], along: Inexact[np.ndarray, "*batch wire 3"]
-    ) -> tuple[Inexact[np.ndarray, "*batch wire 15"], Inexact[np.ndarray, "*batch wire 15"]]:
-        upper, lower = (ends @ along[..., None])[..., 0]
-        return (upper + lower) / 2, (lower - upper) / 2
+    def moved(along: Inexact[np.ndarray, "*batch wire 3"]) -> Inexact[np.ndarray, "*batch wire 15"]:
+        """Half the motion along a unit vector, of the upper and of the lower end."""
+        both = np.empty((*e.shape[:-1], 15), dtype=e.dtype)
+        both[..., :3] = both[..., 6:9] = along
+        both[..., 3:6] = cross(now.upper_arm, along)  # (t x arm) . n = t . (arm x n)
+        both[..., 9:12] = cross(now.lower_arm, along)
+        both[..., 12:] = (turn * along[..., None]).sum(-2)
+        return both / 2
 
+    def turned(about: Inexact[np.ndarray, "*batch wire 3"]) -> Inexact[np.ndarray, "*batch wire 15"]:
+        """Half the rotation about a unit vector, of the upper and of the lower end."""
+        both = np.zeros((*e.shape[:-1], 15), dtype=e.dtype)
+        both[..., 3:6] = both[..., 9:12] = about / 2
+        return both
+
+    # what the upper end adds to the mean of both it takes from their difference
+    lower_less_upper = np.ones(15)
+    lower_less_upper[:6] = lower_less_upper[12:] = -1.0
     result = {}
     for part, n in zip(("bend-1", "bend-2"), planes, strict=True):
-        even, odd = even_odd(moved, n)
-        # (t x e) . n = t . (e x n)
-        odd_turn, even_turn = even_odd(turned, cross(e, n))
-        result[part] = np.stack([even, even_turn, odd, odd_turn], axis=-2)
-    result["stretch"] = np.stack(even_odd(moved, e), axis=-2)
-    result["twist"] = np.stack(even_odd(turned, e), axis=-2)
+        even = moved(n)
+        mean_turn = turned(cross(e, n))  # (t x e) . n = t . (e x n)
+        rows = [even, mean_turn * lower_less_upper, even * lower_less_upper, mean_turn]
+        result[part] = np.stack(rows, axis=-2)
+    for part, even in (("stretch", moved(e)), ("twist", turned(e))):
+        result[part] = np.stack([even, even * lower_less_upper], axis=-2)
     return place, result
 
 
