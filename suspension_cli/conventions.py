@@ -22,6 +22,11 @@ DOF_NAMES = {
 }
 """Name of each coordinate in the field."""
 
+BUILDS_AT_ONCE = 600
+"""Builds, or points of a sweep, that are computed at once: their arrays fit into a cache. No power of
+2: a cache keeps few of the rows of an array whose distance is one, so it transposes six times slower.
+"""
+
 WIRE_MODE_NAMES = {
     "violin-x": "violin longitudinal",
     "violin-y": "violin transverse",
