@@ -72,7 +72,8 @@ def sweep(file: Path) -> Sweep:
 
 def compute_all(job: Any) -> Callable[[], object]:
     """Make a work that computes all builds of a job in this process, in chunks."""
-    return lambda: [job.compute(start, start + BUILDS_AT_ONCE) for start in range(0, job.count, BUILDS_AT_ONCE)]
+    starts = range(0, job.count, BUILDS_AT_ONCE)
+    return lambda: [job.compute(start, start + BUILDS_AT_ONCE) for start in starts]
 
 
 def eigenvalue_floor(size: int, function: Callable[[Any], Any]) -> Callable[[], object]:

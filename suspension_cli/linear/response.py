@@ -211,7 +211,8 @@ def transfer_builds(
     count = len(which) * len(omega)
     result = np.empty((count, rows.shape[1], moves.shape[2]), dtype=complex)
     for start in range(0, count, BUILDS_AT_ONCE):
-        build, frequency = np.divmod(np.arange(start, min(start + BUILDS_AT_ONCE, count)), len(omega))
+        stop = min(start + BUILDS_AT_ONCE, count)
+        build, frequency = np.divmod(np.arange(start, stop), len(omega))
         here: Any = as_slice(which[build]) if len(omega) == 1 else which[build]
         at = omega[frequency]
         pencil = Pencil(Structure(model.select(here).at(at)), at)
