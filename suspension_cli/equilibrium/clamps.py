@@ -28,6 +28,7 @@ import numpy as np
 
 from suspension_cli.design import materials
 from suspension_cli.design.derive import gives_natural_lengths
+from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import stretches
 from suspension_cli.elements.bending import with_bending
@@ -103,6 +104,7 @@ def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
     return scene, hanging and replace(hanging, length=hanging.length + u.sum(-1))
 
 
+@keep_last
 def compose(design: Design) -> Fibres:
     """List the composition of wires and blades, as `fibres.compose` does.
 
