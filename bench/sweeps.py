@@ -15,6 +15,7 @@ import numpy as np
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
@@ -27,8 +28,7 @@ SINGLE, TRIPLE, RANDOM = (
     CONFIGS / "husman2000" / "table2.toml",
     CONFIGS / "triple-tolerance.toml",
 )
-BUILDS = 2048
-CHUNK = 512
+BUILDS = 4 * BUILDS_AT_ONCE
 GRID = {
     10_000: "k=0.6:1.4:100,offset=-2e-3:2e-3:100",
     400_000: "k=0.6:1.4:500,offset=-2e-3:2e-3:800",
@@ -64,15 +64,16 @@ def sweep(file: Path) -> Sweep:
     scene = expand(source.design)
     wire = scene.wires.label.index(f"{scene.bodies.name[-1]}.1")
     axes = (
-        Axis("k", tuple(np.linspace(0.6, 1.4, 64))),
-        Axis("offset", tuple(np.linspace(-2e-3, 2e-3, BUILDS // 64))),
+        Axis("k", tuple(np.linspace(0.6, 1.4, 60))),
+        Axis("offset", tuple(np.linspace(-2e-3, 2e-3, BUILDS // 60))),
     )
     return Sweep(source.text, axes, coupling_question(scene.bodies.name, wire))
 
 
 def compute_all(job: Any) -> Callable[[], object]:
     """Make a work that computes all builds of a job in this process, in chunks."""
-    return lambda: [job.compute(start, start + CHUNK) for start in range(0, job.count, CHUNK)]
+    starts = range(0, job.count, BUILDS_AT_ONCE)
+    return lambda: [job.compute(start, start + BUILDS_AT_ONCE) for start in starts]
 
 
 def eigenvalue_floor(size: int, function: Callable[[Any], Any]) -> Callable[[], object]:

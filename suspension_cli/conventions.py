@@ -22,6 +22,13 @@ DOF_NAMES = {
 }
 """Name of each coordinate in the field."""
 
+BUILDS_AT_ONCE = 600
+"""Builds, or points of a sweep, that are computed at once: their arrays fit into a cache.
+
+No power of 2: of an array whose rows have such a distance a cache keeps few, so that transposing it
+takes six times as long.
+"""
+
 WIRE_MODE_NAMES = {
     "violin-x": "violin longitudinal",
     "violin-y": "violin transverse",

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import suspension_cli as sus
-from bench.sweeps import BUILDS, CHUNK, RANDOM, SINGLE, TRIPLE, coupling_question, sweep
+from bench.sweeps import BUILDS, RANDOM, SINGLE, TRIPLE, coupling_question, sweep
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.tradeoff.measure import (
     COLOUR,
@@ -29,6 +29,7 @@ from suspension_cli.analyses.tradeoff.measure import (
     median_times,
 )
 from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source, parse, read
 from suspension_cli.drawing.curves import label_plainly, rule
@@ -245,8 +246,8 @@ def measure_builds() -> BuildsCost:
 
 def solve_all(job: Any) -> None:
     """Compute all builds or points of a job, in chunks."""
-    for start in range(0, job.count, CHUNK):
-        job.compute(start, min(start + CHUNK, job.count))
+    for start in range(0, job.count, BUILDS_AT_ONCE):
+        job.compute(start, min(start + BUILDS_AT_ONCE, job.count))
 
 
 @dataclass(frozen=True)

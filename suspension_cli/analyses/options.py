@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
+from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.errors import InputError, format_value, text_of
 from suspension_cli.grids import MAX_POINTS
 from suspension_cli.models.registry import AUTO, LEVELS
@@ -344,7 +345,7 @@ SWEEP = (
     _of_batch(
         "--chunk",
         type=click.IntRange(1, 1_000_000),
-        default=512,
+        default=BUILDS_AT_ONCE,
         help="Number of builds or points computed at once.",
     ),
     _of_batch("--resume", is_flag=True, help="Continue an interrupted run."),

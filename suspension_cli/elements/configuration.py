@@ -47,14 +47,15 @@ def builds_last(
     else:
         own = value.shape[value.ndim - inner :]
         flat = np.broadcast_to(value, (*batch, *own)).reshape(math.prod(batch), *own)[rows]
-    return np.ascontiguousarray(np.moveaxis(flat, (0, 1), (-1, -2)))
+    return np.ascontiguousarray(flat.transpose(*range(2, flat.ndim), 1, 0))
 
 
 def batch_first(
     value: Inexact[np.ndarray, "*inner element build"], batch: tuple[int, ...]
 ) -> Inexact[np.ndarray, "*batch element *inner"]:
     """Undo `builds_last`: batch axes in front, components last."""
-    flat = np.moveaxis(value, (-1, -2), (0, 1))
+    last = value.ndim - 1
+    flat = value.transpose(last, last - 1, *range(last - 1))
     if len(flat) < math.prod(batch):
         return np.broadcast_to(flat[0], (*batch, *flat.shape[1:]))
     return flat.reshape(*batch, *flat.shape[1:])

@@ -28,6 +28,7 @@ import numpy as np
 
 from suspension_cli.design import materials
 from suspension_cli.design.derive import gives_natural_lengths
+from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.schema import Design
 from suspension_cli.design.wires import stretches
 from suspension_cli.elements.bending import with_bending
@@ -103,6 +104,7 @@ def to_clamps(scene: Scene) -> tuple[Scene, HangingWires | None]:
     return scene, hanging and replace(hanging, length=hanging.length + u.sum(-1))
 
 
+@keep_last
 def compose(design: Design) -> Fibres:
     """List the composition of wires and blades, as `fibres.compose` does.
 
@@ -155,18 +157,21 @@ def _all_distances(
     at = wires if hanging is None else hanging
     length, tension = (np.broadcast_to(v, shape) for v in (at.length, at.tension))
     result = np.zeros((*shape, 2))
-    for n, fibre in enumerate(fibres.wire):
-        if fibre.effective:
-            result[..., n, :] = _hinge_distances(fibre.sections, length[..., n], tension[..., n])
+    kinds = [fibre.sections if fibre.effective else None for fibre in fibres.wire]
+    for sections in dict.fromkeys(kinds):
+        if sections is not None:
+            which = [n for n, kind in enumerate(kinds) if kind == sections]
+            own = _hinge_distances(sections, length[..., which], tension[..., which])
+            result[..., which, :] = own
     return result
 
 
 def _hinge_distances(
     sections: tuple[Section, ...],
-    length: Float[np.ndarray, "*batch"],
-    tension: Float[np.ndarray, "*batch"],
-) -> Float[np.ndarray, "*batch 2"]:
-    """Distances of the hinges of a wire from its clamps, m; `length` (m) is that between them."""
+    length: Float[np.ndarray, "*batch wire"],
+    tension: Float[np.ndarray, "*batch wire"],
+) -> Float[np.ndarray, "*batch wire 2"]:
+    """Distances of the hinges of wires from their clamps, m; `length` (m) is between hinges."""
     upper = lower = np.zeros_like(length)
     for _ in range(ITERATIONS):
         upper, lower = hinge_distances(sections, length + upper + lower, tension)

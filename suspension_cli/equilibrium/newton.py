@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays
 from suspension_cli.elimination import Factors, by_body
@@ -50,8 +51,6 @@ HELD = 1e-12
 """Pivot over the stiffness of its coordinate below which it is a rounding error."""
 CAP = 0.3
 """Longest step in rad, and in units of the largest lever arm."""
-BUILDS = 512
-"""Most builds in a chunk."""
 NUMBERS = 1 << 22
 """Most numbers in the matrices of a chunk."""
 ROUNDINGS = 16
@@ -73,7 +72,7 @@ class Found:
 
 def chunks(count: int, size: int) -> list[slice]:
     """Chunks of builds with matrices of `size` rows."""
-    step = max(1, min(BUILDS, NUMBERS // size**2))
+    step = max(1, min(BUILDS_AT_ONCE, NUMBERS // size**2))
     return [slice(start, min(start + step, count)) for start in range(0, max(count, 1), step)]
 
 

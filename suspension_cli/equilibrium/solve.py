@@ -328,7 +328,7 @@ def _newton(
     size = numbering.size
     wires = len(scene.wires.label)
     soft = np.empty((size, size, count))  # builds last, as summed
-    form = np.empty((count, wires, size))
+    form = np.empty((size, wires, count))
     parts = []
     steps = 0
     for rows in chunks(count, size):
@@ -336,7 +336,7 @@ def _newton(
         now = found.now
         steps = max(steps, int(found.steps.max(initial=0)))
         derivatives(now, stretching=False).symmetric(soft[..., rows])
-        form[rows] = taut_string.elongations(now).T
+        form[..., rows] = taut_string.elongations(now)
         own = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
         if scene.flex is not None and now.flex is not None:
             own |= {name: getattr(now.flex, name) for name in ("bend", "twist")}
@@ -346,6 +346,6 @@ def _newton(
             own | {name: getattr(found, name) for name in ("residual", "rounding", "pivot")}
         )
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    whole |= {"soft": soft.T, "form": form}
+    whole |= {"soft": soft.T, "form": form.T}
     shaped = {name: part.reshape((*scene.batch, *part.shape[1:])) for name, part in whole.items()}
     return Equilibrium.of({name: part[()] for name, part in shaped.items()}, steps)

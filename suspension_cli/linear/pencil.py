@@ -197,7 +197,7 @@ class Block:
         both = zip(self.pencil.matrices, self.pencil.used, strict=True)
         for function, (matrix, used) in enumerate(both):
             i, j = np.nonzero(used[np.ix_(self.keep, columns)])
-            values = matrix[:, self.keep[i], columns[j]].T
+            values = np.moveaxis(matrix, 0, -1)[self.keep[i], columns[j]]
             yield i, self._number[columns[j]], function, values
 
     @property
@@ -210,7 +210,7 @@ class Block:
         rows = self.rows
         tension = self._tension
         i, j = np.nonzero((rows.form != 0).any(0))
-        form = rows.form[:, i, j].T
+        form = np.moveaxis(rows.form, 0, -1)[i, j]
         own = j >= 6
         yield tension[i], j, 0, form
         yield j[own] - 6, 6 + tension[i[own]], 0, form[own]

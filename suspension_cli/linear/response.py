@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.elimination import as_slice
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import NOT_STORED, along, in_unit
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
 
 CHUNK = 1 << 16
 """Unknowns (coordinates and tensions, times inputs, times frequencies) solved at once."""
-BUILDS = 512
-"""Builds, times frequencies, solved at once."""
 
 
 @dataclass(frozen=True)
@@ -211,8 +210,9 @@ def transfer_builds(
     """
     count = len(which) * len(omega)
     result = np.empty((count, rows.shape[1], moves.shape[2]), dtype=complex)
-    for start in range(0, count, BUILDS):
-        build, frequency = np.divmod(np.arange(start, min(start + BUILDS, count)), len(omega))
+    for start in range(0, count, BUILDS_AT_ONCE):
+        stop = min(start + BUILDS_AT_ONCE, count)
+        build, frequency = np.divmod(np.arange(start, stop), len(omega))
         here: Any = as_slice(which[build]) if len(omega) == 1 else which[build]
         at = omega[frequency]
         pencil = Pencil(Structure(model.select(here).at(at)), at)

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.design.schema import Design
-from suspension_cli.elements import loss, taut_string
+from suspension_cli.elements import loss
+from suspension_cli.elements.configuration import Configuration, batch_first, configuration
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.known_elements import elements_of
+from suspension_cli.elements.vectors import Vector, cross, dot, times, transposed
 from suspension_cli.equilibrium import clamps
 from suspension_cli.equilibrium.solve import Equilibrium
 from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
@@ -27,10 +29,9 @@ from suspension_cli.linear.wire_term import WireTerm
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
 from suspension_cli.models.string import Assembly
-from suspension_cli.rotations import cross, cross_matrix
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import Layout, Pose, layout
+from suspension_cli.scene.pose import Layout, layout
 from suspension_cli.scene.scene import BladeLoss, Fibres, Scene
 
 if TYPE_CHECKING:
@@ -139,8 +140,10 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
     assert fibres is not None
     if not wires.label:
         return []
-    place, forms = wire_forms(scene, numbering, balanced.pose)
-    length = taut_string.state(scene, balanced.pose).length
+    now = configuration(scene, numbering, balanced.pose)
+    place = _coordinates_at_ends(scene, numbering)
+    forms = wire_forms(now)
+    length = batch_first(now.wires.length, scene.batch)
     geometry = np.stack(
         np.broadcast_arrays(length, wires.stiffness, balanced.tension, wires.torsion)
     )
@@ -156,8 +159,10 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
         strand = TautWire(fibre, own[2], massive, lossy=True, surrounded=fibres.gas)
         columns = np.unique(place[alike])
         columns = columns[columns < numbering.size]
-        to_columns = (place[alike][..., None] == columns).astype(float)
-        motion = {part: rows[..., alike, :, :] @ to_columns for part, rows in forms.items()}
+        motion = {
+            part: _per_column(rows[:, :, alike], place[alike], columns, scene.batch)
+            for part, rows in forms.items()
+        }
         stage = scene.bodies.name[wires.lower[alike[0]] - 1]
         term = WireTerm(stage, strand, number, columns, motion, numbering.size)
         terms.append(term if adapted.trivial else term.spread(adapted.basis))
@@ -183,55 +188,73 @@ def _alike(scene: Scene, geometry: Float[np.ndarray, "4 *build wire"]) -> list[l
     return [group for _, group in groups]
 
 
-def wire_forms(
-    scene: Scene, numbering: Layout, pose: Pose
-) -> tuple[Int[np.ndarray, "wire 15"], dict[str, Inexact[np.ndarray, "*batch wire _ 15"]]]:
-    """Motion of the ends of every wire per coordinate that moves them, for each of `PARTS`.
-
-    Also returns these coordinates: those of the upper and the lower body and of the blade's tip; N
-    for none. The motion is in the axes of the wire as it hangs: e from its upper to its lower end,
-    n_1 its first principal plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's
-    end to the slope (t x e) . n and twists it by t . e.
-    """
+def _coordinates_at_ends(scene: Scene, numbering: Layout) -> Int[np.ndarray, "wire 15"]:
+    """Coordinates that move the ends of wires: of both bodies and the blade's tip; N for none."""
     wires = scene.wires
-    now = taut_string.state(scene, pose)
-    flex = scene.flex
-    assert flex is not None
-    e = now.direction
-    upper, lower = (
-        pose.rotation[..., body, :, :] @ vector[..., 0, :, None]
-        for body, vector in ((wires.upper, flex.upper), (wires.lower, flex.lower))
-    )
-    first = (upper + lower)[..., 0]
-    first = first - (first * e).sum(-1, keepdims=True) * e
-    first = first / np.sqrt((first**2).sum(-1, keepdims=True))
-    planes = (first, cross(e, first))
     bodies = 6 * np.stack([wires.upper, wires.lower], axis=1)[..., None] + np.arange(6)
     tips = np.append(numbering.blade, np.full((1, 3), numbering.size), axis=0)[wires.blade]
-    place = np.concatenate([bodies.reshape(-1, 12), tips], axis=1)
-    moved = np.zeros((2, *e.shape[:-1], 15, 3), dtype=e.dtype)  # upper and lower end
-    moved[0, ..., :3, :] = moved[1, ..., 6:9, :] = np.eye(3)
-    moved[0, ..., 3:6, :] = cross_matrix(now.upper_arm)  # rows t: t x arm
-    moved[1, ..., 9:12, :] = cross_matrix(now.lower_arm)
-    moved[0, ..., 12:, :] = np.swapaxes(pose.rotation[..., wires.upper, :, :], -1, -2)
-    turned = np.zeros((2, *(1,) * (e.ndim - 1), 15, 3))
-    turned[0, ..., 3:6, :] = turned[1, ..., 9:12, :] = np.eye(3)
+    return np.concatenate([bodies.reshape(-1, 12), tips], axis=1)
 
-    def even_odd(
-        ends: Inexact[np.ndarray, "2 *batch wire 15 3"], along: Inexact[np.ndarray, "*batch wire 3"]
-    ) -> tuple[Inexact[np.ndarray, "*batch wire 15"], Inexact[np.ndarray, "*batch wire 15"]]:
-        upper, lower = (ends @ along[..., None])[..., 0]
-        return (upper + lower) / 2, (lower - upper) / 2
 
+def _per_column(
+    rows: Inexact[np.ndarray, "row 15 wire build"],
+    place: Int[np.ndarray, "wire 15"],
+    columns: Int[np.ndarray, " column"],
+    batch: tuple[int, ...],
+) -> Inexact[np.ndarray, "*batch wire row column"]:
+    """Spread forms per coordinate at the ends of wires over some columns; batch axes in front."""
+    spread = np.zeros((len(rows), len(columns), *rows.shape[2:]), dtype=rows.dtype)
+    for wire, own in enumerate(place):
+        here, column = np.nonzero(own[:, None] == columns)
+        spread[:, column, wire] = rows[:, here, wire]
+    return np.ascontiguousarray(batch_first(spread, batch))
+
+
+def wire_forms(now: Configuration) -> dict[str, Inexact[np.ndarray, "_ 15 wire build"]]:
+    """Motion of the ends of every wire per coordinate that moves them, for each of `PARTS`.
+
+    These are the coordinates of the upper and the lower body and of the blade's tip. The motion is
+    in the axes of the wire as it hangs: e from its upper to its lower end, n_1 its first principal
+    plane across e, n_2 = e x n_1. A rotation t of a body turns the wire's end to the slope (t x e)
+    . n and twists it by t . e.
+    """
+    lines = now.wires
+    flex = now.flex
+    assert flex is not None
+    e = lines.direction
+    turn = now.turn_of(lines.ends.upper)
+    first = flex.upper[0] + times(turn, flex.upper[0])
+    first = first + flex.lower[0] + times(now.turn_of(lines.ends.lower), flex.lower[0])
+    first = first - dot(first, e) * e
+    first = first / np.sqrt(dot(first, first))
+
+    def moved(along: Vector) -> Inexact[np.ndarray, "15 wire build"]:
+        """Half the motion along a unit vector, of the upper and of the lower end."""
+        both = np.empty((15, *e.shape[1:]), dtype=e.dtype)
+        both[:3] = both[6:9] = along
+        both[3:6] = cross(lines.upper_arm, along)  # (t x arm) . n = t . (arm x n)
+        both[9:12] = cross(lines.lower_arm, along)
+        both[12:] = along + times(transposed(turn), along)
+        return both / 2
+
+    def turned(about: Vector) -> Inexact[np.ndarray, "15 wire build"]:
+        """Half the rotation about a unit vector, of the upper and of the lower end."""
+        both = np.zeros((15, *e.shape[1:]), dtype=e.dtype)
+        both[3:6] = both[9:12] = about / 2
+        return both
+
+    # what the upper end adds to the mean of both it takes from their difference
+    lower_less_upper = np.ones((15, 1, 1))
+    lower_less_upper[:6] = lower_less_upper[12:] = -1.0
     result = {}
-    for part, n in zip(("bend-1", "bend-2"), planes, strict=True):
-        even, odd = even_odd(moved, n)
-        # (t x e) . n = t . (e x n)
-        odd_turn, even_turn = even_odd(turned, cross(e, n))
-        result[part] = np.stack([even, even_turn, odd, odd_turn], axis=-2)
-    result["stretch"] = np.stack(even_odd(moved, e), axis=-2)
-    result["twist"] = np.stack(even_odd(turned, e), axis=-2)
-    return place, result
+    for part, n in (("bend-1", first), ("bend-2", cross(e, first))):
+        even = moved(n)
+        mean_turn = turned(cross(e, n))  # (t x e) . n = t . (e x n)
+        rows = [even, mean_turn * lower_less_upper, even * lower_less_upper, mean_turn]
+        result[part] = np.stack(rows)
+    for part, even in (("stretch", moved(e)), ("twist", turned(e))):
+        result[part] = np.stack([even, even * lower_less_upper])
+    return result
 
 
 class Beam(string_model.SceneModel):

@@ -29,6 +29,7 @@ from suspension_cli.models.surroundings import surrounded
 from suspension_cli.rotations import rotation_vector
 from suspension_cli.scene.pose import Pose
 from suspension_cli.scene.scene import Scene
+from suspension_cli.studies.freed_memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -128,6 +129,7 @@ def balance(
     that all scenes share are used; the result for one scene then depends on the others, unless all
     have equal symmetries.
     """
+    keep_freed_memory()
     physics = registry.scene_model(level)
     scene = physics.completed(scene, design)
     with np.errstate(all="ignore"):

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple, Protocol, TextIO
 import h5py
 import numpy as np
 
+from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.errors import InputError, PendsusError, format_value, one_line
 from suspension_cli.files import hdf5
 from suspension_cli.files.hdf5 import Provenance
@@ -104,7 +105,7 @@ def run(
     review: Review | None = None,
     workers: int | None = 1,
     scheduler: str | None = None,
-    chunk: int = 512,
+    chunk: int = BUILDS_AT_ONCE,
     resume: bool = False,
     progress: Progress = lambda _done, _all, _rate: None,
 ) -> None:
