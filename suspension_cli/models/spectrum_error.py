@@ -5,6 +5,10 @@ little the change has no bound, which says nothing about the shift. So frequenci
 mode of the bodies, in either model, are not compared: a shift of a resonance by the fraction delta
 counts as 20 delta. The least magnitude to which a change is relative is a tenth of those 5 % below
 and above (their geometric mean), so that a shift of a zero by delta counts as 200 delta.
+
+The more complete model is solved at a few of the frequencies alone, evenly, beside modes and where
+the simple model has a zero or a peak; then at more of them around those of the largest changes.
+Where wires with mass may resonate, it is solved at all.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.solver import Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.wire_term import WireTerm
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
@@ -33,7 +37,15 @@ with which one at a zero is compared."""
 AT_ZERO = 0.1
 """Least magnitude to which a change is relative, over the magnitudes at that distance."""
 MOST = 2000
-"""Largest number of compared frequencies, evenly among those requested."""
+"""Largest number of frequencies, evenly among those requested, that are considered."""
+EVENLY = 24
+"""Number of compared frequencies that are spread evenly over these."""
+LARGEST = 4
+"""Number of compared frequencies with the largest changes that more are added around."""
+AROUND = 9
+"""Number of those added between one of them and the next compared frequency on either side."""
+BELOW_VIOLINS = 0.9
+"""Fraction of the lowest mode of wires below which none of them can resonate."""
 TOGETHER = 32
 """Number of frequencies, in the order of their changes, whose surroundings are computed at once."""
 
@@ -57,12 +69,30 @@ def largest_error(
     They are the frequencies of a response or noise; `refined` is the more complete model.
     """
     complete = Solver(refined)
-    at = away_from_modes(frequency, simple, refined)
+    modes = _modes(simple, refined)
+    at = _away_from(modes, frequency)
     at = at[np.linspace(0, len(at) - 1, min(MOST, len(at))).astype(int)]
     old = solve(Solver(simple), at)
-    new = solve(complete, at)
-    change = _relative(np.abs(old - new), np.abs(new))
-    bound = change.reshape(len(at), -1).max(1)  # what magnitudes beside a zero can only reduce
+
+    def compare(some: Index) -> tuple[Array, Array]:
+        """Values of the refined model at some of the frequencies, and bounds on the changes."""
+        new = solve(complete, at[some])
+        change = _relative(np.abs(old[some] - new), np.abs(new))
+        return new, change.reshape(len(some), -1).max(1)
+
+    chosen = _choose(at, modes, old)
+    if has_wire_mass(refined):
+        violins = np.flatnonzero(at > BELOW_VIOLINS * first_violin(refined))
+        chosen = np.union1d(chosen, violins)
+    new, bound = compare(chosen)  # magnitudes beside a zero can only reduce these bounds
+    more = _around(chosen, np.argsort(-bound)[:LARGEST])
+    if len(more):
+        added, its_bound = compare(more)
+        chosen = np.concatenate([chosen, more])
+        new = np.concatenate([new, added])
+        bound = np.concatenate([bound, its_bound])
+    at = at[chosen]
+    old = old[chosen]
     order = np.argsort(-bound, kind="stable")
     found = SpectrumError(-1.0, math.nan, ())
     for start in range(0, len(at), TOGETHER):
@@ -88,15 +118,53 @@ def _relative(
         return np.where(change == 0, 0.0, change / size)
 
 
+def _choose(
+    at: Float[np.ndarray, " frequency"],
+    modes: Float[np.ndarray, " mode"],
+    value: Inexact[np.ndarray, "frequency ..."],
+) -> Index:
+    """Number the frequencies to compare: evenly, beside modes, at extremes of the simple model."""
+    last = len(at) - 1
+    even = np.linspace(0, last, min(EVENLY, len(at))).astype(int)
+    above = np.searchsorted(at, modes)
+    beside = np.concatenate([above - 1, above]).clip(0, last)
+    size = np.abs(value).reshape(len(at), -1)
+    middle = size[1:-1]
+    least = (middle <= size[:-2]) & (middle <= size[2:])
+    most = (middle >= size[:-2]) & (middle >= size[2:])
+    extreme = 1 + np.flatnonzero(((least | most) & (middle > 0)).any(1))
+    return np.unique(np.concatenate([even, beside, extreme]))
+
+
+def _around(chosen: Index, top: Index) -> Index:
+    """Number more frequencies around some (`top`) of the chosen ones, up to their neighbours."""
+    low = chosen[np.maximum(top - 1, 0)]
+    high = chosen[np.minimum(top + 1, len(chosen) - 1)]
+    fraction = np.linspace(0, 1, 2 * AROUND + 1)
+    between = low[:, None] + (high - low)[:, None] * fraction
+    return np.setdiff1d(between.astype(int), chosen)
+
+
+def _modes(*models: LinearSystem) -> Float[np.ndarray, " mode"]:
+    """Frequencies (Hz) of the bodies' modes in several models."""
+    every = np.concatenate([eigenmodes.solve(model.constant).frequency for model in models])
+    return every[np.isfinite(every) & (every > 0)]
+
+
+def _away_from(
+    modes: Float[np.ndarray, " mode"], frequency: Float[np.ndarray, " frequency"]
+) -> Float[np.ndarray, " away"]:
+    """Frequencies (Hz, ascending) that are near none of the modes; all if there are none."""
+    grid = np.unique(np.asarray(frequency, dtype=float))
+    away = grid[(np.abs(grid[:, None] / modes - 1) > NEAR).all(1)]
+    return away if len(away) else grid
+
+
 def away_from_modes(
     frequency: Float[np.ndarray, " frequency"], *models: LinearSystem
 ) -> Float[np.ndarray, " away"]:
     """Frequencies (Hz, ascending) away from the bodies' modes in all models; all if none is."""
-    grid = np.unique(np.asarray(frequency, dtype=float))
-    modes = np.concatenate([eigenmodes.solve(model.constant).frequency for model in models])
-    modes = modes[np.isfinite(modes) & (modes > 0)]
-    away = grid[(np.abs(grid[:, None] / modes - 1) > NEAR).all(1)]
-    return away if len(away) else grid
+    return _away_from(_modes(*models), frequency)
 
 
 def first_violin(model: LinearSystem) -> float:
