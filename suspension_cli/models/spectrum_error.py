@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.solver import Solver
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.wire_term import WireTerm
 from suspension_cli.scene.arrays import Array, Index
@@ -46,6 +45,8 @@ AROUND = 9
 """Number of those added between one of them and the next compared frequency on either side."""
 BELOW_VIOLINS = 0.9
 """Fraction of the lowest mode of wires below which none of them can resonate."""
+ROUNDS = 2
+"""How often these are added: a zero of the more complete model is narrow."""
 TOGETHER = 32
 """Number of frequencies, in the order of their changes, whose surroundings are computed at once."""
 
@@ -60,19 +61,20 @@ class SpectrumError(NamedTuple):
 
 def largest_error(
     frequency: Float[np.ndarray, " frequency"],
-    simple: LinearSystem,
-    refined: LinearSystem,
+    simple: Solvable,
+    refined: Solvable,
     solve: Solve,
 ) -> SpectrumError:
     """Compute the largest relative error of a model at the requested frequencies (Hz).
 
     They are the frequencies of a response or noise; `refined` is the more complete model.
     """
-    complete = Solver(refined)
-    modes = _modes(simple, refined)
+    quick = Solver.of(simple)
+    complete = Solver.of(refined)
+    modes = _modes(quick, complete)
     at = _away_from(modes, frequency)
     at = at[np.linspace(0, len(at) - 1, min(MOST, len(at))).astype(int)]
-    old = solve(Solver(simple), at)
+    old = solve(quick, at)
 
     def compare(some: Index) -> tuple[Array, Array]:
         """Values of the refined model at some of the frequencies, and bounds on the changes."""
@@ -81,16 +83,19 @@ def largest_error(
         return new, change.reshape(len(some), -1).max(1)
 
     chosen = _choose(at, modes, old)
-    if has_wire_mass(refined):
-        violins = np.flatnonzero(at > BELOW_VIOLINS * first_violin(refined))
+    if has_wire_mass(complete.system):
+        violins = np.flatnonzero(at > BELOW_VIOLINS * first_violin(complete.system))
         chosen = np.union1d(chosen, violins)
     new, bound = compare(chosen)  # magnitudes beside a zero can only reduce these bounds
-    more = _around(chosen, np.argsort(-bound)[:LARGEST])
-    if len(more):
+    for _ in range(ROUNDS):
+        more = _around(chosen, np.argsort(-bound)[:LARGEST])
+        if not len(more):
+            break
         added, its_bound = compare(more)
-        chosen = np.concatenate([chosen, more])
-        new = np.concatenate([new, added])
-        bound = np.concatenate([bound, its_bound])
+        place = np.searchsorted(chosen, more)
+        chosen = np.insert(chosen, place, more)
+        new = np.insert(new, place, added, axis=0)
+        bound = np.insert(bound, place, its_bound)
     at = at[chosen]
     old = old[chosen]
     order = np.argsort(-bound, kind="stable")
@@ -145,9 +150,9 @@ def _around(chosen: Index, top: Index) -> Index:
     return np.setdiff1d(between.astype(int), chosen)
 
 
-def _modes(*models: LinearSystem) -> Float[np.ndarray, " mode"]:
+def _modes(*models: Solvable) -> Float[np.ndarray, " mode"]:
     """Frequencies (Hz) of the bodies' modes in several models."""
-    every = np.concatenate([eigenmodes.solve(model.constant).frequency for model in models])
+    every = np.concatenate([Solver.of(model).constant.modes.frequency for model in models])
     return every[np.isfinite(every) & (every > 0)]
 
 
@@ -161,7 +166,7 @@ def _away_from(
 
 
 def away_from_modes(
-    frequency: Float[np.ndarray, " frequency"], *models: LinearSystem
+    frequency: Float[np.ndarray, " frequency"], *models: Solvable
 ) -> Float[np.ndarray, " away"]:
     """Frequencies (Hz, ascending) away from the bodies' modes in all models; all if none is."""
     return _away_from(_modes(*models), frequency)

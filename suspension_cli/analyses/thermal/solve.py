@@ -174,10 +174,8 @@ def solve(analysis: Analysis, run: Run) -> Thermal:
     arm = setting["arm"]
     outputs = setting["outputs"] or (f"{mirror(run.design)}.x",)
     choice, model = thermal_noise.choose(run.source, setting["fidelity"], frequency, outputs, arm)
-    model = model_choice.stable_system(
-        run.source, choice, setting["allow_unstable"], run.log, model
-    )
     solver = Solver(model)
+    model_choice.stable_system(run.source, choice, setting["allow_unstable"], run.log, solver)
     motions = thermal_noise.parse_outputs(model, outputs, arm)
     _demand_bodies(motions)
     temperature = run.design.constants.temperature
