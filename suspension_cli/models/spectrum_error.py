@@ -7,8 +7,8 @@ counts as 20 delta. The least magnitude to which a change is relative is a tenth
 and above (their geometric mean), so that a shift of a zero by delta counts as 200 delta.
 
 The more complete model is solved at a few of the frequencies alone, evenly, beside modes and where
-the simple model has a zero or a peak; then at more of them around those of the largest changes.
-Where wires with mass may resonate, it is solved at all.
+the simple model has a zero or a peak; then at more of them beside those of the largest changes and
+where it has zeros itself. Where wires with mass may resonate, it is solved at all.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ MOST = 2000
 EVENLY = 24
 """Number of compared frequencies that are spread evenly over these."""
 LARGEST = 4
-"""Number of compared frequencies with the largest changes that more are added around."""
+"""Number of compared frequencies with the largest changes beside which more are added."""
 AROUND = 9
-"""Number of those added between one of them and the next compared frequency on either side."""
+"""Number of those added between two neighbours."""
 BELOW_VIOLINS = 0.9
 """Fraction of the lowest mode of wires below which none of them can resonate."""
 ROUNDS = 2
@@ -88,7 +88,7 @@ def largest_error(
         chosen = np.union1d(chosen, violins)
     new, bound = compare(chosen)  # magnitudes beside a zero can only reduce these bounds
     for _ in range(ROUNDS):
-        more = _around(chosen, np.argsort(-bound)[:LARGEST])
+        more = _between(chosen, bound, new) if len(chosen) > 1 else chosen[:0]
         if not len(more):
             break
         added, its_bound = compare(more)
@@ -141,12 +141,20 @@ def _choose(
     return np.unique(np.concatenate([even, beside, extreme]))
 
 
-def _around(chosen: Index, top: Index) -> Index:
-    """Number more frequencies around some (`top`) of the chosen ones, up to their neighbours."""
-    low = chosen[np.maximum(top - 1, 0)]
-    high = chosen[np.minimum(top + 1, len(chosen) - 1)]
-    fraction = np.linspace(0, 1, 2 * AROUND + 1)
-    between = low[:, None] + (high - low)[:, None] * fraction
+def _between(
+    chosen: Index, bound: Float[np.ndarray, " chosen"], new: Inexact[np.ndarray, "chosen ..."]
+) -> Index:
+    """Number more frequencies beside those of the largest changes, and around zeros.
+
+    Between two frequencies where the refined model has opposite signs it has a zero.
+    """
+    largest = np.argsort(-bound)[:LARGEST]
+    signs = np.real(new[1:] * np.conj(new[:-1])).reshape(len(new) - 1, -1)
+    zero = np.flatnonzero((signs < 0).any(1))
+    start = np.concatenate([largest - 1, largest, zero]).clip(0, len(chosen) - 2)
+    gap = chosen[start + 1] - chosen[start]
+    fraction = np.arange(1, AROUND + 1) / (AROUND + 1)
+    between = chosen[start, None] + gap[:, None] * fraction
     return np.setdiff1d(between.astype(int), chosen)
 
 
