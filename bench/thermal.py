@@ -11,7 +11,8 @@ import gwinc
 import numpy as np
 from gwinc.suspension import suspQuad
 
-from bench.responses import QUADRUPLE
+import suspension_cli as sus
+from bench.responses import QUADRUPLE, whole_call
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
 from suspension_cli.physics import thermal_noise
@@ -33,4 +34,10 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
     ratio("the same, 6,000 frequencies / 3,000 (linear: 2)", noise(2 * COUNT), noise(COUNT), 2.5)
     quadruple = gwinc.load_budget("aLIGO").ifo.Suspension
     grid = np.geomspace(0.1, 1000, COUNT)
-    ratio("the same / pygwinc", noise(COUNT), lambda: suspQuad(grid, quadruple), 6.5)
+    ratio("the same / pygwinc", noise(COUNT), lambda: suspQuad(grid, quadruple), 18)
+    ratio(
+        "sus.thermal of a quadruple, x and z, 3,000 frequencies / pygwinc",
+        whole_call(sus.thermal, outputs=["test.x", "test.z"], frequency=grid),
+        lambda: suspQuad(grid, quadruple),
+        26,
+    )

@@ -405,21 +405,27 @@ class Elements:
 
         `error` is a bound of other errors of the new elements of the first function.
         """
+        dense = np.zeros((self.weights.shape[1], *error.shape))
+        dense[:, self.row, self.column] = self.weights.T
+        alike: dict[bytes, list[int]] = {}  # functions that act on the same rows and columns
+        has_row = np.asarray(np.any(dense != 0, axis=2))
+        has_column = np.asarray(np.any(dense != 0, axis=1))
+        for n in range(len(dense)):
+            key = has_row[n].tobytes() + has_column[n].tobytes()
+            alike.setdefault(key, []).append(n)
         pieces = []
-        for n, weights in enumerate(self.weights.T):
-            own = np.flatnonzero(weights)
-            rows, i = np.unique(self.row[own], return_inverse=True)
-            columns, j = np.unique(self.column[own], return_inverse=True)
-            if not len(own):
+        for members in alike.values():
+            rows = np.flatnonzero(has_row[members[0]])
+            columns = np.flatnonzero(has_column[members[0]])
+            if not len(rows):
                 continue
-            matrix = np.zeros((len(rows), len(columns)))
-            matrix[i, j] = weights[own]
+            matrix = np.asarray(dense[np.ix_(np.array(members), rows, columns)])
             left = to_absolute[6 + rows, 6:]
             right = to_absolute[columns]
             terms = np.abs(left).T @ sizes(matrix, place[6 + rows], place[columns]) @ np.abs(right)
-            result = left.T @ matrix @ right
-            kept = np.nonzero(np.abs(result) > ROUNDING * terms + (error if n == 0 else 0.0))
-            pieces.append((*kept, n, result[kept][:, None]))
+            for n, result, bound in zip(members, left.T @ matrix @ right, terms, strict=True):
+                kept = np.nonzero(np.abs(result) > ROUNDING * bound + (error if n == 0 else 0.0))
+                pieces.append((*kept, n, result[kept][:, None]))
         return Elements.of(pieces, self.weights.shape[1])
 
 

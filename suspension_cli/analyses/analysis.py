@@ -212,7 +212,7 @@ class Analysis(ABC):
         if not self.has_file:
             remedy = "print it, or take document()"
             raise InputError.of("", f"{self.name} has no results file", remedy)
-        stored.write(file.create_group(self.name), result)
+        stored.write(file.create_group(self.name), result.complete())
 
     def read_result(self, file: h5py.File, run: Origin, extra: Document) -> Any:
         """Read a result from an open results file; `extra` has fields that older files lack."""

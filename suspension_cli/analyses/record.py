@@ -16,12 +16,13 @@ The record of an analysis is a dataclass on `Record` in its `solve.py`::
 Its fields declare kinds of numbers, dimensions and units (`files.declared`), from which HDF5, CSV,
 xarray, JSON (`files.documents`), the check of what is loaded, and the annotations that editors
 complete follow. It has all that its text and its pictures need: these solve nothing, and do not
-build the model again. Curves that only pictures need have the dimension `declared.FINE`. The field
-`run` comes by keyword, ``Thermal(frequency, ..., run=run.origin(self, choice))``, and is not stored
-with the others: a results file has its contents as root attributes. A record may extend a class of
-`physics/` or `linear/` that has its fields, ``class Modes(Record, eigenmodes.Modes)``, and is made
-from an object of that class by `Record.extending`. No field may have the name of an attribute of
-`Record`.
+build the model again. Curves that only pictures need have the dimension `declared.FINE`; one that
+takes long is computed when the record is first drawn or saved (`Record.complete`), never for a
+record that was loaded. The field `run` comes by keyword, ``Thermal(frequency, ...,
+run=run.origin(self, choice))``, and is not stored with the others: a results file has its contents
+as root attributes. A record may extend a class of `physics/` or `linear/` that has its fields,
+``class Modes(Record, eigenmodes.Modes)``, and is made from an object of that class by
+`Record.extending`. No field may have the name of an attribute of `Record`.
 """
 
 from __future__ import annotations
@@ -171,6 +172,10 @@ class Record:
         """The record with the results file that it was written to."""
         return dataclasses.replace(self, run=dataclasses.replace(self.run, file=file))
 
+    def complete(self) -> Self:
+        """Return the record with all that its pictures and its file have beside the text."""
+        return self
+
     @property
     def design(self) -> Source:
         """The design that was analysed."""
@@ -224,7 +229,7 @@ class Record:
         return drawn
 
     def plot(self, **setting: object) -> Figure:
-        """Draw the picture that the command writes; nothing is solved for it.
+        """Draw the picture that the command writes; of a loaded result nothing is solved for it.
 
         Parameters
         ----------

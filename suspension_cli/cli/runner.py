@@ -169,6 +169,7 @@ def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
     from suspension_cli.analyses.replaced_results import replacing
     from suspension_cli.files.whole_files import write_bytes
 
+    result = result.complete()
     analysis = result.run.analysis
     setting = run.setting
     path = analysis.path(result, settings.folder(str(run.folder)))

@@ -19,10 +19,11 @@ sigma r^2 theta' dA about the axis. This second term has no loss.
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -156,6 +157,14 @@ class WireAtFrequencies(dict[str, "PartAtFrequencies"]):
         return self[part]
 
 
+class _Piece(NamedTuple):
+    """Piece of a wire: number of its section, length (m), and the end that it is near, 0 or 1."""
+
+    section: int
+    length: float
+    end: int
+
+
 @dataclass(frozen=True)
 class PartAtFrequencies:
     """One part of the motion of a wire at given frequencies, in rad/s.
@@ -245,19 +254,17 @@ class PartAtFrequencies:
         causes of their own that losses of bending have; and ``gas``.
         """
         names = ("bending-upper", "bending-lower")
-        halves = _cut_in_middle(self.sections)
         if not self.bends:
             names = ("stretching" if PARTS[self.number] == "stretch" else "torsion",)
-            halves = [(section, 0) for section in self.sections]
-        cut = self._with_sections(section for section, _ in halves)
-        losses, drag = cut._material_and_gas(motion)
+        losses, drag = self._material_and_gas(motion)
         result: defaultdict[tuple[str, float], Any] = defaultdict(float)
-        for (section, end), lost in zip(halves, losses, strict=True):
+        for piece, lost in zip(self._pieces, losses, strict=True):
+            section = self.sections[piece.section]
             causes = self._separate_causes(section)
             for cause, fraction in causes.items():
                 result[cause, section.temperature] += fraction * lost
             rest = 1 - sum(causes.values())
-            result[names[end], section.temperature] += rest * lost
+            result[names[piece.end], section.temperature] += rest * lost
         around = self.strand.surrounded
         if drag is not None and around is not None and around.temperature is not None:
             result["gas", around.temperature] += drag.sum(0)
@@ -275,20 +282,20 @@ class PartAtFrequencies:
     def _material_and_gas(
         self, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> tuple[
-        Float[np.ndarray, "section motion frequency"],
-        Float[np.ndarray, "section motion frequency"] | None,
+        Float[np.ndarray, "piece motion frequency"],
+        Float[np.ndarray, "piece motion frequency"] | None,
     ]:
-        """Dissipation in every section, in its material and by the gas around it.
+        """Dissipation in each of `_pieces`, in its material and by the gas around it.
 
         In proportion to that of either alone: exact to first order in the losses, except within the
         width of a resonance of the clamped wire.
         """
-        total = self._section_losses(motion)
+        total = self._piece_losses(motion)
         if self.strand.surrounded is None or not self.strand.massive:
             return total, None
         alone = replace(self, strand=replace(self.strand, surrounded=None))
         elastic = self._with_sections(replace(section, losses=()) for section in self.sections)
-        material, drag = (own._section_losses(motion) for own in (alone, elastic))
+        material, drag = (own._piece_losses(motion) for own in (alone, elastic))
         both = material + drag
         drag = total * drag / np.where(both == 0, 1.0, both)
         return total - drag, drag
@@ -298,34 +305,77 @@ class PartAtFrequencies:
         fibre = replace(self.strand.fibre, sections=tuple(sections))
         return replace(self, strand=replace(self.strand, fibre=fibre))
 
-    def _section_losses(
+    @cached_property
+    def _pieces(self) -> list[_Piece]:
+        """Pieces whose dissipation is listed: sections, for bending cut in the middle of a wire."""
+        left = self._length / 2 if self.bends else np.inf
+        result = []
+        for n, section in enumerate(self.sections):
+            length = section.length
+            if EQUAL_WITHIN * length < left < (1 - EQUAL_WITHIN) * length:
+                result.append(_Piece(n, left, 0))
+                result.append(_Piece(n, length - left, 1))
+            else:
+                result.append(_Piece(n, length, int(left < length / 2)))
+            left -= length
+        return result
+
+    def _piece_losses(
         self, motion: Inexact[np.ndarray, "end motion frequency"]
-    ) -> Float[np.ndarray, "section motion frequency"]:
-        """Dissipation x^H Im(F) x of every section: the power its ends take in and do not return.
+    ) -> Float[np.ndarray, "piece motion frequency"]:
+        """Dissipation x^H Im(F) x of each of `_pieces`: the power its ends take in and keep.
 
         The imaginary parts keep their digits however small the loss, as in a complex step: on the
         chord and the slopes relative to it nothing cancels.
         """
-        if self.bends:
-            whole = np.array(motion)
-            whole[2] *= 2 / self._length
-            whole[3] -= whole[2]
-            elements = self._uniform_beams
-            places = self._places
-            if not self.strand.massive:
-                whole = whole[1::2]
-        else:
-            whole = np.tensordot(ENDS[1], motion, 1)
-            elements = self._springs
-            places = ((0, 0), (1, 1), (2, 2))
-        moved = joined_sections.section_motions(self._joined.motions, whole).swapaxes(0, 1)
         if not self.bends:
-            moved = (moved[1] - moved[0], *moved)
-        total = np.zeros(moved[0].shape)
-        for (i, j), value in zip(places, elements, strict=True):
-            product = np.real(np.conj(moved[i]) * moved[j])
-            total += (1 if i == j else 2) * np.imag(value)[:, None] * product
-        return np.maximum(total, 0.0)
+            whole = np.tensordot(ENDS[1], motion, 1)
+            moved = joined_sections.section_motions(self._joined.motions, whole).swapaxes(0, 1)
+            springs = np.array([moved[1] - moved[0], *moved])
+            return _dissipate(((0, 0), (1, 1), (2, 2)), [*self._springs], springs)
+        whole = np.array(motion)
+        whole[2] *= 2 / self._length
+        whole[3] -= whole[2]
+        if not self.strand.massive:
+            whole = whole[1::2]
+        moved = joined_sections.section_motions(self._joined.motions, whole)
+        beams = self._uniform_beams
+        if not self._cut:
+            return _dissipate(self._places, beams, moved.swapaxes(0, 1))
+        middle = self._cut[0].section
+        whole_sections = np.arange(len(moved)) != middle
+        result = np.empty((len(self._pieces), *moved.shape[2:]))
+        result[np.insert(whole_sections, middle, False)] = _dissipate(
+            self._places,
+            [own[whole_sections] for own in beams],
+            moved[whole_sections].swapaxes(0, 1),
+        )
+        result[middle : middle + 2] = self._cut_losses(moved[middle])
+        return result
+
+    @cached_property
+    def _cut(self) -> list[_Piece]:
+        """Both pieces of the section in which the middle of the wire is; none at a joint."""
+        return [p for p in self._pieces if p.length < self.sections[p.section].length]
+
+    @cached_property
+    def _cut_beams(self) -> list[Inexact[np.ndarray, "2 frequency"]]:
+        """Stiffness of the two pieces of that section, as `_uniform_beams`."""
+        section = self.sections[self._cut[0].section]
+        lengths = [piece.length for piece in self._cut]
+        if math.isclose(*lengths, rel_tol=EQUAL_WITHIN):
+            lengths = [section.length / 2]
+        parts = self._with_sections(replace(section, length=length) for length in lengths)
+        return [np.broadcast_to(own, (2, own.shape[-1])) for own in parts._uniform_beams]
+
+    def _cut_losses(
+        self, motion: Inexact[np.ndarray, "coordinate motion frequency"]
+    ) -> Float[np.ndarray, "2 motion frequency"]:
+        """Dissipation of the two pieces of the section in the middle, in motions of its ends."""
+        tension = float(self.strand.tension_of(self.sections[self._cut[0].section]))
+        lengths = [piece.length for piece in self._cut]
+        moved = joined_sections.cut(self._places, self._cut_beams, tension, lengths, motion)
+        return _dissipate(self._places, self._cut_beams, moved.swapaxes(0, 1))
 
     @cached_property
     def _joined(self) -> Joined:
@@ -415,18 +465,19 @@ class PartAtFrequencies:
         return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 
 
-def _cut_in_middle(sections: tuple[Section, ...]) -> list[tuple[Section, int]]:
-    """Cut the section in the middle of a wire there; each part with the end it is near, 0 or 1."""
-    left = sum(section.length for section in sections) / 2
-    result = []
-    for section in sections:
-        if EQUAL_WITHIN * section.length < left < (1 - EQUAL_WITHIN) * section.length:
-            result.append((replace(section, length=left), 0))
-            section = replace(section, length=section.length - left)
-            left = 0.0
-        result.append((section, int(left < section.length / 2)))
-        left -= section.length
-    return result
+def _dissipate(
+    places: tuple[tuple[int, int], ...],
+    elements: list[Inexact[np.ndarray, "section frequency"]],
+    motion: Inexact[np.ndarray, "coordinate section motion frequency"],
+) -> Float[np.ndarray, "section motion frequency"]:
+    """Dissipation x^H Im(F) x of sections with elements of F at `places`, in motions x."""
+    real = np.real(motion)
+    imaginary = np.imag(motion)
+    total = np.zeros(motion.shape[1:])
+    for (i, j), value in zip(places, elements, strict=True):
+        product = real[i] * real[j] + imaginary[i] * imaginary[j]
+        total += (1 if i == j else 2) * np.imag(value)[:, None] * product
+    return np.maximum(total, 0.0)
 
 
 def _twisting(

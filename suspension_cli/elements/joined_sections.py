@@ -48,7 +48,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from suspension_cli.elimination import multiply_real
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from jaxtyping import Float, Inexact, Int
 
 EPS = 2.0**-53
@@ -129,6 +133,60 @@ def join(
         lengths = np.concatenate([length, lengths[paired:]])
         tensions = np.concatenate([tension, tensions[paired:]])
     return Joined(parts[:, :, 0], motions, negative)
+
+
+def cut(
+    places: tuple[tuple[int, int], ...],
+    elements: Sequence[Inexact[np.ndarray, "2 frequency"]],
+    tension: float,
+    lengths: Sequence[float],
+    motion: Inexact[np.ndarray, "coordinate motion frequency"],
+) -> Inexact[np.ndarray, "2 coordinate motion frequency"]:
+    """Motions of the two parts of a section that is cut, in motions of the section.
+
+    In the coordinates of `join`. The parts, from the top, have the same tension (N), their lengths
+    (m), and elements of their stiffness at `places`. No force acts on the node between them.
+    """
+    kept = slice(None) if len(motion) == 4 else slice(1, None, 2)
+    above, below = (np.asarray(length) for length in lengths)
+    forms = [form[kept] for form in _node_forms(above, below, kept)]
+    clamped = [_transform(form[:, :-2], motion) for form in forms]  # with the node at rest
+    node = np.zeros((2, 2, motion.shape[-1]), dtype=complex)
+    node[0, 0] = tension / lengths[0] + tension / lengths[1]
+    force = np.zeros((2, *motion.shape[1:]), dtype=complex)
+    for n, (form, moved) in enumerate(zip(forms, clamped, strict=True)):
+        own = [value[n] for value in elements]
+        of_node = form[:, -2:]
+        node += _transform(of_node.T, _force(places, own, of_node[..., None]))
+        force += _transform(of_node.T, _force(places, own, moved))
+    (ee, ez), (_, zz) = node
+    det = ee * zz - ez**2
+    det = np.where(det == 0, EPS * np.abs(ee * zz), det)  # at a resonance: just beside it
+    free = np.array([ez * force[1] - zz * force[0], ez * force[0] - ee * force[1]]) / det
+    parts = zip(forms, clamped, strict=True)
+    return np.array([moved + _transform(form[:, -2:], free) for form, moved in parts])
+
+
+def _transform(
+    form: Float[np.ndarray, "row column"],
+    motion: Inexact[np.ndarray, "column motion frequency"],
+) -> Inexact[np.ndarray, "row motion frequency"]:
+    """Multiply motions by a real matrix."""
+    return multiply_real(form, motion.reshape(len(motion), -1)).reshape(-1, *motion.shape[1:])
+
+
+def _force(
+    places: tuple[tuple[int, int], ...],
+    elements: Sequence[Inexact[np.ndarray, " frequency"]],
+    motion: Inexact[np.ndarray, "coordinate motion #frequency"],
+) -> Inexact[np.ndarray, "coordinate motion frequency"]:
+    """Multiply a symmetric stiffness, of which the elements at `places` are given, by motions."""
+    result = np.zeros((*motion.shape[:2], len(elements[0])), dtype=complex)
+    for (i, j), value in zip(places, elements, strict=True):
+        result[i] += value * motion[j]
+        if i != j:
+            result[j] += value * motion[i]
+    return result
 
 
 def _congruence(

@@ -3,8 +3,9 @@
 The error of a model is computed: the largest relative changes of the result, at a few points, from
 that model to the next more complete one, and so on to the most complete that is valid for the
 design. A caller gives the models that it can use and that are worth comparing: for a response of
-one design the most complete one alone, as the simpler ones cost the same; for modes also the one
-without wire mass; for many designs all.
+one design the most complete one alone, as wires that do not bend lack the losses that limit its
+peaks, and those without mass cost more than half as much; for modes also the one without wire mass;
+for many designs all.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ import numpy as np
 from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError
-from suspension_cli.linear import eigenmodes, quality
+from suspension_cli.linear import quality
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.signals import Signal
-from suspension_cli.linear.solver import Solvable
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.models.base import BLADE_TIPS, Model
@@ -144,6 +145,7 @@ class Systems:
     def __init__(self, design: Design) -> None:
         self.design = design
         self._built: dict[str, LinearSystem] = {}
+        self._solvers: dict[str, Solver] = {}
 
     @staticmethod
     @keep_last
@@ -157,9 +159,17 @@ class Systems:
             self._built[model.name] = model.refined(self.design, self._built)
         return self._built[model.name]
 
+    def solver(self, model: Model) -> Solver:
+        """Return the solver of that system."""
+        if model.name not in self._solvers:
+            self._solvers[model.name] = Solver(self(model))
+        return self._solvers[model.name]
+
     def compare(self, request: Callable[[LinearSystem], Results]) -> Comparison:
         """Return the comparison of results that are requested from any system of this design."""
-        return lambda simple, refined: request(self(simple)).change(self(simple), self(refined))
+        return lambda simple, refined: request(self(simple)).change(
+            self.solver(simple), self.solver(refined)
+        )
 
 
 def compare_builds(solve: Callable[[Model], list[tuple[str, np.ndarray]]]) -> Comparison:
@@ -203,7 +213,7 @@ def relative_change(
 class Results(Protocol):
     """Results of a design, whose error decides on the model."""
 
-    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+    def change(self, simple: Solver, refined: Solver) -> tuple[float, str]:
         """Compute their largest relative change from one model to another, and which changes."""
         ...
 
@@ -212,7 +222,7 @@ class Results(Protocol):
 class Frequencies:
     """The frequencies of all modes of the bodies."""
 
-    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+    def change(self, simple: Solver, refined: Solver) -> tuple[float, str]:
         """Compute the change of the mode that changes most; modes are paired by their shapes."""
         modes, changes = shifts(simple, refined)
         most = int(np.argmax(changes))
@@ -235,30 +245,32 @@ class Transfer:
 
         return response.solve(system, frequency, self.inputs, self.outputs).value
 
-    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+    def change(self, simple: Solver, refined: Solver) -> tuple[float, str]:
         """Compute the largest change, see `spectrum_error`."""
         found = largest_error(self.frequency, simple, refined, self.values)
         o, i = found.place
         return found.value, f"{self.outputs[o].text}/{self.inputs[i].text}"
 
 
-def shifts(simple: LinearSystem, refined: LinearSystem) -> tuple[Modes, Float[np.ndarray, " mode"]]:
+def shifts(simple: Solvable, refined: Solvable) -> tuple[Modes, Float[np.ndarray, " mode"]]:
     """Compute the relative changes of the bodies' modes, and the modes of the refined model.
 
     The modes are those without wire mass; modes are paired by their shapes. Infinite where a mode
     becomes stable.
     """
-    new = eigenmodes.solve(refined.constant)
+    quick = Solver.of(simple)
+    complete = Solver.of(refined)
+    new = complete.constant.modes
     changes = np.zeros(len(new.omega_squared))
-    if simple.soft is not refined.soft:
-        old = eigenmodes.solve(simple.constant)
-        a = old.omega_squared[pair_bodies(new, old, refined)]
+    if quick.system.soft is not complete.system.soft:
+        old = quick.constant.modes
+        a = old.omega_squared[pair_bodies(new, old, complete.system)]
         b = new.omega_squared
         changes = np.where(b > 0, np.abs(np.sqrt(np.abs(a) / np.where(b > 0, b, 1.0)) - 1), 0.0)
         if old.stable != new.stable:
             changes[0] = np.inf
-    if has_wire_mass(refined) and not has_wire_mass(simple):
-        changes = changes + shifts_by_wire_mass(new, refined)
+    if has_wire_mass(complete.system) and not has_wire_mass(quick.system):
+        changes = changes + shifts_by_wire_mass(new, complete.system)
     return new, changes
 
 

@@ -5,6 +5,10 @@ little the change has no bound, which says nothing about the shift. So frequenci
 mode of the bodies, in either model, are not compared: a shift of a resonance by the fraction delta
 counts as 20 delta. The least magnitude to which a change is relative is a tenth of those 5 % below
 and above (their geometric mean), so that a shift of a zero by delta counts as 200 delta.
+
+The more complete model is solved at a few of the frequencies alone, evenly, beside modes and where
+the simple model has a zero or a peak; then at more of them beside those of the largest changes and
+where it has zeros itself. Where wires with mass may resonate, it is solved at all.
 """
 
 from __future__ import annotations
@@ -15,11 +19,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.solver import Solver
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.wire_term import WireTerm
-from suspension_cli.scene.arrays import Array
+from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
@@ -33,7 +36,17 @@ with which one at a zero is compared."""
 AT_ZERO = 0.1
 """Least magnitude to which a change is relative, over the magnitudes at that distance."""
 MOST = 2000
-"""Largest number of compared frequencies, evenly among those requested."""
+"""Largest number of frequencies, evenly among those requested, that are considered."""
+EVENLY = 24
+"""Number of compared frequencies that are spread evenly over these."""
+LARGEST = 4
+"""Number of compared frequencies with the largest changes beside which more are added."""
+AROUND = 9
+"""Number of those added between two neighbours."""
+BELOW_VIOLINS = 0.9
+"""Fraction of the lowest mode of wires below which none of them can resonate."""
+ROUNDS = 2
+"""How often these are added: a zero of the more complete model is narrow."""
 TOGETHER = 32
 """Number of frequencies, in the order of their changes, whose surroundings are computed at once."""
 
@@ -48,21 +61,43 @@ class SpectrumError(NamedTuple):
 
 def largest_error(
     frequency: Float[np.ndarray, " frequency"],
-    simple: LinearSystem,
-    refined: LinearSystem,
+    simple: Solvable,
+    refined: Solvable,
     solve: Solve,
 ) -> SpectrumError:
     """Compute the largest relative error of a model at the requested frequencies (Hz).
 
     They are the frequencies of a response or noise; `refined` is the more complete model.
     """
-    complete = Solver(refined)
-    at = away_from_modes(frequency, simple, refined)
+    quick = Solver.of(simple)
+    complete = Solver.of(refined)
+    modes = _modes(quick, complete)
+    at = _away_from(modes, frequency)
     at = at[np.linspace(0, len(at) - 1, min(MOST, len(at))).astype(int)]
-    old = solve(Solver(simple), at)
-    new = solve(complete, at)
-    change = _relative(np.abs(old - new), np.abs(new))
-    bound = change.reshape(len(at), -1).max(1)  # what magnitudes beside a zero can only reduce
+    old = solve(quick, at)
+
+    def compare(some: Index) -> tuple[Array, Array]:
+        """Values of the refined model at some of the frequencies, and bounds on the changes."""
+        new = solve(complete, at[some])
+        change = _relative(np.abs(old[some] - new), np.abs(new))
+        return new, change.reshape(len(some), -1).max(1)
+
+    chosen = _choose(at, modes, old)
+    if has_wire_mass(complete.system):
+        violins = np.flatnonzero(at > BELOW_VIOLINS * first_violin(complete.system))
+        chosen = np.union1d(chosen, violins)
+    new, bound = compare(chosen)  # magnitudes beside a zero can only reduce these bounds
+    for _ in range(ROUNDS):
+        more = _between(chosen, bound, new) if len(chosen) > 1 else chosen[:0]
+        if not len(more):
+            break
+        added, its_bound = compare(more)
+        place = np.searchsorted(chosen, more)
+        chosen = np.insert(chosen, place, more)
+        new = np.insert(new, place, added, axis=0)
+        bound = np.insert(bound, place, its_bound)
+    at = at[chosen]
+    old = old[chosen]
     order = np.argsort(-bound, kind="stable")
     found = SpectrumError(-1.0, math.nan, ())
     for start in range(0, len(at), TOGETHER):
@@ -88,15 +123,61 @@ def _relative(
         return np.where(change == 0, 0.0, change / size)
 
 
-def away_from_modes(
-    frequency: Float[np.ndarray, " frequency"], *models: LinearSystem
+def _choose(
+    at: Float[np.ndarray, " frequency"],
+    modes: Float[np.ndarray, " mode"],
+    value: Inexact[np.ndarray, "frequency ..."],
+) -> Index:
+    """Number the frequencies to compare: evenly, beside modes, at extremes of the simple model."""
+    last = len(at) - 1
+    even = np.linspace(0, last, min(EVENLY, len(at))).astype(int)
+    above = np.searchsorted(at, modes)
+    beside = np.concatenate([above - 1, above]).clip(0, last)
+    size = np.abs(value).reshape(len(at), -1)
+    middle = size[1:-1]
+    least = (middle <= size[:-2]) & (middle <= size[2:])
+    most = (middle >= size[:-2]) & (middle >= size[2:])
+    extreme = 1 + np.flatnonzero(((least | most) & (middle > 0)).any(1))
+    return np.unique(np.concatenate([even, beside, extreme]))
+
+
+def _between(
+    chosen: Index, bound: Float[np.ndarray, " chosen"], new: Inexact[np.ndarray, "chosen ..."]
+) -> Index:
+    """Number more frequencies beside those of the largest changes, and around zeros.
+
+    Between two frequencies where the refined model has opposite signs it has a zero.
+    """
+    largest = np.argsort(-bound)[:LARGEST]
+    signs = np.real(new[1:] * np.conj(new[:-1])).reshape(len(new) - 1, -1)
+    zero = np.flatnonzero((signs < 0).any(1))
+    start = np.concatenate([largest - 1, largest, zero]).clip(0, len(chosen) - 2)
+    gap = chosen[start + 1] - chosen[start]
+    fraction = np.arange(1, AROUND + 1) / (AROUND + 1)
+    between = chosen[start, None] + gap[:, None] * fraction
+    return np.setdiff1d(between.astype(int), chosen)
+
+
+def _modes(*models: Solvable) -> Float[np.ndarray, " mode"]:
+    """Frequencies (Hz) of the bodies' modes in several models."""
+    every = np.concatenate([Solver.of(model).constant.modes.frequency for model in models])
+    return every[np.isfinite(every) & (every > 0)]
+
+
+def _away_from(
+    modes: Float[np.ndarray, " mode"], frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " away"]:
-    """Frequencies (Hz, ascending) away from the bodies' modes in all models; all if none is."""
+    """Frequencies (Hz, ascending) that are near none of the modes; all if there are none."""
     grid = np.unique(np.asarray(frequency, dtype=float))
-    modes = np.concatenate([eigenmodes.solve(model.constant).frequency for model in models])
-    modes = modes[np.isfinite(modes) & (modes > 0)]
     away = grid[(np.abs(grid[:, None] / modes - 1) > NEAR).all(1)]
     return away if len(away) else grid
+
+
+def away_from_modes(
+    frequency: Float[np.ndarray, " frequency"], *models: Solvable
+) -> Float[np.ndarray, " away"]:
+    """Frequencies (Hz, ascending) away from the bodies' modes in all models; all if none is."""
+    return _away_from(_modes(*models), frequency)
 
 
 def first_violin(model: LinearSystem) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.linear import eigenmodes
-from suspension_cli.linear.solver import Solver
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.models import registry
 from suspension_cli.models.choice import TOLERANCE, Frequencies, Systems
 from suspension_cli.models.choice import choose as choose_model
@@ -109,19 +109,18 @@ def stable_system(
     choice: Choice,
     allow_unstable: bool,
     log: Log,
-    system: LinearSystem | None = None,
+    system: Solvable | None = None,
     *,
     bends: bool = False,
 ) -> LinearSystem:
-    """Linear system of a model (or `system`, if known), with warnings of designs near a limit.
+    """Linear system of a model (or of `system`, if known), with warnings of designs near a limit.
 
     Raises `InputError` if the motion grows, or warns if that is allowed. The message proposes wires
     that bend, if the analysis can use these (`bends`).
     """
     name = source.design.design.name
-    system = choice.model.system(source.design) if system is None else system
-    describe_equilibrium(source, choice, system, log)
-    solver = Solver(system)
+    solver = Solver.of(choice.model.system(source.design) if system is None else system)
+    describe_equilibrium(source, choice, solver.system, log)
     grows = growth.find_growth(source.design, choice.model, solver)
     if grows is not None:
         fault = grows.fault
@@ -134,7 +133,7 @@ def stable_system(
             raise InputError([dataclasses.replace(fault, remedy=way)])
         log.warn(f"{name} is unstable: {grows.worst}; {fault.remedy}")
     near_limits.warn(source.design, solver.constant.modes, log)
-    return system
+    return solver.system
 
 
 def _stable_with_bending(design: Design) -> bool:

@@ -243,7 +243,7 @@ class Noise:
     frequency: Float[np.ndarray, " frequency"]
     arm: float = 0.0
 
-    def change(self, simple: LinearSystem, refined: LinearSystem) -> tuple[float, str]:
+    def change(self, simple: Solver, refined: Solver) -> tuple[float, str]:
         """Compute the largest relative change, see `models.spectrum_error`."""
         found = largest_error(self.frequency, simple, refined, self.amplitude)
         (output,) = found.place

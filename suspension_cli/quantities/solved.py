@@ -263,7 +263,7 @@ class Solved:
         """
         key = old.level, number
         if key not in self._shifts:
-            self._shifts[key] = shifts(old.solver(number).system, self.solver(number).system)[1]
+            self._shifts[key] = shifts(old.solver(number), self.solver(number))[1]
         return self._shifts[key]
 
     def each(

@@ -268,10 +268,10 @@ def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
     unstable = setting["allow_unstable"]
     choice, model = model_choice.choose(run.source, setting["fidelity"], ask)
     allowed = unstable or setting["closed_loop"]
-    model = model_choice.stable_system(run.source, choice, allowed, run.log, model, bends=True)
+    solver = Solver(model)
+    model_choice.stable_system(run.source, choice, allowed, run.log, solver, bends=True)
     wanted = ask(model)
     near_limits.warn_of_tables(run.design, wanted.frequency, run.log)
-    solver = Solver(model)
     closed = None
     if isinstance(wanted, ClosedTransfer):
         poles = find_steady_poles(run.design, solver, choice.model, "response", run.log, unstable)

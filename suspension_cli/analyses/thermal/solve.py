@@ -11,8 +11,9 @@ frequencies than are asked for (`Thermal.fine`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from suspension_cli.conventions import SUPPORT
 from suspension_cli.design.derive import mirror
 from suspension_cli.drawing.added_points import add_from_model
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit
+from suspension_cli.files.declared import ADDED, ATTRIBUTE, NOT_STORED, along, derived, in_unit
 from suspension_cli.files.documents import Layout
 from suspension_cli.grids import decade_points, parse_frequencies
 from suspension_cli.linear.solver import Solver
@@ -38,9 +39,35 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.design.schema import Design
-    from suspension_cli.drawing.added_points import Solve
+    from suspension_cli.drawing.added_points import Curve, Solve
     from suspension_cli.linear.signals import Signal
     from suspension_cli.models.registry import Choice
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Contributions at any frequencies, for points that resolve resonances."""
+
+    solver: Solver
+    motions: Sequence[Signal]
+    source: tuple[str, ...]
+    temperature: float
+    root: float
+
+    def refine(self, frequency: Array, contribution: Array) -> Curve:
+        """Add frequencies (Hz) to those of contributions until resonances are resolved."""
+        return add_from_model(self.build, frequency, contribution, sums=True)
+
+    def build(self) -> tuple[Solve, Array]:
+        """The function of frequency, and frequencies of modes (Hz)."""
+        return self.solve, self.solver.constant.modes.frequency
+
+    def solve(self, at: Array) -> Float[np.ndarray, "frequency output source"]:
+        """Solve at frequencies in Hz."""
+        noises = thermal_noise.solve(self.solver, at, self.motions, self.temperature)
+        parts = [noise.parts for noise in noises]
+        every = [[own.get(name, 0 * at) for name in self.source] for own in parts]
+        return self.root * np.moveaxis(np.array(every), -1, 0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,8 +88,9 @@ class Thermal(Record):
     contribution
         One-sided amplitude spectral density by source, 0 where a source does not contribute.
     fine_frequency, fine
-        Contributions at more frequencies, which resolve resonances, for the picture; None
-        in files of earlier versions.
+        Contributions at more frequencies, which resolve resonances, for the picture. They are
+        computed when the result is first drawn or saved: of a result of `sus.thermal` itself they
+        are None, `complete()` has them. None in files of earlier versions, too.
     mirrors
         Number of equal, independent suspensions whose powers are added.
     without_loss
@@ -93,6 +121,18 @@ class Thermal(Record):
     mirrors: float = field(default=1.0, metadata=ADDED)
     without_loss: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE | ADDED)
     missing_losses: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE | ADDED)
+    curve: _Curve | None = field(default=None, metadata=NOT_STORED)
+
+    def complete(self) -> Self:
+        """Return the record with the curve of its picture (`fine`), computed the first time."""
+        return self._completed
+
+    @cached_property
+    def _completed(self) -> Self:
+        if self.curve is None or self.fine is not None:
+            return self
+        fine_frequency, fine = self.curve.refine(self.frequency, self.contribution)
+        return replace(self, fine_frequency=fine_frequency, fine=fine, curve=None)
 
     @property
     @derived("{unit}/Hz^0.5")
@@ -107,10 +147,11 @@ class Thermal(Record):
 
     @property
     def curves(self) -> tuple[MotionNoise, ...]:
-        """Noise of each motion at the frequencies of the picture."""
-        if self.fine_frequency is None or self.fine is None:
+        """Noise of each motion at the frequencies of the picture, computed the first time."""
+        drawn = self.complete()
+        if drawn.fine_frequency is None or drawn.fine is None:
             return self.motions
-        return self._split(self.fine_frequency, self.fine)
+        return self._split(drawn.fine_frequency, drawn.fine)
 
     def _split(self, frequency: Array, contribution: Array) -> tuple[MotionNoise, ...]:
         return tuple(
@@ -133,10 +174,8 @@ def solve(analysis: Analysis, run: Run) -> Thermal:
     arm = setting["arm"]
     outputs = setting["outputs"] or (f"{mirror(run.design)}.x",)
     choice, model = thermal_noise.choose(run.source, setting["fidelity"], frequency, outputs, arm)
-    model = model_choice.stable_system(
-        run.source, choice, setting["allow_unstable"], run.log, model
-    )
     solver = Solver(model)
+    model_choice.stable_system(run.source, choice, setting["allow_unstable"], run.log, solver)
     motions = thermal_noise.parse_outputs(model, outputs, arm)
     _demand_bodies(motions)
     temperature = run.design.constants.temperature
@@ -145,8 +184,6 @@ def solve(analysis: Analysis, run: Run) -> Thermal:
     root = setting["mirrors"] ** 0.5
     contribution = root * np.stack([noise.contribution for noise in noises], axis=1)
     source = noises[0].source
-    curve = _Curve(solver, motions, source, temperature, root)
-    fine_frequency, fine = add_from_model(curve.build, frequency, contribution, sums=True)
     lacking = _state_losses(run, choice, frequency, outputs)
     near_limits.warn_of_tables(run.design, frequency, run.log)
     lossless = find_lossless(run.design, choice.level)
@@ -157,11 +194,10 @@ def solve(analysis: Analysis, run: Run) -> Thermal:
         tilt=np.array([noise.tilt for noise in noises]),
         source=source,
         contribution=contribution,
-        fine_frequency=fine_frequency,
-        fine=fine,
         mirrors=setting["mirrors"],
         without_loss=tuple(part.part for part in lossless),
         missing_losses=tuple(lacking.losses),
+        curve=_Curve(solver, motions, source, temperature, root),
         run=run.origin(analysis, lacking.choice),
     )
 
@@ -185,28 +221,6 @@ def _demand_loss(noises: Sequence[MotionNoise]) -> None:
                 " or blades a loss_angle, [gas] or [stage.damping]"
             )
             raise InputError.of("--output", problem, remedy, format_value(noise.output))
-
-
-@dataclass(frozen=True)
-class _Curve:
-    """Contributions at any frequencies, for points that resolve resonances."""
-
-    solver: Solver
-    motions: Sequence[Signal]
-    source: tuple[str, ...]
-    temperature: float
-    root: float
-
-    def build(self) -> tuple[Solve, Array]:
-        """The function of frequency, and frequencies of modes (Hz)."""
-        return self.solve, self.solver.constant.modes.frequency
-
-    def solve(self, at: Array) -> Float[np.ndarray, "frequency output source"]:
-        """Solve at frequencies in Hz."""
-        noises = thermal_noise.solve(self.solver, at, self.motions, self.temperature)
-        parts = [noise.parts for noise in noises]
-        every = [[own.get(name, 0 * at) for name in self.source] for own in parts]
-        return self.root * np.moveaxis(np.array(every), -1, 0)
 
 
 def _state_losses(run: Run, choice: Choice, frequency: Array, outputs: Sequence[str]) -> Neglected:

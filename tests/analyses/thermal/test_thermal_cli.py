@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.thermal import picture
+from suspension_cli.analyses.thermal import picture, solve
 from suspension_cli.grids import decade_points
 from suspension_cli.physics import thermal_noise
 from tests.support import plants, scenes
@@ -173,6 +173,22 @@ def test_sums_by_stage_and_by_cause_are_the_whole():
         assert len(parts) == picture.LINES - 1
         whole = np.sqrt(sum(part**2 for part in parts.values()))
         np.testing.assert_allclose(whole, noise.amplitude, rtol=1e-12)
+
+
+def test_the_curve_of_the_picture_is_computed_when_it_is_needed(file, tmp_path, monkeypatch):
+    """Once for picture and file, not for the numbers alone, and never for what was loaded."""
+    calls = []
+    refine = solve.add_from_model
+    monkeypatch.setattr(solve, "add_from_model", lambda *a, **k: calls.append(a) or refine(*a, **k))
+    found = sus.thermal(sus.read(file), frequency="0.1:50:60")
+    assert str(found) and found.document() and found.fine is None and not calls
+    found.save(tmp_path / "noise.h5")
+    found.plot()
+    assert len(calls) == 1
+    loaded = sus.load(tmp_path / "noise.h5")
+    loaded.plot()
+    np.testing.assert_array_equal(loaded.fine, found.complete().fine)
+    assert len(loaded.fine) == len(loaded.fine_frequency) > 200 and len(calls) == 1
 
 
 def test_peaks_reach_their_tips_in_the_picture(file):
