@@ -249,7 +249,9 @@ class PartAtFrequencies:
         if not self.bends:
             names = ("stretching" if PARTS[self.number] == "stretch" else "torsion",)
             halves = [(section, 0) for section in self.sections]
-        cut = self._with_sections(section for section, _ in halves)
+        cut = self
+        if len(halves) > len(self.sections):
+            cut = self._with_sections(section for section, _ in halves)
         losses, drag = cut._material_and_gas(motion)
         result: defaultdict[tuple[str, float], Any] = defaultdict(float)
         for (section, end), lost in zip(halves, losses, strict=True):
