@@ -85,17 +85,9 @@ class Pattern:
     @cached_property
     def updated(self) -> list[list[Positions]]:
         """Elements that eliminating a step changes: for each later step, those from it on."""
-        position = {
-            (n, m): self.start[n] + 1 + k
-            for n, steps in enumerate(self.later)
-            for k, m in enumerate(steps.tolist())
-        }
         return [
-            [
-                as_slice(np.array([self.start[m], *(position[m, other] for other in steps[k:])]))
-                for k, m in enumerate(steps, start=1)
-            ]
-            for steps in (later.tolist() for later in self.later)
+            [as_slice(self._number[m, steps[k:]]) for k, m in enumerate(steps)]
+            for steps in self.later
         ]
 
     @cached_property
@@ -106,12 +98,19 @@ class Pattern:
 
         The numbers of the two are those among the elements of the row beyond the diagonal.
         """
-        every = np.arange(self.start[-1])
         result = []
-        for later, rows in zip(self.later, self.updated, strict=True):
-            changed = np.concatenate([every[:0], *(every[row] for row in rows)])
-            first, second = np.triu_indices(len(later))
-            result.append((changed, first, second))
+        for steps in self.later:
+            first, second = np.triu_indices(len(steps))
+            result.append((self._number[steps[first], steps[second]], first, second))
+        return result
+
+    @cached_property
+    def _number(self) -> Int[np.ndarray, "step step"]:
+        """Number of the element of each step and a later one, or the same; -1 if there is none."""
+        result = np.full((self.size, self.size), -1)
+        for n, steps in enumerate(self.later):
+            result[n, n] = self.start[n]
+            result[n, steps] = self.start[n] + 1 + np.arange(len(steps))
         return result
 
     def factor(

@@ -11,7 +11,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Inexact
+    from jaxtyping import Float, Inexact, Int
 
     Solve = Callable[[Array], Inexact[np.ndarray, "frequency output input"]]
     """From frequencies in Hz to values there."""
@@ -21,8 +21,8 @@ STEP = 0.5
 """Largest change of log H, complex, between neighbours."""
 NARROWEST = 1e-12
 """Relative distance of neighbours at which refinement ends, as at a pole or zero without loss."""
-EIGHTHS = np.arange(1, 8) / 8
-"""Where an interval is divided, on a logarithmic scale: a pass costs more than its points."""
+PIECES = 8
+"""Most parts into which a pass divides an interval, equal on a logarithmic scale."""
 SHORTEST = 8
 """Number of points below which a grid is that of a question, not of a curve."""
 LONGEST = 50_000
@@ -62,18 +62,17 @@ def add_points(
         size = np.abs(flat)
         with np.errstate(all="ignore"):  # real part: of log |H|, imaginary part: of the angle
             change = np.log(flat[1:].astype(complex) / flat[:-1])
-        wanted = np.isfinite(change) & (np.abs(change) > STEP)
+        pieces = np.where(np.isfinite(change), np.ceil(np.abs(change) / STEP), 1)
         if number < UNSEEN:  # a peak midway between two points changes neither
             top = (size[1:-1] >= size[:-2]) & (size[1:-1] >= size[2:]) & (size[1:-1] > 0)
-            wanted[:-1] |= top
-            wanted[1:] |= top
-        wanted &= np.maximum(size[1:], size[:-1]) >= least * size.max(0)
-        gap = np.log(frequency[1:] / frequency[:-1])
-        wide = np.flatnonzero(wanted.any(1) & (gap > NARROWEST))
-        if not len(wide) or len(frequency) > LONGEST:
+            pieces[:-1][top] = PIECES
+            pieces[1:][top] = PIECES
+        pieces[np.maximum(size[1:], size[:-1]) < least * size.max(0)] = 1
+        most = pieces.max(1).clip(max=PIECES).astype(int)
+        most[np.diff(np.log(frequency)) < NARROWEST] = 1
+        if (most == 1).all() or len(frequency) > LONGEST:
             break
-        between = frequency[wide, None] * np.exp(gap[wide, None] * EIGHTHS)
-        frequency, value = _insert(solve, frequency, value, between.ravel())
+        frequency, value = _insert(solve, frequency, value, _divide(frequency, most))
     return frequency, value
 
 
@@ -97,6 +96,21 @@ def add_from_model(
         return add_points(solve, frequency, value, modes, few=few, sums=sums)
     except InputError:
         return frequency, value
+
+
+def _divide(
+    frequency: Float[np.ndarray, " frequency"], pieces: Int[np.ndarray, " interval"]
+) -> Float[np.ndarray, " more"]:
+    """Points that divide each interval into a number of pieces, equal on a logarithmic scale.
+
+    >>> _divide(np.array([1.0, 4.0, 5.0, 40.0]), np.array([2, 1, 3])).round(3)
+    array([ 2.,  10.,  20.])
+    """
+    number = np.repeat(np.arange(len(pieces)), pieces - 1)
+    first = np.cumsum(pieces - 1) - (pieces - 1)
+    within = np.arange(len(number)) - first[number] + 1
+    ratio = frequency[number + 1] / frequency[number]
+    return frequency[number] * ratio ** (within / pieces[number])
 
 
 def _insert(

@@ -214,11 +214,16 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Sketch:
-    """A suspension in one pose, to be drawn in any view; size and thickness of the support in m."""
+    """A suspension in one pose, to be drawn in any view; size and thickness of the support in m.
+
+    `brackets` are the bodies (k,) and the two ends there (k, 2, 3) of the lines to attachments that
+    are outside bodies.
+    """
 
     design: Design
     scene: Scene
     outlines: list[Outline]
+    brackets: tuple[Index, Array]
     pose: Pose
     size: float
     thick: float = 0.0
@@ -239,7 +244,6 @@ class Sketch:
             parts = (
                 _locked(self.design, normal, SMALLEST * self.size),
                 _bodies(self, normal),
-                _brackets(self),
                 _lines(self),
                 _springs(self),
             )
@@ -259,14 +263,17 @@ def sketch_at_rest(design: Design, scene: Scene, thick: float = 0.0) -> Sketch:
         outline(stage.body, float(m), i, SMALLEST * size)
         for stage, m, i in zip(design.stage, bodies.mass, bodies.inertia, strict=True)
     ]
-    return Sketch(design, scene, outlines, nominal_pose(scene), size, thick * size)
+    brackets = _brackets(scene, outlines)
+    return Sketch(design, scene, outlines, brackets, nominal_pose(scene), size, thick * size)
 
 
 def _locked(design: Design, normal: int, least: float) -> Iterator[Stroke]:
     """Sections of locked bodies, with half extents of at least `least`, m."""
+    held = locked_names(design)
+    if not held:
+        return
     whole = as_in_file(design)
     place = com_positions(whole)
-    held = locked_names(design)
     for stage in whole.stage:
         if stage.name in held:
             inertia = np.array(body_inertia(stage.body))
@@ -288,27 +295,31 @@ def _bodies(sketch: Sketch, normal: int) -> Iterator[Stroke]:
             yield Stroke("bore", sketch.locate(n + 1, bore), n)
 
 
-def _brackets(sketch: Sketch) -> Iterator[Stroke]:
-    """Brackets from bodies to attachments outside them; of no length where these are on them."""
-    wires = sketch.scene.wires
-    held = sketch.scene.springs
+def _brackets(scene: Scene, outlines: list[Outline]) -> tuple[Index, Array]:
+    """Compute `Sketch.brackets`, of no length where attachments are on their bodies."""
+    wires = scene.wires
+    held = scene.springs
     free = wires.blade < 0
     body = np.concatenate([wires.lower, wires.upper[free], held.lower])
     point = np.concatenate([wires.lower_point, wires.upper_point[free], held.lower_point])
-    for n, end in zip(body.tolist(), point, strict=True):
-        if n > 0:
-            root = sketch.outlines[n - 1].nearest(end)
-            yield Stroke("bracket", sketch.locate(n, np.stack([root, end])), n - 1)
+    point = point[body > 0]
+    body = body[body > 0]
+    roots = [outlines[n - 1].nearest(end) for n, end in zip(body.tolist(), point, strict=True)]
+    return body, np.stack([np.reshape(roots, (-1, 3)), point], axis=1)
 
 
 def _lines(sketch: Sketch) -> Iterator[Stroke]:
-    """Wires, blades, legs, and the light of cavities."""
+    """Brackets, wires, blades, legs, and the light of cavities."""
+    body, ends = sketch.brackets
+    lines = sketch.locate(body[:, None], ends)
+    for n, line in zip(body.tolist(), lines, strict=True):
+        yield Stroke("bracket", line, n - 1)
     yield from (Stroke("wire", line) for line in sketch.wire_ends())
     yield from (Stroke("blade", line) for line in blade_lines(sketch))
     legs = _ends(sketch.scene, sketch.pose, sketch.scene.struts)
     yield from (Stroke("leg", line) for line in legs)
-    number = Places.of(sketch.design).number
     for cavity in sketch.design.cavity:
+        number = Places.of(sketch.design).number
         mirrors = [number[name] for name in cavity.between]
         yield Stroke("light", sketch.locate(mirrors, np.zeros((2, 3))))
 
@@ -385,13 +396,14 @@ def _link_curves(sketch: Sketch) -> Iterator[tuple[str, Array]]:
 
     In another pose the ends follow their bodies, and the line between is interpolated.
     """
+    links = [link for link in sketch.design.link if link.strands is not None]
+    if not links:
+        return
     places = Places.of(sketch.design)
     number = places.number
     position = sketch.scene.bodies.position
     origin = places.position
-    for link in sketch.design.link:
-        if link.strands is None:
-            continue
+    for link in links:
         first, second = (number[name] for name in link.between)
         curve = spring_rows.link_curve(link, origin[first], origin[second])
         line = np.vstack([np.zeros(3), np.real(curve.point), np.real(curve.end)])

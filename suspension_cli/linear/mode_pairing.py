@@ -13,12 +13,11 @@ shape they had before. Pitch is then pitch again beyond a near crossing, and lin
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    import h5py
     from jaxtyping import Bool, Float, Inexact, Int
 
     from suspension_cli.linear.eigenmodes import Modes
@@ -65,12 +64,13 @@ def pair_by_shape(
 
 
 def pair_batch(
-    nominal: Float[np.ndarray, "mode coordinate"],
+    nominal: Float[np.ndarray, "*#build mode coordinate"],
     shapes: Float[np.ndarray, "build mode coordinate"],
 ) -> Int[np.ndarray, "build mode"]:
     """Find the mode of every build that each mode of a nominal design has become, by overlap.
 
-    -1 for builds without modes, whose shapes are NaN.
+    Shapes known of each build may take the place of the nominal ones. -1 for builds without modes,
+    whose shapes are NaN.
     """
     overlap = (nominal @ np.swapaxes(shapes, -1, -2)) ** 2
     known = np.asarray(np.isfinite(overlap).all((-2, -1)))
@@ -99,7 +99,7 @@ def body_overlap(
 
 def follow(
     omega_squared: Float[np.ndarray, "*grid mode"],
-    shapes: Float[np.ndarray, "*grid mode coordinate"] | h5py.Dataset,
+    shapes: Float[np.ndarray, "*grid mode coordinate"],
     good: Bool[np.ndarray, "*grid"],
     start: tuple[int, ...],
     nominal: Float[np.ndarray, "mode coordinate"],
@@ -111,38 +111,74 @@ def follow(
     the rank (int16) of each mode among the point's modes, -1 where there are none, and its overlap
     (0 to 1; NaN) with the shape that it was followed from.
     """
-    rank = np.full((*good.shape, len(nominal)), -1, dtype=np.int16)
-    overlap = np.full((*good.shape, len(nominal)), np.nan)
-    left = np.ones(good.shape, dtype=bool)
-    left[start] = False
-    queue = deque([(start, np.asarray(nominal, dtype=float))])
-    beyond_gaps = deque[Any]()
-    while queue or beyond_gaps:
-        here, known = (queue or beyond_gaps).popleft()
-        if good[here]:
-            mine = np.asarray(shapes[here], dtype=float)
-            rank[here], overlap[here] = pair_by_shape(known, mine)
-            sure = ~_close(omega_squared[here], mine)[rank[here]]
-            known = np.where(sure[:, None], mine[rank[here]], known)
-        for there in _neighbours(here, left):
-            left[there] = False
-            (queue if good[there] else beyond_gaps).append((there, known))
-    return rank, overlap
+    squared = omega_squared.reshape(good.size, -1)
+    forms = shapes.reshape(good.size, *shapes.shape[-2:])
+    known_good = good.ravel()
+    rank = np.full((good.size, len(nominal)), -1, dtype=np.int16)
+    overlap = np.full((good.size, len(nominal)), np.nan)
+    left = np.ones(good.size, dtype=bool)
+    layer = np.array([np.ravel_multi_index(start, good.shape)])
+    left[layer] = False
+    known = np.asarray(nominal, dtype=float)[None]
+    beyond_gaps = deque[tuple[int, np.ndarray]]()
+    while len(layer):
+        if known_good[layer[0]]:  # all are, except of the start and of a point beyond gaps
+            rank[layer], overlap[layer], known = _pair(known, squared[layer], forms[layer])
+        there, parent = _neighbours(layer, left.reshape(good.shape))
+        left[there] = False
+        further = known_good[there]
+        gap = zip(there[~further].tolist(), parent[~further].tolist(), strict=True)
+        beyond_gaps.extend((point, known[origin]) for point, origin in gap)
+        layer = there[further]
+        known = known[parent[further]] if len(layer) else known
+        if not len(layer) and beyond_gaps:
+            point, shape = beyond_gaps.popleft()
+            layer = np.array([point])
+            known = shape[None]
+    return rank.reshape(*good.shape, -1), overlap.reshape(*good.shape, -1)
+
+
+def _pair(
+    known: Float[np.ndarray, "point mode coordinate"],
+    squared: Float[np.ndarray, "point mode"],
+    forms: Float[np.ndarray, "point mode coordinate"],
+) -> tuple[
+    Int[np.ndarray, "point mode"],
+    Float[np.ndarray, "point mode"],
+    Float[np.ndarray, "point mode coordinate"],
+]:
+    """Pair modes of points with the shapes known there; ranks, overlaps, shapes known beyond."""
+    rank = pair_batch(known, forms)
+    chosen = np.take_along_axis(forms, rank[..., None], 1)
+    overlap = (known * chosen).sum(-1) ** 2
+    sure = ~np.take_along_axis(_close(squared, forms), rank, 1)
+    return rank, overlap, np.where(sure[..., None], chosen, known)
 
 
 def _close(
-    squared: Float[np.ndarray, " mode"], shape: Float[np.ndarray, "mode coordinate"]
-) -> Bool[np.ndarray, " mode"]:
+    squared: Float[np.ndarray, "point mode"], forms: Float[np.ndarray, "point mode coordinate"]
+) -> Bool[np.ndarray, "point mode"]:
     """Whether each mode of a point is close to another with which it can mix."""
     size = np.abs(squared)
-    near = np.abs(squared[:, None] - squared) < CLOSE * np.maximum(size[:, None], size)
-    mixing = np.abs(shape) @ np.abs(shape).T > 0
-    return np.any(near & mixing & ~np.eye(len(squared), dtype=bool), axis=1)
+    larger = np.maximum(size[:, :, None], size[:, None])
+    near = np.abs(squared[:, :, None] - squared[:, None]) < CLOSE * larger
+    mixing = np.abs(forms) @ np.abs(forms).swapaxes(1, 2) > 0
+    return np.any(near & mixing & ~np.eye(squared.shape[1], dtype=bool), axis=2)
 
 
-def _neighbours(here: tuple[int, ...], left: Bool[np.ndarray, "*grid"]) -> list[tuple[int, ...]]:
-    """List the neighbours of a point that are still to be visited."""
+def _neighbours(
+    layer: Int[np.ndarray, " point"], left: Bool[np.ndarray, "*grid"]
+) -> tuple[Int[np.ndarray, " neighbour"], Int[np.ndarray, " neighbour"]]:
+    """Number the neighbours of points that are still to be visited.
+
+    With the place in `layer` of the first point that each is a neighbour of.
+    """
     steps = np.concatenate([np.eye(left.ndim, dtype=int), -np.eye(left.ndim, dtype=int)])
-    there = np.array(here) + steps
-    inside = ((there >= 0) & (there < left.shape)).all(1)
-    return [point for point in map(tuple, there[inside].tolist()) if left[point]]
+    there = np.stack(np.unravel_index(layer, left.shape), axis=-1)[:, None] + steps
+    inside = ((there >= 0) & (there < left.shape)).all(-1)
+    parent = np.nonzero(inside)[0]
+    point = np.asarray(np.ravel_multi_index(tuple(there[inside].T), left.shape))
+    waiting = np.flatnonzero(left.ravel()[point])
+    _, first = np.unique(point[waiting], return_index=True)
+    first = waiting[np.sort(first)]  # in the order in which one after the other would be visited
+    return point[first], parent[first]

@@ -42,6 +42,7 @@ from suspension_cli.elimination import (
     ROUNDING,
     Elements,
     Equations,
+    as_slice,
     multiply_real,
 )
 from suspension_cli.linear.batch_modes import solve_block
@@ -59,6 +60,10 @@ Loss = Literal["all", "dampers", "none"]
 """Losses that act; loss angles, which are phase lags, act on oscillations alone."""
 ROUNDED = 1e-14
 """Fraction of the largest element of forms below which an element is a rounding error."""
+FREQUENCIES = 2048
+"""Frequencies at which terms are evaluated at once."""
+UNKNOWNS = 1 << 16
+"""Unknowns (coordinates and tensions, times inputs, times frequencies) solved at once."""
 FAR = 0.5
 """Fraction of the lowest mode below which coordinates are relative: at it they gain nothing yet."""
 
@@ -378,11 +383,21 @@ class EvaluatedBlock:
         result = np.empty((len(outputs), moves.shape[1], len(self.omega)), dtype=complex)
         below = self.omega < FAR * self.block.lowest
         for equations, where in (("relative", below), ("absolute", ~below)):
-            if where.any():
+            for some in self._chunks(np.flatnonzero(where), moves.shape[1]):
                 chosen: Equations = getattr(self.block, equations)
-                functions = self.functions if where.all() else self.functions[:, where]
-                result[..., where] = _solve(chosen, functions, outputs, moves, forces, offset)
+                functions = self.functions[:, some]
+                result[..., some] = _solve(chosen, functions, outputs, moves, forces, offset)
         return result
+
+    def _chunks(
+        self, systems: Int[np.ndarray, " system"], inputs: int
+    ) -> Iterator[slice | Int[np.ndarray, " _"]]:
+        """Divide systems into chunks that stay in the cache; those of many builds are one."""
+        step = max(UNKNOWNS // (len(self.block.owner) * max(inputs, 1)), 64)
+        if self.block.pencil.many:
+            step = max(len(systems), 1)
+        for start in range(0, len(systems), step):
+            yield as_slice(systems[start : start + step])
 
 
 def _solve(

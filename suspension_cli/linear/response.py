@@ -25,7 +25,7 @@ from suspension_cli.elimination import as_slice
 from suspension_cli.errors import InputError
 from suspension_cli.files.declared import NOT_STORED, along, in_unit
 from suspension_cli.linear import signals
-from suspension_cli.linear.pencil import Block, Pencil
+from suspension_cli.linear.pencil import FREQUENCIES, Block, Pencil
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.structure import Structure
@@ -33,9 +33,6 @@ from suspension_cli.linear.system import LinearSystem
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float, Inexact, Int
-
-CHUNK = 1 << 16
-"""Unknowns (coordinates and tensions, times inputs, times frequencies) solved at once."""
 
 
 @dataclass(frozen=True)
@@ -139,10 +136,8 @@ def transfer(
     forces = np.where(acts, drives.T, 0.0)
     chosen = _choose(solver.blocks, moves, forces, rows)
     result = np.empty((len(omega), len(rows), len(drives)), dtype=complex)
-    largest = max((len(block.owner) for block in chosen), default=1)
-    step = max(CHUNK // (largest * max(len(drives), 1)), 64)
-    for start in range(0, len(omega), step):
-        span = slice(start, start + step)
+    for start in range(0, len(omega), FREQUENCIES):
+        span = slice(start, start + FREQUENCIES)
         value = _respond(
             solver.pencil, chosen, omega[span], rows[..., None], moves[..., None], forces[..., None]
         )

@@ -24,6 +24,7 @@ from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import in_unit
 from suspension_cli.files.documents import Layout
 from suspension_cli.linear import signals
+from suspension_cli.linear.pencil import FREQUENCIES
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
 
 EARTH = 6.371e6
 """Mean radius of the Earth, m (Moritz, J. Geodesy 74, 128 (2000))."""
-CHUNK = 1 << 19
-"""Elements of matrices evaluated at once, of the largest block."""
 ROUNDING = 1e-9
 """Fraction of the sum below which a negative density is a rounding error."""
 
@@ -151,10 +150,8 @@ def compute_densities(
     omega = 2 * np.pi * frequency
     found: list[dict[str, Array]] = [{} for _ in (rows if weights is None else weights[0])]
     blocks = [block for block in solver.blocks if rows[:, block.keep].any()]
-    largest = max((len(block.owner) for block in blocks), default=1)
-    step = max(CHUNK // largest**2, 64)
-    for start in range(0, len(omega), step):
-        now = slice(start, start + step)
+    for start in range(0, len(omega), FREQUENCIES):
+        now = slice(start, start + FREQUENCIES)
         there = solver.pencil.at(omega[now])
         for block in blocks:
             here = block.at(there)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import signal
 
 import suspension_cli as sus
 from suspension_cli.analyses.response.picture import draw as draw_response
@@ -63,6 +64,15 @@ def test_peaks_are_found():
     f = np.geomspace(0.01, 100, 2000)
     size = 1 / np.abs(1 - f**2 + 1e-4j * f)
     assert f[curves.find_peaks(size)] == pytest.approx([1.0], rel=5e-3)
+
+
+def test_peaks_are_those_of_scipy():
+    rng = np.random.default_rng(0)
+    for digits in (0, 1, 8):
+        size = np.exp(2 * rng.normal(size=300)).round(digits) + 1e-3
+        expected, found = signal.find_peaks(np.log(size), prominence=np.log(2))
+        order = np.argsort(found["prominences"], kind="stable")
+        assert curves.find_peaks(size).tolist() == expected[order].tolist()
 
 
 def test_added_points_reach_a_tip_and_keep_the_grid():
