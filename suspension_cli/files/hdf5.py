@@ -11,6 +11,7 @@ import contextlib
 import json
 import math
 import os
+import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -279,11 +280,21 @@ def comment_design(text: str) -> list[str]:
     return [MARK + whole[n : n + WIDTH] for n in range(0, len(whole), WIDTH)]
 
 
+def reads_alike(one: str, other: str) -> bool:
+    """Whether two texts of designs differ at most in comments, order and layout."""
+    if one == other:
+        return True
+    try:
+        return tomllib.loads(one) == tomllib.loads(other)
+    except tomllib.TOMLDecodeError:  # of a damaged file
+        return False
+
+
 @contextlib.contextmanager
 def replacing(path: Path, text: str, say: Callable[[str], None]) -> Iterator[None]:
     """Report that the result of a design (`text`) was written, and if it replaced another's."""
     before = read_design(path)
     yield
-    replaced = before is not None and before != text
+    replaced = before is not None and not reads_alike(before, text)
     note = " (replaced the result of another design of this name; to keep both, give --name)"
     say(f"wrote {path}{note if replaced else ''}")

@@ -28,7 +28,6 @@ from suspension_cli.analyses.report.sections import (
     parse_sections,
     requirements,
 )
-from suspension_cli.design import reader
 from suspension_cli.drawing.panels import page_width
 from suspension_cli.errors import InputError
 from suspension_cli.files.documents import Layout
@@ -37,7 +36,6 @@ from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Analysis, Run
-    from suspension_cli.design.reader import Source
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ def solve(analysis: Analysis, run: Run) -> Report:
             sections.append((name, report.title, contents))
             listed.append(Section(name, report.title, missing))
         bar(len(wanted), len(wanted), 0.0)
-    text = _as_written(run.source)
+    text = run.source.text
     made = page.environment().get_template("page.html").render(
         about=run.design.design, file=report.file, overrides=run.source.overrides,
         version=__version__, requirements=judged, sections=sections, parts=report.parts,
@@ -163,18 +161,3 @@ def _check_signals(run: Run) -> None:
             signals.parse_input(name, known)
         for name in outputs:
             signals.parse_output(name, known)
-
-
-def _as_written(source: Source) -> str:
-    """Return the text of a design with the comments of its file, unless that says something else.
-
-    It does if values were overridden, or tables of numbers were read from other files.
-    """
-    if Path(source.file).is_file():
-        try:
-            text = reader.read_text(source.file)
-            if reader.write_toml(reader.read_toml(source.file, text)) == source.text:
-                return text
-        except InputError:
-            pass
-    return source.text
