@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
 
 
-ROUNDING = 0.1
-"""Part of its uncertainty by which a residual may change when parameters are rounded."""
-
-
 class FitAnalysis(Analysis):
     """Fit numbers of designs to measured modes, quantities and transfer functions.
 
@@ -166,7 +162,6 @@ class FitAnalysis(Analysis):
                 run.inputs.get("functions", ()),
                 level=choices[0].level,
                 **{name: run.setting[name] for name in ("starts", "seed", "explain")},
-                rounding=ROUNDING,
                 tell=bar,
             )
         for source, one in zip(sources, choices, strict=True):
