@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from suspension_cli.design.reader import Source
-from suspension_cli.files.hdf5 import read_command, read_design
+from suspension_cli.files.hdf5 import read_command, read_design, reads_alike
 
 
 @contextlib.contextmanager
@@ -23,6 +23,6 @@ def replacing(path: Path, design: Source, say: Callable[[str], None]) -> Iterato
     same_changes = changes == {*design.overrides, *design.ties}
     edited = bool(design.file) and design.file in words and same_changes
     yield
-    replaced = before is not None and before != design.text and not edited
+    replaced = before is not None and not edited and not reads_alike(before, design.text)
     note = " (replaced the result of another design of this name; to keep both, give --name)"
     say(f"wrote {path}{note if replaced else ''}")

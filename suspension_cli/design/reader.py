@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from suspension_cli.design import DETECTORS, checks, faults, foton_file, paths, ties
 from suspension_cli.design.locked_stages import spell_out, title_of, undo
 from suspension_cli.design.schema import Design, Stage
+from suspension_cli.design.toml_edits import rewritten, same
 from suspension_cli.design.typed_tables import Raw, Table
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
 from suspension_cli.files import columns, whole_files
@@ -60,7 +61,7 @@ class Source:
     """A design and its source."""
 
     design: Design
-    text: str  # the whole design as TOML with overrides, as results embed it
+    text: str  # the whole design as TOML with overrides and comments, as results embed it
     file: str  # the path as the user gave it
     given_stem: str | None = None  # start of the names of written files, if the user gave one
     overrides: tuple[str, ...] = ()  # that these names tell, as are ties
@@ -103,13 +104,14 @@ def read(
     Raises `InputError` with every fault of the file.
     """
     try:
-        raw = _parse(_text(Path(file)))
+        text = _text(Path(file))
+        raw = _parse(text)
         if more_ties:
             raw["tie"] = [*raw.get("tie", []), *map(ties.parse, more_ties)]
         apply_overrides(raw, overrides)
         _check_kind(raw, "design")
         insert_files(raw, Path(file).parent)
-        return Source(convert(raw), write_toml(raw), str(file))
+        return Source(convert(raw), write_toml(raw, text), str(file))
     except InputError as error:
         raise error.in_file(str(file)) from None
 
@@ -340,11 +342,16 @@ FILES = {
 """Tables whose numbers may stand in a file, by key path."""
 
 
-def write_toml(raw: Raw) -> str:
-    """Write a parsed document as TOML text; raises `InputError` if it is nested too deeply."""
-    import tomli_w
+def write_toml(raw: Raw, text: str = "") -> str:
+    """Write a parsed document as TOML; raises `InputError` if it is nested too deeply.
 
+    `text` is TOML of which the document is a changed copy: its comments, order and layout stay.
+    """
     try:
+        if text:
+            return text if same(_loads(text), raw) else rewritten(text, raw)
+        import tomli_w
+
         return tomli_w.dumps(raw)
     except RecursionError:
         raise InputError([_TOO_DEEP]) from None
@@ -483,7 +490,7 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
         paths.assign(raw, path.split("."), new, path)
     raw = ties.apply(raw)
     insert_files(raw, Path(source.file).parent, of_links=False)
-    return Source(convert(raw), write_toml(raw), source.file)
+    return Source(convert(raw), write_toml(raw, source.text), source.file)
 
 
 def _as_toml(value: paths.Value) -> paths.Value:
@@ -499,9 +506,11 @@ def _as_toml(value: paths.Value) -> paths.Value:
         return [_as_toml(item) for item in value]
     if isinstance(value, Path):
         return str(value)
+    if isinstance(value, Decimal):
+        return float(value)
     if isinstance(value, str) and not _is_text(value):
         raise TypeError("bytes that are not text")
-    if not isinstance(value, (str, int, float, Decimal, date, time)):
+    if not isinstance(value, (str, int, float, date, time)):
         raise TypeError(f"{type(value).__name__} ({format_value(value)})")
     return value
 

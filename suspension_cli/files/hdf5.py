@@ -12,6 +12,7 @@ import json
 import math
 import os
 import shlex
+import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -287,3 +288,13 @@ def comment_design(text: str) -> list[str]:
     """
     whole = json.dumps(text)
     return [MARK + whole[n : n + WIDTH] for n in range(0, len(whole), WIDTH)]
+
+
+def reads_alike(one: str, other: str) -> bool:
+    """Whether two texts of designs differ at most in comments, order and layout."""
+    if one == other:
+        return True
+    try:
+        return tomllib.loads(one) == tomllib.loads(other)
+    except tomllib.TOMLDecodeError:  # of a damaged file
+        return False

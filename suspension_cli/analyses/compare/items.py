@@ -144,7 +144,7 @@ def _variant(ask: Callable[..., Run], base: Source, text: str) -> Item:
     raw = reader.read_toml(base.file, base.text)
     with attribute_faults_to(base.file):
         reader.apply_overrides(raw, tuple(changes))
-        whole = reader.write_toml(raw)
+        whole = reader.write_toml(raw, base.text)
         run = ask(reader.Source(reader.parse(whole), whole, base.file))
     return Item(name, run.source, run)
 

@@ -18,7 +18,7 @@ from suspension_cli.analyses.fit.problem import TYPICAL, Problem, stack_parts
 from suspension_cli.analyses.fit.result import SAME, Candidate, Fitted, ResponseFit
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.paths import unit_of
-from suspension_cli.errors import escape_unprintable
+from suspension_cli.design.toml_edits import headed
 from suspension_cli.files import documents
 from suspension_cli.linear import signals
 from suspension_cli.measurements.transfer_function import TABLES
@@ -324,7 +324,14 @@ def report(found: Fitted) -> str:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
         rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
         end += f"\n{same} of {len(found.ends)} searches ended there{rest}"
-    return "\n\n".join("\n".join(lines) for lines in [*parts, [end]] if lines)
+    parts.append([end, *rounding(found)])
+    return "\n\n".join("\n".join(lines) for lines in parts if lines)
+
+
+def rounding(found: Fitted) -> list[str]:
+    """Say that the parameters are rounded, if they are."""
+    effect = f"changes no residual by more than {found.rounding:g} of its uncertainty"
+    return [f"parameters are rounded, which {effect}"] if found.rounding else []
 
 
 def format_uncertainty(found: Fitted, n: int) -> str:
@@ -486,12 +493,12 @@ def fitted_design(found: Fitted, number: int, file: str, measured: str, command:
     if found.responses is not None:
         head += [one.text for one in found.responses.corrections]
     head += [f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
+    head += rounding(found)
     for n in np.flatnonzero(found.shared[:, number]).tolist():
         sigma = format_uncertainty(found, n)
-        value = f"{float(found.value[n])!r}{', ' if sigma.startswith('not') else ' '}{sigma}"
+        value = f"{float(found.value[n]):.12g}{', ' if sigma.startswith('not') else ' '}{sigma}"
         head.append(f"  {found.name[n]} = {value}, from {found.start[n]:.6g}")
-    lines = "".join(f"# {escape_unprintable(line)}\n" for line in head)
-    return f"{lines}\n{found.toml[number]}"
+    return headed(head, found.toml[number])
 
 
 def document(found: Fitted, files: Sequence[str | None]) -> Document:

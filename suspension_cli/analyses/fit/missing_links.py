@@ -92,7 +92,7 @@ def _with_links(
         ]
     start_of = dict(zip(one.free, problem.base, strict=True))
     base = np.array([start_of.get(item.name, 0.0) for item in free])
-    text = reader.write_toml(raw)
+    text = reader.write_toml(raw, one.text)
     inside = replace(one, text=text, free=tuple(item.name for item in free), start=base, rates=None)
     shared = np.ones((len(free), 1), dtype=bool)
     return found.carry(replace(problem, experiment=[inside], free=free, shared=shared, base=base))

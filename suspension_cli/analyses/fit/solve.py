@@ -51,6 +51,8 @@ BEYOND = 1.5
 """Factor by which the band of modes with added damping exceeds the measured one."""
 NEARLY: dict[str, Any] = {"tolerance": 1e-7, "held": True}
 """End of the search before the last one, whose derivatives are exact."""
+MOST_FINER = 6
+"""Most digits beyond those that the uncertainty of a single parameter asks for."""
 EXCHANGES = 3
 """Most exchanges of labels that are fitted."""
 WORTH_REPORTING = 0.1
@@ -67,6 +69,7 @@ def solve(
     starts: int = 1,
     seed: int = 1,
     explain: bool = True,
+    rounding: float = 0.0,
     tell: Progress | None = None,
 ) -> Fitted:
     """Fit parameters of designs to measured modes and quantities, of one to transfer functions.
@@ -74,7 +77,8 @@ def solve(
     `texts` are the designs (TOML) and `files` their files, for errors; `level` is a model that
     supports derivatives. Of `starts` searches, all but the first from random parameters, the best
     is returned; `tell` is called with (done, all, rate per second) after each. If `explain`, single
-    changes and further measurements are ranked, for transfer functions. Raises `InputError`, which
+    changes and further measurements are ranked, for transfer functions. Parameters are rounded so
+    that no residual changes by more than `rounding`, in uncertainties. Raises `InputError`, which
     names no file if the measurements are at fault.
     """
     if functions and not measured.parameter:
@@ -95,7 +99,10 @@ def solve(
         found = found.descend(found.z)
     slope = found.problem.jacobian(found.z)
     others = np.sort([end.chi_squared for end in ends])[1:]
-    result = _collect(found, slope, measured, np.append(found.chi_squared, others))
+    reached = np.append(found.chi_squared, others)
+    found = _rounded(found, slope, rounding)
+    result = _collect(found, slope, measured, reached)
+    result = replace(result, rounding=rounding)
     if not functions:
         return replace(result, exchange=_find_exchange(found)) if result.misfit else result
     responses = _responses(found, slope)
@@ -185,6 +192,31 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
         yield np.clip(np.select(kinds, [drawn, geometric, even], problem.base), low, high)
 
 
+def _rounded(found: Solution, slope: Array, change: float) -> Solution:
+    """Round the parameters that have an uncertainty, each to a decimal place of its own.
+
+    The places are the highest ones so that no residual changes by more than `change`: that of an
+    uncertainty, or lower ones by as much for all.
+    """
+    if not change:
+        return found
+    problem = found.problem
+    value = found.z[: problem.count]
+    lower, upper = (bound[: problem.count] for bound in problem.unknowns[2:4])
+    sigma = np.sqrt(np.diag(problem.covariance(found.z, slope))[: problem.count])
+    known = np.isfinite(sigma) & (sigma > 0)
+    step = 2 * change * np.where(known, sigma, 1.0)  # rounding is off by half a step at most
+    place = np.floor(np.log10(step)).astype(int)
+    for finer in range(MOST_FINER + 1):
+        z = found.z.copy()
+        for n in np.flatnonzero(known).tolist():
+            z[n] = min(max(round(float(value[n]), finer - int(place[n])), lower[n]), upper[n])
+        moved = slope @ (z - found.z)
+        if np.abs(moved).max(initial=0.0) <= change:
+            return replace(found, z=z, chi_squared=problem.chi_squared(z))
+    return found
+
+
 def _find_exchange(found: Solution) -> Exchange | None:
     """Find two labels of one experiment whose exchange removes a misfit; None if none does.
 
@@ -267,7 +299,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         freedom=freedom,
         singular=singular,
         direction=direction,
-        toml=tuple(reader.write_toml(build.document) for build in builds),
+        toml=tuple(reader.write_toml(build.document, build.text) for build in builds),
         design_before=(),
         ends=ends,
     )

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 TABLES = ("requirement", "objective", "goal", "free", "equal")
 """Of a file of goals."""
+ROUNDING = 0.1
+"""Part of the tolerance by which the rounding of numbers may change a quantity."""
 BOUNDS = ("lower", "", "upper")
 NEAREST = 3
 """Printed limits of a goal that is met: those with the least margin."""
@@ -112,7 +114,7 @@ class OptimiseAnalysis(Analysis):
         setting = run.setting
         file = run.inputs["file"]
         how = {name: setting[name] for name in ("starts", "seed", "tolerance")}
-        how |= {"level": setting["fidelity"]}
+        how |= {"level": setting["fidelity"], "rounding": ROUNDING}
         with run.log.progress() as bar:
             try:
                 found = optimise.solve(run.source, run.inputs["goals"], report=bar, **how)
@@ -157,7 +159,7 @@ class OptimiseAnalysis(Analysis):
 
     def others(self, result: Optimum, path: Path) -> list[Path]:
         """Write the optimised design as NAME-optimised.toml, with its origin and the text."""
-        from suspension_cli.errors import escape_unprintable
+        from suspension_cli.design.toml_edits import headed
         from suspension_cli.files.whole_files import write_bytes
         from suspension_cli.version import __version__
 
@@ -166,8 +168,7 @@ class OptimiseAnalysis(Analysis):
         goals = Path(result.goals_file).name or "goals"
         head = f"{Path(start.file).name}, optimised for {goals} by pendsus {__version__}:"
         lines = [head, f"  {result.run.command}", *str(result).splitlines()]
-        comments = "".join(f"# {escape_unprintable(line)}".rstrip() + "\n" for line in lines)
-        write_bytes(made, f"{comments}\n{result.toml}".encode())
+        write_bytes(made, headed(lines, result.toml).encode())
         return [made]
 
     def exit_code(self, result: Optimum) -> int:
@@ -232,6 +233,11 @@ def _verdict(found: Optimum) -> Iterator[str]:
         said.append(f"{len(found.unknown)} NOT KNOWN")
     yield ", ".join([*said, found.checked])
     yield from found.remarks
+    if found.digits:
+        yield (
+            f"numbers are rounded to {found.digits} digits, which changes no quantity of the goals"
+            f" by more than {100 * found.rounding:.2g} %"
+        )
     held = [name for name, by in zip(limits.name, limits.multiplier, strict=True) if by]
     rows = zip(numbers.name, numbers.bound, numbers.multiplier, strict=True)
     held += [f"the {BOUNDS[at + 1]} bound of {name}" for name, at, by in rows if at and by > 0]

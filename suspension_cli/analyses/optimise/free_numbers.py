@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -25,12 +26,16 @@ class FreeDesign:
     """A design whose free numbers are fractions u in [0, 1] of the ranges between their bounds.
 
     Other numbers depend on these linearly. `known` are all numbers of the starting design by dotted
-    path, SI. Arrays list the free ones, then the dependent ones.
+    path, SI. Arrays list the free ones, then the dependent ones. `digits` are the significant ones
+    to which free numbers are rounded, within their bounds: to the nearest value, or up or down
+    where `side` is 1 or -1. All digits are kept if it is 0.
     """
 
     text: str
     goals: Goals
     known: dict[str, float]
+    digits: int = 0
+    side: tuple[int, ...] = ()
 
     @staticmethod
     def of(text: str, goals: Goals) -> FreeDesign:
@@ -87,6 +92,9 @@ class FreeDesign:
                 between = item.lower * (item.upper / item.lower) ** u
             else:
                 between = item.lower + u * (item.upper - item.lower)
+            if self.digits:
+                rounded = _round(between, self.digits, self.side[n] if self.side else 0)
+                between = min(max(rounded, item.lower), item.upper)
             begin = float(self.begin[n])
             exact = {0.0: item.lower, 1.0: item.upper, begin: float(self.start[n])}
             free[item.name] = exact.get(u, between)
@@ -113,7 +121,7 @@ class FreeDesign:
         """Design as TOML."""
         raw = tomllib.loads(self.text)
         reader.apply_overrides(raw, paths.symmetric_settings(self.values(fraction)))
-        return reader.write_toml(raw)
+        return reader.write_toml(raw, self.text)
 
     @cached_property
     def _varied(self) -> reader.VariedDesign:
@@ -130,6 +138,12 @@ class FreeDesign:
             return self.design(fraction)
         except InputError:
             return None
+
+
+def _round(value: float, digits: int, side: int) -> float:
+    """Round to significant digits: to the nearest number, or up (`side` 1) or down (-1)."""
+    mode = {0: ROUND_HALF_EVEN, 1: ROUND_CEILING, -1: ROUND_FLOOR}[side]
+    return float(Context(prec=digits, rounding=mode).create_decimal(value))
 
 
 def _faults(

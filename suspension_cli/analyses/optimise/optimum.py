@@ -214,6 +214,10 @@ class Found:
         Model of search and check, why, and its estimated relative error.
     toml
         The optimised design.
+    digits
+        Significant digits to which its free numbers are rounded; 0 if they are not.
+    rounding
+        By how much the rounding may change a quantity, relative.
     goals
         Text of the file of goals.
     remarks
@@ -222,7 +226,7 @@ class Found:
 
     in_json: ClassVar = Layout(
         names={"numbers": "parameters", "fidelity": "checked_on", "met": "goals_met"},
-        without="reason error toml goals goals_file",
+        without="reason error toml rounding goals goals_file",
     )
     numbers: Numbers
     quantities: Quantities
@@ -236,6 +240,8 @@ class Found:
     reason: str
     error: float
     toml: str = field(metadata=in_unit("", name="design"))
+    digits: int = 0
+    rounding: float = 0.0
     goals: str = ""
     remarks: tuple[str, ...] = field(default=(), metadata=ATTRIBUTE)
 

@@ -159,6 +159,11 @@ class Search:
         gradient = self._weight @ slope if self._weight.any() else away
         return self._sign[:, None] * slope[self._place], gradient
 
+    def inward(self, point: Point) -> Float[np.ndarray, " number"]:
+        """Direction in which active limits, together, gain room."""
+        active = (np.abs(point.margin) <= ACTIVE) & ~self._equal
+        return self._gradients(point)[0][active].sum(0)
+
     def run(self, point: Point) -> Point:
         """Search from a point for one that violates no limit, and for the best of these."""
         if point.worst > FEASIBLE:

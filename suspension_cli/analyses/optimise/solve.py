@@ -22,6 +22,7 @@ import numpy as np
 
 from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.optimise.evaluator import Evaluator, Report
+from suspension_cli.analyses.optimise.found_digits import round_numbers
 from suspension_cli.analyses.optimise.free_numbers import FreeDesign
 from suspension_cli.analyses.optimise.optimum import (
     EQUAL,
@@ -46,7 +47,7 @@ from suspension_cli.physics import model_choice
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Float, Int
+    from jaxtyping import Bool, Float, Int
 
 SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
@@ -68,13 +69,16 @@ def solve(
     starts: int = 1,
     seed: int = 1,
     tolerance: float = TOLERANCE,
+    rounding: float = 0.0,
     report: Progress | None = None,
 ) -> Found:
     """Optimise the free numbers of a design to meet goals.
 
     `level` is the model of all quantities that need no more complete one, or ``auto``, which may
-    leave the relative error `tolerance`. Of the `starts` the first is the design itself. `report`
-    is called with (done, all, rate per second) after each, and after the final search.
+    leave the relative error `tolerance`. Of the `starts` the first is the design itself. Numbers
+    are written with the fewest digits so that no quantity changes by more than the part `rounding`
+    of the tolerance. `report` is called with (done, all, rate per second) after each, and after the
+    final search.
 
     Raises `InputError` if the design lacks a number or quantity of the goals, or if dependent
     numbers lie outside their bounds in all designs found.
@@ -100,7 +104,7 @@ def solve(
     chosen, search, best = _continue(search, best, level, tolerance)
     best = search.compromise(best)
     count(len(begins) + 1)
-    return _summarise(search, chosen, best, _starts(begins, ends))
+    return _summarise(search, chosen, best, _starts(begins, ends), rounding * tolerance)
 
 
 def _first_level(evaluator: Evaluator, level: str) -> str:
@@ -204,15 +208,19 @@ def _starts(begins: Sequence[Point | None], ends: Sequence[Point | None]) -> Sta
     )
 
 
-def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> Found:
-    """Assemble the result of a search from its best point."""
-    evaluator = search.evaluator
+def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts, change: float) -> Found:
+    """Assemble the result of a search from its best point, whose numbers are rounded."""
     freed = search.freed
-    targets = evaluator.targets
+    targets = search.evaluator.targets
     gain, bound_gain, stationarity = search.multipliers(best)
-    old = evaluator.report(freed.design(freed.begin))
+    old = search.evaluator.report(freed.design(freed.begin))
+
+    def met(one: Report) -> Bool[np.ndarray, " limit"]:
+        return _limits(search.evaluator, old, one, gain).met
+
+    evaluator, new = round_numbers(search.evaluator, best, search.inward(best), change, met)
+    freed = evaluator.freed
     design = freed.design(best.fraction)
-    new = evaluator.report(design)
     quantities = [target.quantity for target in targets.target]
     return Found(
         numbers=_numbers(freed, best, bound_gain.sum(0)),
@@ -235,6 +243,8 @@ def _summarise(search: Search, chosen: Choice, best: Point, starts: Starts) -> F
         reason=chosen.reason,
         error=chosen.error,
         toml=freed.toml(best.fraction),
+        digits=freed.digits,
+        rounding=change,
         remarks=new.remarks,
     )
 

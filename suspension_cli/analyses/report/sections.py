@@ -329,10 +329,13 @@ def tolerance(report: Composition) -> Iterator[Block]:
 
 def _stored(report: Composition, name: str) -> Any:
     """Return a result of an earlier run of this design; None if there is none."""
-    from suspension_cli.files.hdf5 import read_design
+    from suspension_cli.files.hdf5 import read_design, reads_alike
 
     path = report.request.folder / f"{report.source.stem()}-{name}.h5"
-    result = _loaded(path) if read_design(path) == report.source.text else None
+    before = read_design(path)
+    if before is None or not reads_alike(before, report.source.text):
+        return None
+    result = _loaded(path)
     if result is None:
         return None
     report.list(result.run.command, result.run.choice)

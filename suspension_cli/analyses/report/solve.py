@@ -33,7 +33,6 @@ from suspension_cli.analyses.report.sections import (
     requirements,
     yields,
 )
-from suspension_cli.design import reader
 from suspension_cli.drawing.panels import page_width
 from suspension_cli.errors import InputError
 from suspension_cli.files.documents import Layout
@@ -42,7 +41,6 @@ from suspension_cli.version import __version__
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Analysis, Run
-    from suspension_cli.design.reader import Source
 
 
 @dataclass(frozen=True)
@@ -127,7 +125,7 @@ def solve(analysis: Analysis, run: Run) -> Report:
         report.title = "First page"
         summary = [block for build in (yields, optimised) for block in build(report)]
     drawn = [block for name, _, blocks in sections if name == "drawing" for block in blocks]
-    text = _as_written(run.source)
+    text = run.source.text
     made = page.environment().get_template("page.html").render(
         about=run.design.design, file=report.file, date=_today(), version=__version__,
         changes=(*run.source.overrides, *run.source.ties),
@@ -173,21 +171,6 @@ def _check_signals(run: Run) -> None:
             signals.parse_input(name, known)
         for name in outputs:
             signals.parse_output(name, known)
-
-
-def _as_written(source: Source) -> str:
-    """Return the text of a design with the comments of its file, unless that says something else.
-
-    It does if values were overridden, or tables of numbers were read from other files.
-    """
-    if Path(source.file).is_file():
-        try:
-            text = reader.read_text(source.file)
-            if reader.write_toml(reader.read_toml(source.file, text)) == source.text:
-                return text
-        except InputError:
-            pass
-    return source.text
 
 
 def _today() -> str:

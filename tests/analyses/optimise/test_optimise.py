@@ -342,3 +342,24 @@ def test_top_mass_fraction_is_the_damping_rate_from_there():
     for frequency, share in zip(found.frequency, found.top_fraction, strict=True):
         near = slowed.decay_rate[np.abs(slowed.frequency / frequency - 1) < 1e-7]
         assert np.abs(near / (beta / 2) - share).min() < 1e-6
+
+
+def test_numbers_have_no_more_digits_than_matter():
+    """Both lengths together are limited by the height: rounded, they still are below it, all
+    quantities are those of the rounded design, and change by less than was allowed."""
+    numbers = [
+        Free(name="stage.upper.wires.l", lower=0.1, upper=0.6),
+        Free(name="stage.test.wires.l", lower=0.1, upper=0.6),
+    ]
+    goals = [Goal(kind="height", at_most=0.7)]
+    exact = solved(TEXTS["double"], goals, numbers)
+    found = solved(TEXTS["double"], goals, numbers, rounding=0.1)
+    assert found.met and 0 < found.digits <= 5
+    written = [sus.parse(found.toml)[name] for name in found.numbers.name]
+    assert written == found.numbers.after.tolist()
+    assert written == [float(f"{value:.{found.digits}g}") for value in written]
+    np.testing.assert_allclose(found.quantities.after, exact.quantities.after, rtol=found.rounding)
+    height = values_of(found.toml, Goals(goal=goals, free=numbers)).report(
+        sus.parse(found.toml).design
+    )
+    np.testing.assert_allclose(height.value, found.quantities.after, rtol=1e-12)
