@@ -77,9 +77,7 @@ def measure_response() -> list[Peer]:
     return _compare(
         {
             OURS: lambda: response.solve(model, FREQUENCY, into, out).value[:, 0, 0],
-            "python-control, its state space": lambda: (
-                control.frequency_response(system, omega).complex
-            ),
+            "python-control, its state space": lambda: frequency_response(system, omega).complex,
             "loop over frequencies, dense solve": one_by_one,
         }
     )
