@@ -12,10 +12,10 @@ from suspension_cli.models import registry
 from tests.support.large_tower import large_tower
 
 LIMITS = {
-    ("string", False): 300,
-    ("beam", False): 1200,
-    ("string", True): 120,
-    ("beam", True): 1200,
+    ("string", False): 250,
+    ("beam", False): 600,
+    ("string", True): 90,
+    ("beam", True): 250,
 }
 """Limits by model and symmetry."""
 

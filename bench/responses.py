@@ -78,7 +78,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
     absolute(
         "the same, 3,000 frequencies at 3 us each",
         lambda: response.solve(model, FREQUENCY, drive, motion),
-        9.0,
+        6.0,
         15,
     )
     imperfect = registry.STRING.system(parse(QUADRUPLE.read_text() + IMPERFECT))

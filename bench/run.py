@@ -1,12 +1,13 @@
 """Run the benchmarks: times as ratios to a floor measured in the same run (`make bench`).
 
 Machines are shared and noisy, so each line is a ratio of medians over interleaved repetitions, with
-the range of that ratio and its limit.
+the range of that ratio and its limit. Times are processor times, of finished child processes too.
 """
 
 from __future__ import annotations
 
 import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -25,10 +26,16 @@ def interleaved(works: list[Work], repetitions: int) -> list[list[float]]:
     for _ in range(repetitions):
         for work, row in zip(works, times, strict=True):
             work()
-            start = time.perf_counter()
+            start = processor_time()
             work()
-            row.append(time.perf_counter() - start)
+            row.append(processor_time() - start)
     return times
+
+
+def processor_time() -> float:
+    """Processor time of this process and of its finished children, s."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 over: list[str] = []

@@ -41,7 +41,7 @@ def run(ratio: Callable[..., None]) -> None:
         "force, stiffness of 10,000 triples / its eigenvalues",
         lambda: force.stiffness(chain),
         lambda: np.linalg.eigvalsh(bare),
-        2.0,
+        1.8,
         5,
     )
     design = read(TRIPLE).design
@@ -50,6 +50,6 @@ def run(ratio: Callable[..., None]) -> None:
         "string, build and solve one triple / numpy.linalg.eigh of 18 x 18",
         lambda: eigenmodes.solve(string_model.linear_model(expand(design))),
         lambda: np.linalg.eigh(root @ root.T),
-        400.0,
+        250.0,
         20,
     )

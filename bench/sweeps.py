@@ -39,7 +39,7 @@ MEMORY = (
     f"{MAIN}; import resource as r; print('peak', *(r.getrusage(who).ru_maxrss // 1024 for who in"
     " (r.RUSAGE_SELF, r.RUSAGE_CHILDREN)))"
 )
-FLAT = 200
+FLAT = 100
 """Largest growth of peak memory from ten thousand points to a million, MB."""
 
 

@@ -23,6 +23,7 @@ import h5py
 import numpy as np
 
 from suspension_cli.errors import InputError, attribute_faults_to, format_value, one_line
+from suspension_cli.files.mapped_arrays import BLOCK, blocks
 from suspension_cli.files.whole_files import replace_file, write_bytes, writing_to
 from suspension_cli.version import __version__
 
@@ -114,11 +115,21 @@ def add_dataset(
     """Add a dataset with its units and, optionally, the scales of all its axes."""
     values = np.asarray(values)
     data = values.astype(h5py.string_dtype()) if values.dtype.kind == "U" else values
-    result = group.create_dataset(name, data=data)
+    result = _create(group, name, data)
     result.attrs["units"] = units
     for axis, of in zip(result.dims, axes, strict=bool(axes)):
         axis.attach_scale(of)
         axis.label = str(of.name).rsplit("/", 1)[1]
+    return result
+
+
+def _create(group: h5py.Group, name: str, data: np.ndarray) -> h5py.Dataset:
+    """Add a dataset, of large arrays block by block."""
+    if data.nbytes <= BLOCK:
+        return group.create_dataset(name, data=data)
+    result = group.create_dataset(name, data.shape, data.dtype)
+    for part in blocks(data):
+        result[part] = data[part]
     return result
 
 

@@ -7,7 +7,7 @@ neighbours between which they change most, and at neighbours of which one failed
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain, zip_longest
 from typing import TYPE_CHECKING
 
@@ -50,14 +50,21 @@ def find_extremes(
     return np.unique(np.array([*ranked[:most], *some.ravel()], dtype=int))
 
 
-def find_largest(value: Inexact[np.ndarray, "point result"]) -> Int[np.ndarray, " point"]:
-    """Find points without neighbours at which results are largest, and smallest."""
-    size = np.abs(value)
-    lists = []
-    for n in _by_range(value):
-        known = np.flatnonzero(np.isfinite(size[:, n]))
-        order = known[np.argsort(-size[known, n], kind="stable")].tolist()
-        lists.append([*order[:1], *order[-1:], *order[1:STEEP]])
+def find_largest(
+    results: Iterable[Inexact[np.ndarray, " point"]],
+) -> Int[np.ndarray, " point"]:
+    """Find points without neighbours at which results are largest, and smallest.
+
+    Results are taken one after another, as there may be many points.
+    """
+    found = []
+    for value in results:
+        size = np.abs(value)
+        known = np.flatnonzero(np.isfinite(size))
+        order = known[np.argsort(-size[known], kind="stable")]
+        ends = [*order[:1].tolist(), *order[-1:].tolist(), *order[1:STEEP].tolist()]
+        found.append((_range(size), ends))
+    lists = [ends for _, ends in sorted(found, key=lambda one: -one[0])]
     return np.unique(np.array(_in_turn(lists)[:MOST], dtype=int))
 
 
@@ -83,15 +90,16 @@ def _neighbours(shape: tuple[int, ...]) -> Iterator[Int[np.ndarray, "2 pair"]]:
 
 def _by_range(value: Inexact[np.ndarray, "point result"]) -> list[int]:
     """Numbers of the results, that with the largest ratio of its extremes first."""
-    low = np.full(value.shape[1], np.nan)
-    high = low.copy()
-    for n in range(value.shape[1]):
-        size = np.abs(value[:, n])
-        low[n] = np.fmin.reduce(size)
-        high[n] = np.fmax.reduce(size)
+    ranges = [-_range(np.abs(value[:, n])) for n in range(value.shape[1])]
+    return np.argsort(ranges, kind="stable").tolist()
+
+
+def _range(size: Float[np.ndarray, " point"]) -> float:
+    """Ratio of the largest size of a result to the smallest; -1 without any."""
+    low = np.fmin.reduce(size)
+    high = np.fmax.reduce(size)
     with np.errstate(divide="ignore", invalid="ignore"):
-        spread = np.nan_to_num(high / low, nan=-1.0)
-    return np.argsort(-spread, kind="stable").tolist()
+        return float(np.nan_to_num(high / low, nan=-1.0))
 
 
 def _ranked(value: Inexact[np.ndarray, " point"], shape: tuple[int, ...]) -> list[int]:

@@ -31,6 +31,7 @@ from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.errors import InputError, PendsusError, format_value, one_line
 from suspension_cli.files import hdf5
 from suspension_cli.files.hdf5 import Provenance
+from suspension_cli.files.mapped_arrays import new_array, release
 from suspension_cli.files.whole_files import is_regular, lock, remove_leftovers, writing_to
 from suspension_cli.studies import chunks
 from suspension_cli.studies.chunks import Columns
@@ -166,7 +167,7 @@ def part_of(path: Path) -> Path:
 
 
 class _Points:
-    """Results of the points of a job that are done, in memory and in a folder."""
+    """Results of the points of a job that are done, as arrays and as chunks in a folder."""
 
     def __init__(self, path: Path, count: int, key: str, folder: Path | None = None) -> None:
         self.path = path
@@ -202,8 +203,12 @@ class _Points:
         """Take over the results of points from `start` on."""
         for name, one in values.items():
             if name not in self.columns:
-                self.columns[name] = np.empty((len(self.done), *one.shape[1:]), one.dtype)
-            self.columns[name][start : start + len(one)] = one
+                shape = (len(self.done), *one.shape[1:])
+                with writing_to(self.path):
+                    self.columns[name] = new_array(self.folder, shape, one.dtype)
+            column = self.columns[name]
+            column[start : start + len(one)] = one
+            release(column)
             self.done[start : start + len(one)] = True
 
     def read(self) -> None:

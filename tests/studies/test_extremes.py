@@ -38,7 +38,7 @@ def test_neighbours_of_which_one_failed():
 
 def test_nothing_is_known():
     assert not len(find_extremes(np.full((4, 5, 2), np.nan)))
-    assert not len(find_largest(np.full((4, 2), np.nan)))
+    assert not len(find_largest(np.full((2, 4), np.nan)))
 
 
 def test_many_results_share_the_points():
@@ -52,6 +52,6 @@ def test_many_results_share_the_points():
 
 def test_largest_and_smallest_of_random_builds():
     value = np.random.default_rng(2).normal(size=(300, 2))
-    chosen = set(find_largest(value).tolist())
+    chosen = set(find_largest(value.T).tolist())
     for column in np.abs(value).T:
         assert {int(column.argmax()), int(column.argmin())} <= chosen

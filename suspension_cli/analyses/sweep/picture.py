@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 MAX_MAPS = 6
 """Maps in one figure at most: the results that change most."""
+MOST_MAPPED = 400
+"""Values of each parameter in a map at most, evenly thinned out: about its pixels."""
 LOG_RATIO = 8.0
 """Ratio of largest to smallest value above which a scale is logarithmic."""
 MOVES = 0.01
@@ -456,16 +458,28 @@ def _mark(axes: Axes, met: Sequence[Crossing], per: float) -> None:
         )
 
 
-def _map(swept: Sweep, value: Float[np.ndarray, "column row"], n: int) -> Panel:
+def _shown(swept: Sweep) -> tuple[Any, ...]:
+    """Places of the points of a map: of a fine grid as many as a picture has pixels."""
+    lengths = [len(axis.values) for axis in swept.axes[:2]]
+    places = [np.linspace(0, one - 1, min(one, MOST_MAPPED)).round().astype(int) for one in lengths]
+    return np.ix_(*places)
+
+
+def _map(swept: Sweep, every: Float[np.ndarray, "column row"], n: int) -> Panel:
     across, up = (_across(axis, 34) for axis in swept.axes[:2])
-    x, y = (axis.displayed for axis in swept.axes[:2])
+    shown = _shown(swept)
+    x, y = (
+        axis.displayed[place.ravel()] for axis, place in zip(swept.axes[:2], shown, strict=True)
+    )
+    value = every[shown]
     finite = np.ma.masked_invalid(value.T)
-    wide = _is_wide(value)
-    low, high = (float(finite.min()), float(finite.max())) if finite.count() else (0.0, 1.0)
+    wide = _is_wide(every)
+    known = every[np.isfinite(every)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
     high = max(high, low + (abs(low) or 1.0) * 1e-9)
     one = sharing.labelled(swept).get(n)
-    touched = None if one is None else one.touched[(..., *swept.start[2:])]
+    touched = None if one is None else one.touched[(..., *swept.start[2:])][shown]
     norm = LogNorm(low, high) if wide else Normalize(low, high)
 
     def paint(axes: Axes) -> None:
@@ -475,7 +489,7 @@ def _map(swept: Sweep, value: Float[np.ndarray, "column row"], n: int) -> Panel:
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
         if smooth:
             _draw_contours(axes, x, y, finite, norm)
-        _draw_feasible(axes, x, y, swept)
+        _draw_feasible(axes, x, y, swept, shown)
         beside = axes.inset_axes((1.03, 0.0, 0.06, 1.0))
         bar = figure_of(axes).colorbar(ScalarMappable(norm, "viridis"), cax=beside)
         bar.set_label(_own_label(swept, n), fontsize=SMALL)
@@ -499,14 +513,21 @@ def _map(swept: Sweep, value: Float[np.ndarray, "column row"], n: int) -> Panel:
 
 
 def _draw_feasible(
-    axes: Axes, x: Float[np.ndarray, " column"], y: Float[np.ndarray, " row"], swept: Sweep
+    axes: Axes,
+    x: Float[np.ndarray, " column"],
+    y: Float[np.ndarray, " row"],
+    swept: Sweep,
+    shown: tuple[Any, ...],
 ) -> None:
-    """Shade points that do not meet all requirements, and draw where the worst one is just met."""
+    """Shade points that do not meet all requirements, and draw where the worst one is just met.
+
+    Of the points that are `shown`.
+    """
     worst = swept.worst_margin
     met = swept.all_met
     if worst is None or met is None or min(len(x), len(y)) < 2:
         return
-    margin = np.clip(worst[(..., *swept.start[2:])].T, -FAR, FAR)
+    margin = np.clip(worst[(..., *swept.start[2:])][shown].T, -FAR, FAR)
     unknown = np.isnan(margin)
     pale = {"cmap": ListedColormap(["white"]), "alpha": 0.55, "rasterized": True}
     if unknown.any():

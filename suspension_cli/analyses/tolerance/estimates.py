@@ -19,6 +19,7 @@ from suspension_cli.analyses.tolerance.two_level import (
     estimate_means,
     fit_halves,
 )
+from suspension_cli.files.mapped_arrays import copy_column, release
 from suspension_cli.studies import sampling
 from suspension_cli.studies.builds import GOOD
 
@@ -255,12 +256,15 @@ class _Builds:
 
     def finite(self, row: int) -> Float[np.ndarray, " build"]:
         """Finite values of one result."""
-        column = self.value[:, row] if row < self.value.shape[1] else np.real(self.turned)
-        return column[np.isfinite(column)]
+        is_quantity = row < self.value.shape[1]
+        values = copy_column(self.value, row) if is_quantity else np.real(self.turned)
+        return values[np.isfinite(values)]
 
     def results(self, start: int, stop: int) -> Rows:
         """Results of builds start to stop - 1."""
-        return np.vstack([self.value[start:stop].T, np.real(self.turned[start:stop])])
+        found = np.vstack([self.value[start:stop].T, np.real(self.turned[start:stop])])
+        release(self.value)
+        return found
 
     def signed(self, stop: int) -> Float[np.ndarray, "build result"]:
         """Results with signs of the first builds: both parts of the coupling for its magnitude."""

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.files.mapped_arrays import copy_column
 from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.models import registry
@@ -265,6 +266,7 @@ def first_points(job: RandomBuilds) -> Deviations:
 
 def extreme_points(job: RandomBuilds, columns: Columns) -> Deviations:
     """Deviations of the builds whose quantities turned out largest and smallest."""
-    found = np.hstack([np.abs(columns["ratio"]), np.abs(columns["value"])])
-    chosen = find_largest(found).tolist()
+    arrays = columns["ratio"], columns["value"]
+    results = (copy_column(one, n) for one in arrays for n in range(one.shape[1]))
+    chosen = find_largest(results).tolist()
     return np.concatenate([job.deviations(0, 0), *(job.deviations(n, n + 1) for n in chosen)])

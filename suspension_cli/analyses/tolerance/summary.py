@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -24,6 +25,7 @@ from suspension_cli.analyses.tolerance.variance_shares import fit
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, NOT_STORED, along, in_unit
 from suspension_cli.files.documents import Layout
+from suspension_cli.files.mapped_arrays import copy_column
 from suspension_cli.quantities.kinds.poses import STATIC
 from suspension_cli.quantities.requirements import Band, displayed_unit
 from suspension_cli.studies.builds import GOOD, STATUS
@@ -588,10 +590,12 @@ def _summarise(
     infinite = []
     first = []
     signed = np.real(signed_coupling(columns))
-    for column in (*columns["value"].T, signed):  # one after another, as there may be many builds
-        missing.append(int(np.isnan(column[good]).sum()))
-        infinite.append(int(np.isinf(column[good]).sum()))
-        first.append(column[:RANKED])
+    every = columns["value"]
+    each = (copy_column(every, n) for n in range(every.shape[1]))
+    for result in chain(each, [signed]):  # one after another, as there may be many builds
+        missing.append(int(np.isnan(result[good]).sum()))
+        infinite.append(int(np.isinf(result[good]).sum()))
+        first.append(result[:RANKED].copy())
     yield "missing", np.array(missing)
     yield "infinite", np.array(infinite)
     kept = np.flatnonzero(good[:RANKED])
