@@ -199,14 +199,15 @@ def describe_changes(before: Document, after: Document) -> str:
     """
     old = dict(_numbers(before))
     new = dict(_numbers(after))
-    by_item: dict[str, list[str]] = {}
-    for key, value in new.items():
-        change = Change(key, old.get(key, value), value)
+    by_item: dict[str, list[str]] = {item: [] for item, _, _ in new}
+    for key in sorted(new, key=lambda key: not key[2]):  # numbers with a unit first
+        change = Change(key, old.get(key, new[key]), new[key])
         if abs(change.relative) > NOTABLE:
-            by_item.setdefault(key[0], []).append(change.text)
+            by_item[key[0]].append(change.text)
     lines = [
         "; ".join([f"{item}: {texts[0]}" if item else texts[0], *texts[1:SHOWN]])
         for item, texts in by_item.items()
+        if texts
     ]
     if len(lines) > MOST:
         lines[MOST:] = [f"and {len(lines) - MOST} more"]
