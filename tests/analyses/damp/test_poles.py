@@ -15,7 +15,7 @@ from scipy.special import lambertw
 import suspension_cli as sus
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design import foton
-from suspension_cli.design.control import NoiseSpectrum
+from suspension_cli.design.noise_spectra import NoiseSpectrum
 from suspension_cli.design.reader import read
 from suspension_cli.linear import response, statespace
 from suspension_cli.models import registry
