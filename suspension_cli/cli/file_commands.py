@@ -43,14 +43,28 @@ FORCED = click.option("--force", is_flag=True, help="Replace FILE if it exists."
     help="Start from a design that comes with the program instead, for example ligo-quad.",
 )
 @click.option("--examples", "listing", is_flag=True, help="List these designs.")
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="PATH=VALUE",
+    help="Change a value: stage.test.wires.d=0.002 (repeatable); comments and layout stay.",
+)
 @NAMED
 @FORCED
 def new(
-    words: tuple[str, ...], example: str | None, listing: bool, name: str | None, force: bool
+    words: tuple[str, ...],
+    example: str | None,
+    listing: bool,
+    overrides: tuple[str, ...],
+    name: str | None,
+    force: bool,
 ) -> None:
     """Start a design: write it to FILE, or to stdout without FILE.
 
     Example: pendsus new quad my.toml
+
+    Example: pendsus new single my.toml --set stage.test.body.mass=0.3
     """
     from suspension_cli.design import reader
 
@@ -77,8 +91,7 @@ def new(
     file = files[0] if files else None
     name = _design_name(name, Path(file).stem if file else kind, kind)
     text = reader.template(kind, name) if example is None else reader.example_text(example, name)
-    reader.parse(text)
-    _put_design(file, text, force)
+    _put_design(file, reader.edit(text, overrides), force)
 
 
 @click.command("import")

@@ -38,6 +38,8 @@ MOST = 24
 """Number of items that are listed."""
 SHOWN = 2
 """Number of changes that are listed of each item: documents give what matters first."""
+DATA = (".csv", ".h5", ".hdf5", ".mat", ".toml", ".txt", ".xml")
+"""Endings of files that a design may name before they exist."""
 QUIET_TIME = 100
 """Time, ms, without a further change after which files are read: editors save in steps."""
 
@@ -99,9 +101,24 @@ def changed_files(watched: list[Path]) -> Iterator[object]:
 
     Folders are watched, since most editors replace a file instead of writing into it.
     """
-    import watchfiles
-
     folders = {path.parent for path in watched}
+    saves = _saves_in(folders, watched)  # from here on no change is missed
+
+    def changes() -> Iterator[object]:
+        nonlocal folders, saves
+        while True:
+            if more := {path.parent for path in watched} - folders:
+                folders |= more
+                saves = _saves_in(folders, watched)
+            if found := next(saves):
+                yield found
+
+    return changes()
+
+
+def _saves_in(folders: Set[Path], watched: list[Path]) -> Iterator[object]:
+    """Watch some folders for changes of files; yields empty sets while nothing changes."""
+    import watchfiles
 
     def is_watched(_change: object, path: str) -> bool:
         return Path(path) in watched
@@ -114,8 +131,8 @@ def changed_files(watched: list[Path]) -> Iterator[object]:
         yield_on_timeout=True,
         recursive=False,
     )
-    next(saves)  # from here on no change is missed
-    return filter(None, saves)
+    next(saves)
+    return saves
 
 
 def list_files(files: Sequence[str]) -> list[Path]:
@@ -128,8 +145,13 @@ def list_files(files: Sequence[str]) -> list[Path]:
             continue
         found.append(path)
         if path.suffix == ".toml":
-            waiting += [one for one in _named_in(path) if one.is_file()]
+            waiting += [one for one in _named_in(path) if one.is_file() or _may_come(one)]
     return found
+
+
+def _may_come(path: Path) -> bool:
+    """Whether a missing file can be waited for: it has the name of data, in a folder."""
+    return path.suffix.lower() in DATA and path.parent.is_dir()
 
 
 def _named_in(file: Path) -> Iterator[Path]:

@@ -146,6 +146,17 @@ def read_as(kind: type[T], wanted: str, file: str | Path, text: str | None = Non
         return faults.convert(raw, kind)
 
 
+def edit(text: str, overrides: tuple[str, ...]) -> str:
+    """Change values in the TOML text of a design, which keeps comments, order and layout.
+
+    Raises `InputError` with every fault of the design.
+    """
+    parse_with_overrides(text, overrides)
+    raw = _parse(text)
+    apply_overrides(raw, overrides)
+    return write_toml(raw, text)
+
+
 def with_text(source: Source, text: str) -> Source:
     """Return a design of another text, without a file; of the same class as `source`."""
     return replace(source, design=parse(text), text=text, file="", given_stem=None, overrides=())

@@ -41,6 +41,24 @@ def test_replaces_only_by_force(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 
 
+def test_values_that_are_set_keep_the_comments(tmp_path):
+    """All other lines are those of the template."""
+    file = tmp_path / "mine.toml"
+    words = ("--set", "stage.test.wires.d=0.002", "--set", "design.author=me")
+    assert run("new", "single", file, *words).exit_code == 0
+    lines = file.read_text().splitlines()
+    old = TEXTS["single"].replace('name = "single"', 'name = "mine"').splitlines()
+    assert [line for line in lines if line not in old] == [
+        'author = "me"',
+        "d = 0.002                  # height of the lower ends above the centre of mass",
+    ]
+    assert len(lines) == len(old) + 1
+    refused = run("new", "single", file, "--force", "--set", "stage.test.wires.q=1")
+    assert refused.exit_code == 2
+    assert "stage.test.wires.q = 1: unknown key" in refused.stderr
+    assert file.read_text().splitlines() == lines
+
+
 def test_examples(tmp_path):
     rows = run("new", "--examples").stdout.splitlines()[1:]
     assert [row.split()[0] for row in rows] == reader.examples()

@@ -92,10 +92,23 @@ def test_real_saves_are_seen(design):
 def test_files_that_a_file_names_are_watched(tmp_path):
     (tmp_path / "table.csv").write_text("1,2\n")
     goals = tmp_path / "goals.toml"
-    goals.write_text('[[link]]\nfile = "table.csv"\ntitle = "nowhere.csv"\n')
+    goals.write_text('[[link]]\nfile = "table.csv"\ntitle = "nowhere"\nother = "late.csv"\n')
     missing = tmp_path / "missing.toml"
     found = watching.list_files([str(goals), str(missing)])
-    assert [path.name for path in found] == ["goals.toml", "missing.toml", "table.csv"]
+    expected = ["goals.toml", "missing.toml", "table.csv", "late.csv"]
+    assert [path.name for path in found] == expected
+
+
+def test_a_file_in_a_folder_that_is_named_later_is_seen(design, tmp_path):
+    """As the list of files grows while they are watched."""
+    watched = watching.list_files([str(design)])
+    saves = watching.changed_files(watched)
+    later = tmp_path / "sub" / "noise.csv"
+    later.parent.mkdir()
+    watched.append(later)
+    timer = threading.Timer(0.5, lambda: later.write_text("1,2\n"))
+    timer.start()
+    assert next(saves)
 
 
 def test_changes_of_documents():

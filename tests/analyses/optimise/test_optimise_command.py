@@ -197,6 +197,20 @@ GOALS = {
     "goal": [{"kind": "band", "dof": ["x"], "at_least": 0.5}],
     "free": [{"name": f"{WIRES}.l", "lower": 0.1, "upper": 1.0}],
 }
+
+
+def test_motions_may_be_named_as_in_tables(tmp_path):
+    """The same limits for "longitudinal" as for "x"."""
+    texts = []
+    for name in ("x", "longitudinal"):
+        raw = GOALS | {"goal": [GOALS["goal"][0] | {"dof": [name]}]}
+        result = optimise(VERTICAL, raw, tmp_path, "--no-plot", "--fidelity", "string", "-q")
+        assert result.exit_code == 0, result.stderr
+        texts.append(result.stdout)
+    assert texts[0] == texts[1]
+    assert "longitudinal-pitch 1 >= 0.5 Hz" in texts[0]
+
+
 FAULTY = parse(Path(__file__).parent / "faulty_goals.txt", {"goals": GOALS}, "goals")["goals"]
 NO_GOALS = {
     "is empty; write tables into it": {},
