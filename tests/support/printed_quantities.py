@@ -263,6 +263,7 @@ EXAMPLES = (
         "largest of test.x/support.x:2:5",
         LENGTH,
         _largest,
+        FREE,
     ),
     Example(
         "thermal MOTION:FREQUENCY", "thermal test.x:10", RADIUS, partial(_thermal, "test.x", 10.0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.quantities.kind import Kind
-from suspension_cli.quantities.kinds.modes import FrequencyOfMode, ends_of, parse_mode, take
+from suspension_cli.quantities.kinds.modes import NamedMode, ends_of, parse_mode, take
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved
@@ -30,7 +30,7 @@ class TopFraction(Quantity):
     A mode can be damped from there if it couples (Husman et al. 2000, section 5a).
     """
 
-    mode: FrequencyOfMode
+    mode: NamedMode
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True
@@ -52,8 +52,8 @@ class TopFraction(Quantity):
 class _BetweenModes(Quantity):
     """A distance of the frequencies of two modes."""
 
-    first: FrequencyOfMode
-    second: FrequencyOfMode
+    first: NamedMode
+    second: NamedMode
 
     steady: ClassVar[bool] = False
     vanishes: ClassVar[bool] = True
