@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from suspension_cli.errors import Fault, InputError
-from suspension_cli.quantities.requirements import Requirement
+
+if TYPE_CHECKING:
+    from suspension_cli.quantities.requirements import Requirement
 
 
 def demand_possible(required: Sequence[Requirement]) -> None:
-    """Raise `InputError` with the requirements, tables of a design, that no design can meet."""
+    """Raise `InputError` with the requirements, of one design, that no design can meet."""
     faults: list[Fault] = []
     possible: list[Requirement] = []
     for one in required:
@@ -20,7 +23,7 @@ def demand_possible(required: Sequence[Requirement]) -> None:
         else:
             faults.append(beyond)
     for first, second in itertools.permutations(possible, 2):
-        if first.quantity == second.quantity and _least(first) > _most(second):
+        if first.quantity == second.quantity and _are_apart(first, second):
             faults.append(_describe_contradiction(first, second))
     if faults:
         raise InputError(faults)
@@ -29,35 +32,38 @@ def demand_possible(required: Sequence[Requirement]) -> None:
 def _least(required: Requirement) -> float:
     """Least value that meets a requirement."""
     limits = required.limits
-    return -limits.high if required.limits_magnitude else limits.low
+    if required.limits_magnitude and required.quantity.signed:
+        return -limits.high
+    return limits.low
 
 
-def _most(required: Requirement) -> float:
-    """Largest value that meets a requirement."""
-    return required.limits.high
+def _are_apart(above: Requirement, below: Requirement) -> bool:
+    """Whether one requirement demands more than another allows, of values or of magnitudes."""
+    if above.limits_magnitude and below.limits_magnitude:
+        return above.limits.low > below.limits.high
+    return _least(above) > below.limits.high
 
 
 def _find_beyond(required: Requirement) -> Fault | None:
     """Find a limit beyond all values that the quantity can have."""
     low, high = required.quantity.bounds
+    limits = required.limits
     name = required.quantity.text
-    table = required.limits.key.removesuffix(".quantity")
     remedy = "correct the limit"
-    if _most(required) < low:
+    if limits.high < low:
         problem = f"can never be met: {name} is never below {low:g}"
-        return Fault(f"{table}.at_most", problem, remedy, f"{_most(required):g}")
+        return Fault(limits.high_key, problem, remedy, f"{limits.high:g}")
     if _least(required) > high:
         problem = f"can never be met: {name} is never above {high:g}"
-        return Fault(f"{table}.at_least", problem, remedy, f"{_least(required):g}")
+        return Fault(limits.low_key, problem, remedy, f"{limits.low:g}")
     return None
 
 
 def _describe_contradiction(above: Requirement, below: Requirement) -> Fault:
     """Say that one requirement demands more than another allows."""
-    tables = [one.limits.key.removesuffix(".quantity") for one in (above, below)]
     problem = (
-        f"contradicts {tables[1]}.at_most = {_most(below):g}, on the same quantity"
+        f"contradicts {below.limits.high_key} = {below.limits.high:g}, on the same quantity"
         f" ({above.quantity.text}), so no design can meet both"
     )
     remedy = "correct one of the two limits"
-    return Fault(f"{tables[0]}.at_least", problem, remedy, f"{_least(above):g}")
+    return Fault(above.limits.low_key, problem, remedy, f"{above.limits.low:g}")

@@ -18,6 +18,7 @@ from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value, gather
 from suspension_cli.quantities import vocabulary
+from suspension_cli.quantities.impossible_requirements import demand_possible
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity, evaluate
@@ -39,8 +40,8 @@ class Limits:
         Least and largest value, SI; infinite where there is no limit.
     magnitude
         Whether they limit the magnitude, and must not be equalled.
-    key
-        Key or option that gave them, for error messages.
+    key, low_key, high_key
+        Keys or options that gave the name and either limit, for error messages.
     """
 
     quantity: str
@@ -49,6 +50,8 @@ class Limits:
     magnitude: bool = False
     note: str = ""
     key: str = field(default="--require", compare=False)
+    low_key: str = field(default="--require", compare=False)
+    high_key: str = field(default="--require", compare=False)
 
     @property
     def text(self) -> str:
@@ -165,8 +168,17 @@ def of_design(design: Design) -> list[Limits]:
     for number, one in enumerate(design.requirement, 1):
         low = -math.inf if one.at_least is None else one.at_least
         high = math.inf if one.at_most is None else one.at_most
-        key = f"requirement.{number}.quantity"
-        found.append(Limits(one.quantity, low, high, note=one.note, key=key))
+        table = f"requirement.{number}"
+        limits = Limits(
+            one.quantity,
+            low,
+            high,
+            note=one.note,
+            key=f"{table}.quantity",
+            low_key=f"{table}.at_least",
+            high_key=f"{table}.at_most",
+        )
+        found.append(limits)
     return found
 
 
@@ -175,15 +187,29 @@ def of_tolerance(design: Design) -> list[Limits]:
     found = []
     for number, one in enumerate(design.tolerance.require if design.tolerance else (), 1):
         low, high = one.band or (one.above or -math.inf, one.below or math.inf)
-        key = f"tolerance.require.{number}.quantity"
-        found.append(Limits(one.quantity, low, high, one.band is None, key=key))
+        table = f"tolerance.require.{number}"
+        limits = Limits(
+            one.quantity,
+            low,
+            high,
+            one.band is None,
+            key=f"{table}.quantity",
+            low_key=f"{table}.{'band' if one.band else 'above'}",
+            high_key=f"{table}.{'band' if one.band else 'below'}",
+        )
+        found.append(limits)
     return found
 
 
 def find(limits: Sequence[Limits], names: Names) -> tuple[Requirement, ...]:
-    """Look up the quantities of limits; raises `InputError` with all that a design lacks."""
+    """Look up the quantities of limits, each once.
+
+    Raises `InputError` with all that the design lacks, or with limits that no design can meet.
+    """
     unique = list(dict.fromkeys(limits))
-    return tuple(gather(lambda one: find_one(one, names), unique))
+    found = tuple(gather(lambda one: find_one(one, names), unique))
+    demand_possible(found)
+    return found
 
 
 def find_one(limits: Limits, names: Names) -> Requirement:
