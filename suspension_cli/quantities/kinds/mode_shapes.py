@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -118,10 +119,12 @@ def parse_top(text: str, names: Names, option: str) -> Quantity | None:
     return TopFraction(text, "1", parse_mode(label, names, option))
 
 
-def parse_distance(text: str, names: Names, option: str) -> Quantity | None:
+def parse_between(
+    word: Literal["distance", "difference"], text: str, names: Names, option: str
+) -> Quantity | None:
     """Parse ``distance test pitch, test longitudinal``, and ``difference`` likewise."""
-    word, _, rest = text.partition(" ")
-    if word not in ("distance", "difference"):
+    own, _, rest = text.partition(" ")
+    if own != word:
         return None
     labels = [label.strip() for label in rest.split(",")]
     if len(labels) != 2:
@@ -150,13 +153,13 @@ KINDS = (
         "distance test pitch, test longitudinal",
         "1",
         "relative distance of two frequencies: higher over lower less 1",
-        parse_distance,
+        partial(parse_between, "distance"),
     ),
     Kind(
         "difference MODE, MODE",
         "difference test pitch, test longitudinal",
         "Hz",
         "difference of two frequencies, higher less lower",
-        parse_distance,
+        partial(parse_between, "difference"),
     ),
 )
