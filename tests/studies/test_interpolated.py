@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from suspension_cli.analyses.sweep.swept_results import find_results
 
 import suspension_cli as sus
 from suspension_cli.analyses import known_analyses, named_quantities, settings
@@ -13,6 +12,7 @@ from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design.derive import mirror
 from suspension_cli.models import registry as models
 from suspension_cli.physics.couplings import parse_request
+from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.studies.interpolated import determinants, interpolated, largest_difference
 from suspension_cli.studies.job import Axis
 from tools import map_trials
