@@ -6,6 +6,7 @@ A requirement is written once, in `[[requirement]]` of a design, `[[tolerance.re
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
@@ -16,9 +17,8 @@ import numpy as np
 
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import InputError, format_value, gather
+from suspension_cli.errors import Fault, InputError, format_value, gather
 from suspension_cli.quantities import vocabulary
-from suspension_cli.quantities.impossible_requirements import demand_possible
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity, evaluate
@@ -246,6 +246,63 @@ def parse(text: str) -> Limits:
         raise refused(problem, "give a positive limit")
     low, high = (-math.inf, limit) if sign == "<" else (limit, math.inf)
     return Limits(name, low, high, magnitude=True)
+
+
+def demand_possible(required: Sequence[Requirement]) -> None:
+    """Raise `InputError` with the requirements, of one design, that no design can meet."""
+    faults: list[Fault] = []
+    possible: list[Requirement] = []
+    for one in required:
+        beyond = _find_beyond(one)
+        if beyond is None:
+            possible.append(one)
+        else:
+            faults.append(beyond)
+    for first, second in itertools.permutations(possible, 2):
+        if first.quantity == second.quantity and _are_apart(first, second):
+            faults.append(_describe_contradiction(first, second))
+    if faults:
+        raise InputError(faults)
+
+
+def _least(required: Requirement) -> float:
+    """Least value that meets a requirement."""
+    limits = required.limits
+    if required.limits_magnitude and required.quantity.signed:
+        return -limits.high
+    return limits.low
+
+
+def _are_apart(above: Requirement, below: Requirement) -> bool:
+    """Whether one requirement demands more than another allows, of values or of magnitudes."""
+    if above.limits_magnitude and below.limits_magnitude:
+        return above.limits.low > below.limits.high
+    return _least(above) > below.limits.high
+
+
+def _find_beyond(required: Requirement) -> Fault | None:
+    """Find a limit beyond all values that the quantity can have."""
+    low, high = required.quantity.bounds
+    limits = required.limits
+    name = required.quantity.text
+    remedy = "correct the limit"
+    if limits.high < low:
+        problem = f"can never be met: {name} is never below {low:g}"
+        return Fault(limits.high_key, problem, remedy, f"{limits.high:g}")
+    if _least(required) > high:
+        problem = f"can never be met: {name} is never above {high:g}"
+        return Fault(limits.low_key, problem, remedy, f"{limits.low:g}")
+    return None
+
+
+def _describe_contradiction(above: Requirement, below: Requirement) -> Fault:
+    """Say that one requirement demands more than another allows."""
+    problem = (
+        f"contradicts {below.limits.high_key} = {below.limits.high:g}, on the same quantity"
+        f" ({above.quantity.text}), so no design can meet both"
+    )
+    remedy = "correct one of the two limits"
+    return Fault(above.limits.low_key, problem, remedy, f"{above.limits.low:g}")
 
 
 @dataclass(frozen=True)

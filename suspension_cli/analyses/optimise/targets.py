@@ -27,7 +27,6 @@ from suspension_cli.errors import (
     join_errors,
 )
 from suspension_cli.quantities import requirements, vocabulary
-from suspension_cli.quantities.impossible_requirements import demand_possible
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.requirements import Limits, Requirement
@@ -151,7 +150,7 @@ def interpret(goals: Goals, names: Names, design_file: str) -> Targets:
         for one in own:
             made.add_own_requirement(one)
     for together in made.required.values():
-        demand_possible(together)
+        requirements.demand_possible(together)
     if not made.weight:
         problem = "nothing is limited, minimised or maximised, here or in the design"
         remedy = "add [[requirement]] or [[objective]]"
