@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.named_quantities import names_of
 from suspension_cli.quantities import requirements
-from suspension_cli.quantities.impossible_requirements import demand_possible
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Document
@@ -28,9 +27,7 @@ def find_requirements(source: Source) -> tuple[Requirement, ...]:
     wanted = requirements.of_design(source.design)
     if not wanted:
         return ()
-    found = requirements.find(wanted, names_of(source))
-    demand_possible(found)
-    return found
+    return requirements.find(wanted, names_of(source))
 
 
 def judge(source: Source, level: str | None) -> tuple[Verdict, ...]:

@@ -120,13 +120,13 @@ class Quantity(ABC):
         before = self.values(old)
         after = self.values(new)
         with np.errstate(invalid="ignore", divide="ignore"):
-            relative = np.abs(after - before) / self.scale(new)
+            relative = np.abs(after - before) / self.scale(new, after)
         relative = np.where(after == before, 0.0, relative)
         return np.where(np.isnan(before) != np.isnan(after), np.inf, relative)
 
-    def scale(self, solved: Solved) -> float:
-        """Size to which changes of a batch are relative: that of its largest finite value."""
-        values = self.values(solved)
+    def scale(self, solved: Solved, values: Float[np.ndarray, " design"]) -> float:
+        """Size to which changes of the `values` of a batch are relative: the largest finite one."""
+        del solved
         return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
     def ends(

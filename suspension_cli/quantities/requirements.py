@@ -6,6 +6,7 @@ A requirement is written once, in `[[requirement]]` of a design, `[[tolerance.re
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ import numpy as np
 
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.design.schema import Design
-from suspension_cli.errors import InputError, format_value, gather
+from suspension_cli.errors import Fault, InputError, format_value, gather
 from suspension_cli.quantities import vocabulary
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.needs import Needs
@@ -39,8 +40,8 @@ class Limits:
         Least and largest value, SI; infinite where there is no limit.
     magnitude
         Whether they limit the magnitude, and must not be equalled.
-    key
-        Key or option that gave them, for error messages.
+    key, low_key, high_key
+        Keys or options that gave the name and either limit, for error messages.
     """
 
     quantity: str
@@ -49,6 +50,8 @@ class Limits:
     magnitude: bool = False
     note: str = ""
     key: str = field(default="--require", compare=False)
+    low_key: str = field(default="--require", compare=False)
+    high_key: str = field(default="--require", compare=False)
 
     @property
     def text(self) -> str:
@@ -165,8 +168,17 @@ def of_design(design: Design) -> list[Limits]:
     for number, one in enumerate(design.requirement, 1):
         low = -math.inf if one.at_least is None else one.at_least
         high = math.inf if one.at_most is None else one.at_most
-        key = f"requirement.{number}.quantity"
-        found.append(Limits(one.quantity, low, high, note=one.note, key=key))
+        table = f"requirement.{number}"
+        limits = Limits(
+            one.quantity,
+            low,
+            high,
+            note=one.note,
+            key=f"{table}.quantity",
+            low_key=f"{table}.at_least",
+            high_key=f"{table}.at_most",
+        )
+        found.append(limits)
     return found
 
 
@@ -175,15 +187,29 @@ def of_tolerance(design: Design) -> list[Limits]:
     found = []
     for number, one in enumerate(design.tolerance.require if design.tolerance else (), 1):
         low, high = one.band or (one.above or -math.inf, one.below or math.inf)
-        key = f"tolerance.require.{number}.quantity"
-        found.append(Limits(one.quantity, low, high, one.band is None, key=key))
+        table = f"tolerance.require.{number}"
+        limits = Limits(
+            one.quantity,
+            low,
+            high,
+            one.band is None,
+            key=f"{table}.quantity",
+            low_key=f"{table}.{'band' if one.band else 'above'}",
+            high_key=f"{table}.{'band' if one.band else 'below'}",
+        )
+        found.append(limits)
     return found
 
 
 def find(limits: Sequence[Limits], names: Names) -> tuple[Requirement, ...]:
-    """Look up the quantities of limits; raises `InputError` with all that a design lacks."""
+    """Look up the quantities of limits, each once.
+
+    Raises `InputError` with all that the design lacks, or with limits that no design can meet.
+    """
     unique = list(dict.fromkeys(limits))
-    return tuple(gather(lambda one: find_one(one, names), unique))
+    found = tuple(gather(lambda one: find_one(one, names), unique))
+    demand_possible(found)
+    return found
 
 
 def find_one(limits: Limits, names: Names) -> Requirement:
@@ -220,6 +246,63 @@ def parse(text: str) -> Limits:
         raise refused(problem, "give a positive limit")
     low, high = (-math.inf, limit) if sign == "<" else (limit, math.inf)
     return Limits(name, low, high, magnitude=True)
+
+
+def demand_possible(required: Sequence[Requirement]) -> None:
+    """Raise `InputError` with the requirements, of one design, that no design can meet."""
+    faults: list[Fault] = []
+    possible: list[Requirement] = []
+    for one in required:
+        beyond = _find_beyond(one)
+        if beyond is None:
+            possible.append(one)
+        else:
+            faults.append(beyond)
+    for first, second in itertools.permutations(possible, 2):
+        if first.quantity == second.quantity and _are_apart(first, second):
+            faults.append(_describe_contradiction(first, second))
+    if faults:
+        raise InputError(faults)
+
+
+def _least(required: Requirement) -> float:
+    """Least value that meets a requirement."""
+    limits = required.limits
+    if required.limits_magnitude and required.quantity.signed:
+        return -limits.high
+    return limits.low
+
+
+def _are_apart(above: Requirement, below: Requirement) -> bool:
+    """Whether one requirement demands more than another allows, of values or of magnitudes."""
+    if above.limits_magnitude and below.limits_magnitude:
+        return above.limits.low > below.limits.high
+    return _least(above) > below.limits.high
+
+
+def _find_beyond(required: Requirement) -> Fault | None:
+    """Find a limit beyond all values that the quantity can have."""
+    low, high = required.quantity.bounds
+    limits = required.limits
+    name = required.quantity.text
+    remedy = "correct the limit"
+    if limits.high < low:
+        problem = f"can never be met: {name} is never below {low:g}"
+        return Fault(limits.high_key, problem, remedy, f"{limits.high:g}")
+    if _least(required) > high:
+        problem = f"can never be met: {name} is never above {high:g}"
+        return Fault(limits.low_key, problem, remedy, f"{limits.low:g}")
+    return None
+
+
+def _describe_contradiction(above: Requirement, below: Requirement) -> Fault:
+    """Say that one requirement demands more than another allows."""
+    problem = (
+        f"contradicts {below.limits.high_key} = {below.limits.high:g}, on the same quantity"
+        f" ({above.quantity.text}), so no design can meet both"
+    )
+    remedy = "correct one of the two limits"
+    return Fault(above.limits.low_key, problem, remedy, f"{above.limits.low:g}")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from suspension_cli.errors import InputError
 from suspension_cli.linear import batch_modes, mode_content, mode_pairing
 from suspension_cli.linear.batch_modes import Spectrum
 from suspension_cli.linear.eigenmodes import find_top_masses
-from suspension_cli.linear.mode_families import Families
+from suspension_cli.linear.energy_of_modes import EnergyOfModes
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
@@ -82,7 +82,6 @@ class Solved:
         self._in_other_models: dict[str, list[Part]] = {}
         self._solvers: dict[int, Solver] = {}
         self._shifts: dict[tuple[str, int], Array] = {}
-        self._ranked: dict[Families, list[Array]] = {}
         self._followed: dict[str, Array] = {}
 
     @classmethod
@@ -159,11 +158,14 @@ class Solved:
             return mode_content.of_spectrum(self.found.model, self.spectrum)
 
     @cached_property
+    def energy_of_modes(self) -> EnergyOfModes:
+        """Kinetic energy of the undamped modes, by which their names find them."""
+        return EnergyOfModes(self.fractions, len(self.found.model.body))
+
+    @property
     def energy(self) -> Float[np.ndarray, "design mode body 6"]:
         """Fractions of the kinetic energy of each mode in each degree of freedom of each body."""
-        bodies = len(self.found.model.body)
-        own = self.fractions[..., : 6 * bodies]
-        return own.reshape(*own.shape[:-1], bodies, 6)
+        return self.energy_of_modes.of_bodies
 
     @cached_property
     def top_fraction(self) -> Float[np.ndarray, "design mode"]:
@@ -188,17 +190,6 @@ class Solved:
         """Frequencies of the undamped modes, Hz; minus the growth rate over 2 pi of others."""
         squared = self.omega_squared
         return np.sign(squared) * np.sqrt(np.abs(squared)) / (2 * np.pi)
-
-    def ranked(self, families: Families) -> list[Int[np.ndarray, "design rank"]]:
-        """Numbers of the modes of each family by rank; -1 where a design has no such modes."""
-        if families not in self._ranked:
-            numbers = [np.full((self.count, size), -1) for size in families.size]
-            if self.omega_squared.shape[1] == sum(families.size):
-                for n in np.flatnonzero(np.isfinite(self.omega_squared).all(1)).tolist():
-                    for number, own in zip(numbers, families.numbers(self.energy[n]), strict=True):
-                        number[n] = own
-            self._ranked[families] = numbers
-        return self._ranked[families]
 
     def followed(self, nominal: str) -> Int[np.ndarray, "design mode"]:
         """Numbers of the modes that those of a nominal design (TOML) have become, by their shapes.

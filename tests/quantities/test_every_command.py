@@ -1,22 +1,34 @@
-"""Every kind of quantity in commands that take quantities, against the printed values."""
+"""Every kind of quantity in every command that takes quantities, against the printed values."""
 
 from __future__ import annotations
 
+import tomllib
 from functools import cache
 
 import pytest
+import tomli_w
 
 import suspension_cli as sus
 from suspension_cli.quantities import vocabulary
 from suspension_cli.studies import parameters
+from tests.analyses.tolerance.test_tolerance import job_of, perturbations
 from tests.support.printed_quantities import EXAMPLES, Example
 
 pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
 
 OTHER_MODEL = 0.01
 """`check` judges requirements in the most complete model, and lists loads of strings."""
+BUILDS = 2
+SCATTER = """
+[[tolerance.wire]]
+stage = "test"
+length = { normal = 1e-4 }
+lower = { normal = 1e-4 }
+"""
 STEP = 1e-3
 """Of central differences, relative to the number."""
+ROUNDING = 1e-4
+"""Change of a quantity by the rounding of found numbers: a tenth of `--tolerance` of optimise."""
 
 every_example = pytest.mark.parametrize("example", EXAMPLES, ids=lambda one: one.name)
 
@@ -84,3 +96,67 @@ def test_sensitivity(example):
     assert found.nominal[0] == pytest.approx(printed(example), rel=example.accuracy)
     high, low = (printed(example, value * factor) for factor in (1 + STEP, 1 - STEP))
     assert found.derivative[0, 0] == pytest.approx((high - low) / (2 * STEP * value), rel=1e-3)
+
+
+@every_example
+def test_optimise(example, tmp_path):
+    """The nearest design that meets a limit between the value at the start and another."""
+    path, value = example.number
+    start = printed(example)
+    end = printed(example, value)
+    limit = (abs(start) + abs(end)) / 2
+    side = "at_least" if abs(end) > abs(start) else "at_most"
+    goals = tmp_path / "goals.toml"
+    bounds = sorted([given(example), value])
+    goals.write_text(
+        f'[[requirement]]\nquantity = "{example.name}"\n{side} = {limit!r}\n'
+        f'[[free]]\nname = "{path}"\nlower = {bounds[0]}\nupper = {bounds[1]}\n'
+    )
+    found = sus.optimise(sus.parse(example.text), goals, starts=1, fidelity=example.fidelity)
+    assert found.met
+    again = example.printed(found.design)
+    assert found.quantities.after[0] == pytest.approx(again, rel=example.accuracy)
+    assert abs(again) == pytest.approx(limit, rel=ROUNDING + 3 * example.accuracy)
+
+
+@every_example
+def test_fit(example, tmp_path):
+    """The number follows from the measured value of a design that has another one."""
+    path, value = example.number
+    seen = printed(example, value)
+    measured = tmp_path / "measured.toml"
+    measured.write_text(
+        f'[[quantity]]\nname = "{example.name}"\nvalue = {seen!r}\n'
+        f"uncertainty = {abs(seen) * 1e-4!r}\n"
+        f'[[parameter]]\nname = "{path}"\n'
+    )
+    found = sus.fit(measured, sus.parse(example.text), explain=False, fidelity=example.fidelity)
+    again = example.printed(found.design)
+    assert again == pytest.approx(seen, rel=3 * example.accuracy)
+    assert abs(given(example) / value - 1) > 0.01
+
+
+def builds_of(text: str) -> list[sus.Design]:
+    """The designs of the builds of a tolerance analysis, with their deviations written out."""
+    raw = tomllib.loads(text)
+    job = job_of(raw, BUILDS)
+    del raw["tolerance"]
+    own = raw.get("perturbation", [])
+    drawn = [perturbations(job, one) for one in job.deviations(0, BUILDS)]
+    return [sus.parse(tomli_w.dumps(raw | {"perturbation": own + one})) for one in drawn]
+
+
+@every_example
+def test_tolerance(example):
+    text = example.text + SCATTER
+    found = sus.tolerance(
+        sus.parse(text),
+        builds=BUILDS,
+        results=[example.name],
+        workers=1,
+        fidelity=example.fidelity,
+    )
+    place = 2 if example.name == "3" else found.quantity.index(example.name)
+    expected = [example.printed(build) for build in builds_of(text)]
+    assert found.sample[:, place] == pytest.approx(expected, rel=example.accuracy)
+    assert expected[0] != expected[1]

@@ -68,6 +68,32 @@ def test_decay_is_that_of_modes(lossy):
     assert decay == pytest.approx(math.pi * modes.frequency[n] / q, rel=1e-6)
 
 
+def test_decay_takes_a_mode_by_any_of_its_names(lossy):
+    modes = sus.modes(lossy, fidelity="beam")
+    labels = modes.numbered_label
+    second = [n for n, one in enumerate(labels) if "pitch" in one or "longitudinal" in one][1]
+    places = {
+        "lowest pitch": [label.endswith("pitch") for label in labels].index(True),
+        "upper longitudinal#2": labels.index("upper longitudinal#2"),
+        "5": 4,
+        "longitudinal-pitch 2": second,
+        "yaw 1": [label.endswith("yaw") for label in labels].index(True),
+    }
+    values = evaluate(lossy, *(f"Q of {name}" for name in places))
+    assert values == pytest.approx(modes.q[list(places.values())], rel=RELATIVE)
+
+
+def test_decay_of_a_mode_by_its_names_with_loops_closed(triple):
+    """Q of the pole next to the mode without loops, which 0.5 % of its frequency tells apart."""
+    modes = sus.modes(triple, fidelity="beam")
+    poles = sus.damp(triple, fidelity="beam").closed.value
+    number = modes.numbered_label.index("test pitch")
+    pole = poles[np.abs(np.abs(poles) - 2 * np.pi * modes.frequency[number]).argmin()]
+    names = ["test pitch", "lowest pitch", str(number + 1), "longitudinal-pitch 1"]
+    values = evaluate(triple, *(f"Q of {name}" for name in names))
+    assert values == pytest.approx([abs(pole) / (-2 * pole.real)] * len(names), rel=1e-6)
+
+
 def test_slowest_mode_with_loops_closed_is_the_slowest_pole(triple):
     loops = sus.damp(triple)
     mechanical = np.array([not name.startswith("loop ") for name in loops.closed.state])
@@ -256,6 +282,8 @@ def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
         ("Q of tset pitch", "is the label of no mode; did you mean 'test pitch'?"),
         ("decay of nothing", "is the label of no mode"),
         ("settling of pitch", "is the label of no mode"),
+        ("Q of 99", "is no number of a mode; give 1 to 18"),
+        ("Q of lowest nothing", "is no degree of freedom"),
         ("dilution of test pitch", "is not known: loops store and take energy"),
         ("tension tset.1", "names no wire or blade; did you mean 'test.1'?"),
         ("tension upper blades", "is a quantity of wires"),

@@ -143,7 +143,7 @@ def _coupling(design: sus.Design) -> float:
     """Of the point of the mirror that `[analysis.xcouple]` observes by default."""
     points = [f"test.{axis}@0,0,-0.001" for axis in "xz"]
     [[over, under]] = _response(design, "support.z", *points, frequency=[50.0])
-    return over / under
+    return float(over / under)
 
 
 def _thermal(output: str, frequency: float, design: sus.Design) -> float:
@@ -153,7 +153,7 @@ def _thermal(output: str, frequency: float, design: sus.Design) -> float:
 
 def _torque(design: sus.Design) -> float:
     [[turned]] = _response(design, "test.torque_yaw", "test.yaw", frequency=[1e-3])
-    return _thermal("test.yaw", 1e-3, design) / turned
+    return _thermal("test.yaw", 1e-3, design) / float(turned)
 
 
 def _noise(design: sus.Design) -> float:
@@ -191,9 +191,10 @@ def _static_pitch(design: sus.Design) -> float:
 
 
 def _height(design: sus.Design) -> float:
-    """Of the centre of the cylinder, above its lowest point."""
-    [lowest] = sus.check(design).statics.lowest
-    return -float(lowest.z) - BODY_RADIUS
+    """Of the centre of the cylinder: above its lowest point, but for what imperfections move it."""
+    [lowest] = sus.check(design.replace({"perturbation": []})).statics.lowest
+    [moved] = sus.check(design).statics.bodies
+    return -float(lowest.z) - BODY_RADIUS - float(moved.shift[2])
 
 
 def _fraction(design: sus.Design) -> float:
@@ -262,11 +263,12 @@ EXAMPLES = (
         "largest of test.x/support.x:2:5",
         LENGTH,
         _largest,
+        FREE,
     ),
     Example(
         "thermal MOTION:FREQUENCY", "thermal test.x:10", RADIUS, partial(_thermal, "test.x", 10.0)
     ),
-    Example("force noise FORCE:FREQUENCY", "force noise test.torque_yaw:1e-3", RADIUS, _torque),
+    Example("force noise FORCE:FREQUENCY", "force noise test.torque_yaw:0.001", RADIUS, _torque),
     Example("noise MOTION:FREQUENCY", "noise test.x:10", LENGTH, _noise),
     Example(
         "rms MOTION, rms MOTION:LOW:HIGH, rms coil OSEM",

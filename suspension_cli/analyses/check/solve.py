@@ -136,9 +136,8 @@ def find_unknown_names(source: Source, found: Modes | None) -> list[ImplausibleN
         parsers = analysis.parse_names(design, stages, known)
         unknown += [warning for parse in parsers for warning in _collect_faults(parse)]
     if found is not None:
-        quantities = names_of(source)
-        for limits in requirements.of_tolerance(design):
-            unknown += _collect_faults(partial(requirements.find_one, limits, quantities))
+        limits = requirements.of_tolerance(design)
+        unknown += _collect_faults(partial(requirements.find, limits, names_of(source)))
     parse_text: dict[str, Callable[[str], object]] = {
         **dict.fromkeys(("input", "output", "over", "under", "impulse"), parse_signal),
         "observe": lambda text: parse_signal(f"{text.partition('@')[0]}.x"),

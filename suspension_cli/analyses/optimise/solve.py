@@ -344,7 +344,7 @@ def _modes_of(found: Report, families: Families) -> _Ranked:
     solved = found.nominal
     if solved is None:
         return _Ranked(np.full(count, -1), nothing, nothing, [0] * count)
-    number = np.concatenate([ranks[0] for ranks in solved.ranked(families)])
+    number = np.concatenate([ranks[0] for ranks in solved.energy_of_modes.ranked(families)])
     known = number >= 0
     motion = mode_content.leading(solved.fractions[0])
     return _Ranked(

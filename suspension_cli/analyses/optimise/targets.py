@@ -19,7 +19,13 @@ from suspension_cli.design import checks
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.locked_stages import spell_out, undo
 from suspension_cli.design.schema import Design, Perturbation
-from suspension_cli.errors import InputError, collect, format_value, join_errors
+from suspension_cli.errors import (
+    InputError,
+    attribute_faults_to,
+    collect,
+    format_value,
+    join_errors,
+)
 from suspension_cli.quantities import requirements, vocabulary
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
@@ -125,8 +131,8 @@ def _imperfect(in_file: Design, perturbation: Sequence[Perturbation]) -> Design:
 def interpret(goals: Goals, names: Names, design_file: str) -> Targets:
     """Look up the quantities of goals in a starting design.
 
-    Raises `InputError` with all that the design lacks; faults of its own requirements name its
-    file.
+    Raises `InputError` with all that the design lacks, or with limits that no design can meet;
+    faults of its own requirements name its file.
     """
     made = _Made(names, goals)
     errors: list[InputError] = []
@@ -139,10 +145,12 @@ def interpret(goals: Goals, names: Names, design_file: str) -> Targets:
     if errors:
         raise join_errors(errors)
     if goals.design_requirements:
-        own = requirements.of_design(names.design)
-        collect(made.add_own_requirement, own, errors)
-        if errors:
-            raise join_errors(errors).in_file(design_file)
+        with attribute_faults_to(design_file):
+            own = requirements.find(requirements.of_design(names.design), names)
+        for one in own:
+            made.add_own_requirement(one)
+    for together in made.required.values():
+        requirements.demand_possible(together)
     if not made.weight:
         problem = "nothing is limited, minimised or maximised, here or in the design"
         remedy = "add [[requirement]] or [[objective]]"
@@ -169,6 +177,7 @@ class _Made:
         self.weight: dict[Target, float] = {}
         self.key: dict[Target, str] = {}
         self.limits: list[OneLimit] = []
+        self.required: dict[tuple[Perturbation, ...], list[Requirement]] = {}
         self.unknown: dict[str, str] = {}
 
     def add_goal(self, number: int) -> None:
@@ -183,7 +192,7 @@ class _Made:
             target = Target(quantity, perturbation)
             self._add(target, key)
             self._add_weight(target, key, sign * (goal.weight or 1.0))
-            limits = Limits(quantity.text, *meant.limits, key=key)
+            limits = Limits(quantity.text, *meant.limits, key=key, low_key=key, high_key=key)
             self._add_limits(target, limits, goal.name or goal.kind)
 
     def add_requirement(self, number: int) -> None:
@@ -196,7 +205,15 @@ class _Made:
         self._add(target, key)
         low = _first(given.at_least, given.equals, -math.inf)
         high = _first(given.at_most, given.equals, math.inf)
-        limits = Limits(quantity.text, low, high, note=given.note, key=key)
+        limits = Limits(
+            quantity.text,
+            low,
+            high,
+            note=given.note,
+            key=key,
+            low_key=f"{key}.{'at_least' if given.equals is None else 'equals'}",
+            high_key=f"{key}.{'at_most' if given.equals is None else 'equals'}",
+        )
         self._add_limits(target, limits, given.note or target.text)
 
     def add_objective(self, number: int) -> None:
@@ -211,9 +228,14 @@ class _Made:
         self._add(target, key)
         self._add_weight(target, key, sign * given.weight)
 
-    def add_own_requirement(self, limits: Limits) -> None:
+    def add_own_requirement(self, own: Requirement) -> None:
         """Add a requirement of the design itself."""
-        target = Target(vocabulary.parse(limits.quantity, self.names, limits.key))
+        target = Target(own.quantity)
+        limits = replace(
+            own.limits,
+            low_key=f"{own.limits.low_key} of the design",
+            high_key=f"{own.limits.high_key} of the design",
+        )
         self._add(target, limits.key)
         self._add_limits(target, limits, limits.note or target.text)
 
@@ -231,7 +253,9 @@ class _Made:
 
     def _add_limits(self, target: Target, limits: Limits, group: str) -> None:
         known = {(one.target, one.sense, one.asked, one.of_magnitude) for one in self.limits}
-        of_magnitude = Requirement(target.quantity, limits).limits_magnitude
+        required = Requirement(target.quantity, limits)
+        self.required.setdefault(target.perturbation, []).append(required)
+        of_magnitude = required.limits_magnitude
         for sense, asked in _sides(limits):
             if (target, sense, asked, of_magnitude) not in known:
                 one = OneLimit(target, sense, asked, of_magnitude, group, limits.key)

@@ -65,12 +65,13 @@ class Asked:
 
         Those given for this sweep are always judged.
         """
-        names = {one.text for one in results}
-        own = requirements.find(requirements.of_design(self.source.design), self.names)
-        if len(self.axes) == 1:
-            own = tuple(one for one in own if one.quantity.text in names)
-        given = requirements.find(gather(requirements.parse, self.require), self.names)
-        return tuple(dict.fromkeys([*own, *given]))
+        own = requirements.of_design(self.source.design)
+        given = gather(requirements.parse, self.require)
+        found = requirements.find([*own, *given], self.names)
+        if len(self.axes) > 1:
+            return found
+        swept = {one.text for one in results}
+        return tuple(one for one in found if one.quantity.text in swept or one.limits in given)
 
     @cached_property
     def _quantities(self) -> tuple[Quantity, ...]:

@@ -1,6 +1,7 @@
 """Decay of modes with all losses, dampers and loops: Q, decay rate, settling time, dilution.
 
-A mode is meant by its label, as for frequencies, or ``modes`` means the one that rings longest.
+A mode has any of its names (`kinds.modes`), by which it is found among the modes with damping;
+``modes`` means the one that rings longest.
 """
 
 from __future__ import annotations
@@ -11,12 +12,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
-from suspension_cli.errors import InputError, format_value, suggest
-from suspension_cli.linear import mode_content
-from suspension_cli.linear.mode_content import Motion
+from suspension_cli.errors import InputError, format_value
+from suspension_cli.linear.energy_of_modes import EnergyOfModes
 from suspension_cli.models import registry
 from suspension_cli.quantities.kind import Kind
-from suspension_cli.quantities.kinds.modes import ALL, find_motion
+from suspension_cli.quantities.kinds.modes import ALL, FrequencyByNumber, NamedMode, parse_mode
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved
@@ -35,7 +35,7 @@ class Decay(Quantity):
     """How one mode decays; without a name that of the longest ring-down."""
 
     what: What
-    motion: Motion | None
+    mode: NamedMode | None
 
     bends: ClassVar[bool] = True
     largest: ClassVar[float] = 1e15
@@ -49,16 +49,15 @@ class Decay(Quantity):
         return solved.with_bending(self._read)
 
     def _read(self, solved: Solved) -> Float[np.ndarray, " design"]:
-        return np.array([np.nan if one is None else self.of(one) for one in solved.damped_modes])
+        result = np.full(solved.count, np.nan)
+        for n, modes in enumerate(solved.damped_modes):
+            if modes is not None and len(modes.decay_rate):
+                result[n] = self._of_design(modes, solved)
+        return result
 
-    def of(self, modes: DampedModes) -> float:
-        """Take the value of the mode of one design."""
-        if not len(modes.decay_rate):
-            return np.nan
-        if self.motion is None:
-            number = int(modes.decay_rate.argmin())
-        else:
-            number = int(mode_content.find(modes.fraction, self.motion).mode)
+    def _of_design(self, modes: DampedModes, solved: Solved) -> float:
+        """Take the value of the mode of one design of a batch."""
+        number = self._find(modes, solved)
         if number < 0:
             return np.nan
         rate = float(modes.decay_rate[number])
@@ -69,6 +68,20 @@ class Decay(Quantity):
             "dilution": float(modes.dilution[number]),
         }
         return values[self.what]
+
+    def _find(self, modes: DampedModes, solved: Solved) -> int:
+        """Find the mode, by number, among those of one design of a batch; -1 if it has none.
+
+        A number such as 5 counts modes, so it means none where there are more than without damping:
+        one that does not oscillate has two decay rates, and light has modes of its own.
+        """
+        if self.mode is None:
+            return int(modes.decay_rate.argmin())
+        undamped = solved.omega_squared.shape[1]
+        if isinstance(self.mode, FrequencyByNumber) and len(modes.q) != undamped:
+            return -1
+        energy = EnergyOfModes(modes.fraction[None], len(solved.found.model.body))
+        return int(self.mode.among(energy)[0])
 
 
 def parse(what: What, text: str, names: Names, option: str) -> Quantity | None:
@@ -82,11 +95,7 @@ def parse(what: What, text: str, names: Names, option: str) -> Quantity | None:
         raise InputError.of(option, problem, remedy, format_value(text))
     if label == ALL:
         return Decay(text, UNITS[what], what, None)
-    motion = find_motion(label, names)
-    if motion is None:
-        remedy = suggest(label, [*names.labels, ALL])
-        raise InputError.of(option, "is the label of no mode", remedy, format_value(text))
-    return Decay(text, UNITS[what], what, motion)
+    return Decay(text, UNITS[what], what, parse_mode(label, names, option))
 
 
 SUMMARIES: dict[What, str] = {

@@ -13,7 +13,7 @@ from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.linear.mode_content import Motion
 from suspension_cli.quantities.kind import Kind
 from suspension_cli.quantities.kinds.modes import (
-    FrequencyOfMode,
+    NamedMode,
     ends_of,
     find_motion,
     parse_mode,
@@ -33,7 +33,7 @@ class EnergyFraction(Quantity):
     """Fraction of the kinetic energy of a mode in one motion of one body."""
 
     motion: Motion
-    mode: FrequencyOfMode
+    mode: NamedMode
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True

@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.quantities.kind import Kind
-from suspension_cli.quantities.kinds.modes import FrequencyOfMode, ends_of, parse_mode, take
+from suspension_cli.quantities.kinds.modes import NamedMode, ends_of, parse_mode, take
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.solved import Solved
@@ -30,7 +31,7 @@ class TopFraction(Quantity):
     A mode can be damped from there if it couples (Husman et al. 2000, section 5a).
     """
 
-    mode: FrequencyOfMode
+    mode: NamedMode
 
     steady: ClassVar[bool] = False
     undamped: ClassVar[bool] = True
@@ -52,8 +53,8 @@ class TopFraction(Quantity):
 class _BetweenModes(Quantity):
     """A distance of the frequencies of two modes."""
 
-    first: FrequencyOfMode
-    second: FrequencyOfMode
+    first: NamedMode
+    second: NamedMode
 
     steady: ClassVar[bool] = False
     vanishes: ClassVar[bool] = True
@@ -118,10 +119,12 @@ def parse_top(text: str, names: Names, option: str) -> Quantity | None:
     return TopFraction(text, "1", parse_mode(label, names, option))
 
 
-def parse_distance(text: str, names: Names, option: str) -> Quantity | None:
+def parse_between(
+    word: Literal["distance", "difference"], text: str, names: Names, option: str
+) -> Quantity | None:
     """Parse ``distance test pitch, test longitudinal``, and ``difference`` likewise."""
-    word, _, rest = text.partition(" ")
-    if word not in ("distance", "difference"):
+    own, _, rest = text.partition(" ")
+    if own != word:
         return None
     labels = [label.strip() for label in rest.split(",")]
     if len(labels) != 2:
@@ -150,13 +153,13 @@ KINDS = (
         "distance test pitch, test longitudinal",
         "1",
         "relative distance of two frequencies: higher over lower less 1",
-        parse_distance,
+        partial(parse_between, "distance"),
     ),
     Kind(
         "difference MODE, MODE",
         "difference test pitch, test longitudinal",
         "Hz",
         "difference of two frequencies, higher less lower",
-        parse_distance,
+        partial(parse_between, "difference"),
     ),
 )

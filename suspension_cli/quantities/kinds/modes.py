@@ -24,6 +24,7 @@ import numpy as np
 from suspension_cli.conventions import DOF_NAMES, DOFS
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.linear import eigenmodes, mode_content
+from suspension_cli.linear.energy_of_modes import EnergyOfModes
 from suspension_cli.linear.mode_content import Motion, describe_shared
 from suspension_cli.linear.mode_families import Families
 from suspension_cli.quantities.kind import Kind
@@ -101,15 +102,27 @@ class FrequencyOfMode(Quantity):
         return np.where(old.hangs != new.hangs, np.inf, result)
 
 
+class NamedMode(FrequencyOfMode):
+    """Frequency, Hz, of a mode that a name means in any design, and among modes with damping."""
+
+    @abstractmethod
+    def among(self, modes: EnergyOfModes) -> Int[np.ndarray, " design"]:
+        """Number of the mode among those of each design, from 0; -1 if it has none."""
+
+    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+        """Number of the mode among the undamped ones."""
+        return self.among(solved.energy_of_modes)
+
+
 @dataclass(frozen=True)
-class Frequency(FrequencyOfMode):
-    """Frequency of the mode that a name means, Hz."""
+class Frequency(NamedMode):
+    """Frequency of the mode that is mostly one motion, Hz."""
 
     motion: Motion
 
-    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+    def among(self, modes: EnergyOfModes) -> Int[np.ndarray, " design"]:
         """Number of the mode with most of the motion."""
-        return mode_content.find(solved.fractions, self.motion).mode
+        return mode_content.find(modes.fractions, self.motion).mode
 
     def weights(self, solved: Solved, *, smooth: bool) -> Float[np.ndarray, "design mode"]:
         """Those of the motion."""
@@ -149,28 +162,28 @@ class FollowedMode(FrequencyOfMode):
 
 
 @dataclass(frozen=True)
-class FrequencyByNumber(FrequencyOfMode):
+class FrequencyByNumber(NamedMode):
     """Frequency of mode number `place`, from 0, in ascending order, Hz."""
 
     place: int
 
-    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+    def among(self, modes: EnergyOfModes) -> Int[np.ndarray, " design"]:
         """The same number in each design that has so many modes."""
-        count = solved.frequency.shape[1]
-        return np.full(solved.count, self.place if self.place < count else -1)
+        designs, count, _ = modes.fractions.shape
+        return np.full(designs, self.place if self.place < count else -1)
 
 
 @dataclass(frozen=True)
-class LowestFrequency(FrequencyOfMode):
+class LowestFrequency(NamedMode):
     """Lowest frequency of the modes with most energy in one degree of freedom of all bodies, Hz."""
 
     dof: int
 
     missing = "has no such mode, or the lowest one is unstable"
 
-    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+    def among(self, modes: EnergyOfModes) -> Int[np.ndarray, " design"]:
         """Number of the lowest of these modes."""
-        own = self._energy(solved).argmax(-1) == self.dof
+        own = modes.of_bodies.sum(-2).argmax(-1) == self.dof
         return np.where(own.any(-1), own.argmax(-1), -1)
 
     def weights(self, solved: Solved, *, smooth: bool) -> Float[np.ndarray, "design mode"]:
@@ -179,7 +192,7 @@ class LowestFrequency(FrequencyOfMode):
         That is so far as this degree of freedom may have most of its energy, and no lower mode
         certainly has most of its energy there.
         """
-        energy = self._energy(solved)
+        energy = solved.energy.sum(-2)
         own = energy[..., self.dof]
         rest = np.delete(energy, self.dof, axis=-1).max(-1)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -191,23 +204,20 @@ class LowestFrequency(FrequencyOfMode):
 
     def content(self, solved: Solved) -> Float[np.ndarray, "design mode"]:
         """That of the degree of freedom of all bodies."""
-        return self._energy(solved)[..., self.dof]
-
-    def _energy(self, solved: Solved) -> Float[np.ndarray, "design mode 6"]:
-        return solved.energy.sum(-2)
+        return solved.energy.sum(-2)[..., self.dof]
 
 
 @dataclass(frozen=True)
-class FrequencyInFamily(FrequencyOfMode):
+class FrequencyInFamily(NamedMode):
     """Frequency of a mode by its rank, from 0, among those that couple by symmetry, Hz."""
 
     families: Families
     family: int
     rank: int
 
-    def number(self, solved: Solved) -> Int[np.ndarray, " design"]:
+    def among(self, modes: EnergyOfModes) -> Int[np.ndarray, " design"]:
         """Number of the mode of this rank."""
-        return solved.ranked(self.families)[self.family][:, self.rank]
+        return modes.ranked(self.families)[self.family][:, self.rank]
 
 
 def take(
@@ -228,7 +238,7 @@ def ends_of(
     return np.where(known, low, np.nan), np.where(known, high, np.nan)
 
 
-def parse_mode(text: str, names: Names, option: str) -> FrequencyOfMode:
+def parse_mode(text: str, names: Names, option: str) -> NamedMode:
     """Parse the name of a mode, of any kind; raises `InputError` if there is none."""
     for parse in (parse_label, parse_number, parse_lowest, parse_family):
         if found := parse(text, names, option):
@@ -258,7 +268,7 @@ def find_motion(text: str, names: Names) -> Motion | None:
     return Motion(places[label], int(rank or 0))
 
 
-def parse_label(text: str, names: Names, option: str) -> FrequencyOfMode | None:
+def parse_label(text: str, names: Names, option: str) -> NamedMode | None:
     """Parse the label of a mode; raises `InputError` if it has a number that is too large."""
     found = find_motion(text, names)
     if found is None:
@@ -271,7 +281,7 @@ def parse_label(text: str, names: Names, option: str) -> FrequencyOfMode | None:
     return Frequency(text, "Hz", found)
 
 
-def parse_number(text: str, names: Names, option: str) -> FrequencyOfMode | None:
+def parse_number(text: str, names: Names, option: str) -> NamedMode | None:
     """Parse the number of a mode in the table of `pendsus modes`."""
     if not (text.isascii() and text.isdigit()):
         return None
@@ -282,7 +292,7 @@ def parse_number(text: str, names: Names, option: str) -> FrequencyOfMode | None
     return FrequencyByNumber(text, "Hz", int(text) - 1)
 
 
-def parse_lowest(text: str, names: Names, option: str) -> FrequencyOfMode | None:
+def parse_lowest(text: str, names: Names, option: str) -> NamedMode | None:
     """Parse ``lowest pitch``."""
     del names
     word, _, dof = text.partition(" ")
@@ -294,7 +304,7 @@ def parse_lowest(text: str, names: Names, option: str) -> FrequencyOfMode | None
     return LowestFrequency(text, "Hz", DOFS.index(DEGREES[dof]))
 
 
-def parse_family(text: str, names: Names, option: str) -> FrequencyOfMode | None:
+def parse_family(text: str, names: Names, option: str) -> NamedMode | None:
     """Parse ``longitudinal-pitch 2``."""
     name, _, rank = text.rpartition(" ")
     if not (rank.isascii() and rank.isdigit()) or not set(name.split("-")) <= set(DEGREES):

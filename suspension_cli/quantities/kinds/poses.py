@@ -42,11 +42,12 @@ class StaticPose(Quantity):
         """Read it of all designs."""
         return solved.on_strings(lambda hung: hung.found.static[:, self.body, self.dof])
 
-    def scale(self, solved: Solved) -> float:
+    def scale(self, solved: Solved, values: Float[np.ndarray, " design"]) -> float:
         """Size of the largest displacement, or rotation, of all bodies of the batch.
 
         A displacement that a symmetry forbids is a rounding error, whose own size means nothing.
         """
+        del values
         alike = slice(0, 3) if self.dof < 3 else slice(3, 6)
         every = solved.on_strings(lambda hung: hung.found.static[:, :, alike])
         return float(np.fmax.reduce(np.abs(every[solved.hangs]), axis=None, initial=0.0))

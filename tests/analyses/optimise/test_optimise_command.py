@@ -95,15 +95,17 @@ def test_what_is_not_met_has_exit_code_1(tmp_path):
 def test_room_is_printed_as_a_fraction_of_the_limit(tmp_path):
     """Half the least there may be is 50 % short, and twice the most 100 % over, which margins in
     logarithms have alike."""
+    high = {"kind": "band", "modes": ["test longitudinal"]}
+    low = {"kind": "band", "modes": ["test transverse"]}
     limits = [{"at_least": 2.0}, {"at_most": 0.25}, {"equals": 2.0}, {"at_most": 2.0}]
-    goal = [{"kind": "band", "modes": ["test longitudinal"]} | limit for limit in limits]
+    goal = [one | limit for one, limit in zip([high, low, high, low], limits, strict=True)]
     raw = {"goal": goal, "free": [{"name": f"{WIRES}.l", "lower": 0.2, "upper": 0.5}]}
     result = optimise(VERTICAL, raw, tmp_path, "--json")
     answer = strict_json(result.stdout)
-    value = answer["limits"][0]["value"]
+    high_value, low_value = (limit["value"] for limit in answer["limits"][:2])
     np.testing.assert_allclose(
         [limit["room"] for limit in answer["limits"]],
-        [value / 2 - 1, 1 - value / 0.25, value / 2 - 1, 1 - value / 2],
+        [high_value / 2 - 1, 1 - low_value / 0.25, high_value / 2 - 1, 1 - low_value / 2],
         rtol=1e-12,
     )
     found = sus.load(tmp_path / "husman2000-table1-case1-optimise.h5")
