@@ -146,7 +146,7 @@ def _start(
         if None in given:
             first = next(e for e in mine if name not in known[e])
             whose = f" of {measured.names[first]}" if measured.names[first] else ""
-            reason, instead = parameters.why_unknown(texts[first], name, known[first])
+            reason, instead = parameters.why_unknown(texts[int(first)], name, known[first])
             problem = reason.replace("the design", f"the design{whose}")
             if any(name in known[e] for e in mine):
                 remedy += ", or list only experiments whose designs give it"
