@@ -178,7 +178,7 @@ def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
             analysis.save(path, result)
     result = result.in_file(path)
 
-    written = set[Path]()
+    written = {path}
 
     def write(end: str, data: bytes) -> None:
         target = path.with_name(f"{path.stem}{end}")
@@ -204,7 +204,7 @@ def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
                 write(f"{end}.{form}", encode(figure, form))
         for end, data in analysis.animations(result, setting):
             write(end, data)
-    if form == "png" or not written:
+    if path.suffix == ".h5" and (form == "png" or written == {path}):
         remove_old_pictures(path, written, voice.say)
     return result
 
