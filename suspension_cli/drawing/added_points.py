@@ -103,8 +103,8 @@ def _divide(
 ) -> Float[np.ndarray, " more"]:
     """Points that divide each interval into a number of pieces, equal on a logarithmic scale.
 
-    >>> _divide(np.array([1.0, 4.0, 5.0, 40.0]), np.array([2, 1, 3])).round(3)
-    array([ 2.,  10.,  20.])
+    >>> _divide(np.array([1.0, 4.0, 5.0, 40.0]), np.array([2, 1, 3])).round(3).tolist()
+    [2.0, 10.0, 20.0]
     """
     number = np.repeat(np.arange(len(pieces)), pieces - 1)
     first = np.cumsum(pieces - 1) - (pieces - 1)

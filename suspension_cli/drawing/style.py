@@ -211,7 +211,7 @@ def shorten(text: str, most: int) -> str:
     >>> shorten("test.blades.uncoupled_frequency", 28)
     'test.blades.uncou…_frequency'
     >>> shorten("the first of many short words in a text", 24)
-    'the first of …in a text'
+    'the first of… in a text'
     """
     excess = len(text) - most
     if excess <= 0:
