@@ -166,7 +166,7 @@ def _demand_distinct_names(sources: Sequence[Source]) -> None:
 
 def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
     """Write the files of a result: HDF5, CSV and pictures; return it with its file."""
-    from suspension_cli.analyses.replaced_results import replacing
+    from suspension_cli.analyses.replaced_results import remove_old_pictures, replacing
     from suspension_cli.files.whole_files import write_bytes
 
     result = result.complete()
@@ -178,9 +178,12 @@ def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
             analysis.save(path, result)
     result = result.in_file(path)
 
+    written = {path}
+
     def write(end: str, data: bytes) -> None:
         target = path.with_name(f"{path.stem}{end}")
         write_bytes(target, data)
+        written.add(target)
         voice.say(f"wrote {target}")
 
     with _results_complete(path):
@@ -192,15 +195,17 @@ def _write(run: Run, result: Any, voice: terminal.Voice) -> Any:
         for other in others:
             voice.say(f"wrote {other}")
         pictures = setting.get("plot", False)
+        form = setting.get("picture_format", "png")
         if pictures or (pictures is None and not setting["as_json"]):
             from suspension_cli.drawing.style import encode
 
             drawn = {str(param.name): setting[param.name] for param in analysis.drawn_with}
-            form = setting.get("picture_format", "png")
             for end, figure in result.figures(**drawn).items():
                 write(f"{end}.{form}", encode(figure, form))
         for end, data in analysis.animations(result, setting):
             write(end, data)
+    if path.suffix == ".h5" and (form == "png" or written == {path}):
+        remove_old_pictures(path, written, voice.say)
     return result
 
 

@@ -13,10 +13,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
-from suspension_cli.drawing.style import PALE, RAISED, SMALL, figure_of, format_raised
+from suspension_cli.drawing.style import PALE, RAISED, SMALL, figure_of, format_raised, text_width
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
+    from numpy.typing import ArrayLike
 
     from suspension_cli.scene.arrays import Array
 
@@ -37,6 +38,8 @@ SHORT = ((0.6, (1, 1.5, 2, 3, 5, 7)), (2.0, (1, 2, 5)), (np.inf, (1,)))
 """Digits of the ticks of axes up to a length, decades."""
 SIGNED = 8.0
 """Size of a value of either sign above which its axis is logarithmic."""
+TICKS_APART = 0.08
+"""Least distance between the labels of its ticks, in."""
 NARROW = 1.5
 """Width of such an axis that has room for powers of ten alone, in."""
 LOWEST_PHASE = -200.0
@@ -63,6 +66,26 @@ def phase_line(
     phase = wrap(np.degrees(np.angle(np.asarray(value)[known])), low)
     jumps = 1 + np.flatnonzero(np.abs(np.diff(phase)) > 270.0)
     return np.insert(x, jumps, np.nan), np.insert(phase, jumps, np.nan)
+
+
+def continuous_phase(value: Complex[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
+    """Phase in degrees along a curve without jumps by a turn; it begins as `wrap` has it.
+
+    >>> continuous_phase(np.exp(1j * np.radians([100.0, 150.0, 200.0, 250.0]))).round(6).tolist()
+    [100.0, 150.0, 200.0, 250.0]
+    """
+    known = np.isfinite(value) & (value != 0)
+    phase = np.full(len(value), np.nan)
+    phase[known] = np.degrees(np.unwrap(np.angle(value[known])))
+    first = phase[known][:1]
+    return phase + (wrap(first) - first if len(first) else 0.0)
+
+
+def limit_phases(phases: Sequence[ArrayLike]) -> tuple[float, float] | None:
+    """Limits of an axis of continuous phases (degrees), with a little room around them."""
+    every = np.concatenate([np.zeros(0), *(np.ravel(one) for one in phases)])
+    every = every[np.isfinite(every)]
+    return (float(every.min()) - 20.0, float(every.max()) + 20.0) if len(every) else None
 
 
 def ordinates(values: Array, scale: str) -> Array:
@@ -209,11 +232,29 @@ def label_signed(axes: Axes) -> None:
         powers = 10.0 ** np.arange(np.floor(decades), 0, -np.ceil(decades / 3))
         narrow = axes.bbox.width / axes.figure.dpi < NARROW
         digits = powers[:1] if narrow else np.append([1.0, 2.0], powers)
-        fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0))
-        for sizes, minor in ((digits, False), (fine, True)):
-            both = np.append(0.0, np.outer([-1, 1], sizes))
-            axes.set_xticks(both[(both >= low) & (both <= high)], minor=minor)
+        below = _with_end(axes, -digits, low) if low < 0 else np.zeros(0)
+        above = _with_end(axes, digits, high) if high > 0 else np.zeros(0)
+        axes.set_xticks([*below, 0.0, *above])
+        fine = np.outer(10.0 ** np.arange(np.ceil(decades)), np.arange(2.0, 10.0)).ravel()
+        axes.set_xticks([*-fine[fine <= -low], *fine[fine <= high]], minor=True)
     axes.xaxis.set_major_formatter(lambda x, _: format_raised(x, 6))
+
+
+def _with_end(axes: Axes, ticks: Float[np.ndarray, " tick"], end: float) -> Array:
+    """Add a round number near the end of a signed axis, if its label has room beyond the others.
+
+    The ticks are on the side of the end, which has their sign.
+    """
+    inside = ticks[np.abs(ticks) <= abs(end)]
+    last = inside[np.argmax(np.abs(inside))] if len(inside) else 0.0
+    sizes = np.outer(10.0 ** np.arange(8), [1.0, 2.0, 5.0]).ravel()
+    rounds = np.sign(end) * sizes[(sizes <= abs(end)) & (sizes > abs(last))]
+    for candidate in rounds[::-1][:1]:
+        left, right = (axes.transData.transform((at, 1.0))[0] for at in sorted((last, candidate)))
+        texts = (format_raised(at, 6) for at in (last, candidate))
+        if right - left > axes.figure.dpi * (max(map(text_width, texts)) + TICKS_APART):
+            return np.append(inside, candidate)
+    return inside
 
 
 def rule(axes: Axes) -> None:
@@ -233,10 +274,13 @@ def raise_power(axis: Axis) -> None:
         axis.set_major_formatter(lambda value, _: f"{value / 10.0**power:.6g}".replace("-", "−"))
 
 
-def label_phases(axes: Axes) -> None:
-    """Label a vertical axis of a turn of phase at multiples of 90 degrees."""
-    axes.set_ylim(LOWEST_PHASE, LOWEST_PHASE + 360.0)
-    axes.set_yticks([-180, -90, 0, 90], ["−180", "−90", "0", "90"])
+def label_phases(axes: Axes, limits: tuple[float, float] | None = None) -> None:
+    """Label a vertical axis of phases, by default of a turn, at multiples of 90 degrees or more."""
+    low, high = limits or (LOWEST_PHASE, LOWEST_PHASE + 360.0)
+    axes.set_ylim(low, high)
+    step = 90 * max(1, round((high - low) / 450))
+    ticks = np.arange(step * np.ceil(low / step), high, step)
+    axes.set_yticks(ticks, [format_raised(tick, 6) for tick in ticks])
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from suspension_cli.design.derive import (
 )
 from suspension_cli.design.locked_stages import title_of
 from suspension_cli.design.schema import Design
-from suspension_cli.drawing import dimension_tables, parts, style
+from suspension_cli.drawing import dimension_tables, labels, parts, style
 from suspension_cli.drawing.dimension_tables import SIZE, separation
 from suspension_cli.drawing.geometry import FACE, SIDE, Sketch, Stroke, View, sketch_at_rest
 from suspension_cli.drawing.labels import spread
@@ -313,12 +313,17 @@ def _write_names(canvas: Canvas, plan: Plan, colours: tuple[str, ...]) -> None:
     many = len(outlines) > MANY
     places = zip(bodies.position[1:], outlines, strict=True)
     edges = [plan.side.see(position + body.half * (1, 0, 0)) for position, body in places]
-    levels = spread([float(edge[1]) for edge in edges], (1.1 if many else 2.1) * LINE)
+    every = plan.sketch.points(plan.side)[:, 1]
+    low = float(every.min())
+    high = float(every.max())
+    gap = min((1.1 if many else 2.1) * LINE, (high - low) / len(edges))
+    levels = spread([float(edge[1]) for edge in edges], gap, low, high)
+    blank = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
     for n, (edge, y, colour) in enumerate(zip(edges, levels, colours, strict=True)):
         ends = [edge, [plan.names - 0.16, y], [plan.names - 0.04, y]]
         canvas.line(ends, colour, 0.5, 5)
         _draw_dot(canvas, edge, colour)
-        look = {"fontsize": 6.5, "color": colour, "fontweight": "bold"}
+        look = {"fontsize": 6.5, "color": colour, "fontweight": "bold", "bbox": blank}
         name = single_line(bodies.name[n], 18)
         canvas.text(plan.names, y, name, va="center" if many else "bottom", **look)
         if not many:
@@ -359,7 +364,7 @@ def _draw_axes(figure: Figure, plan: Plan, low: Array, high: Array) -> None:
         limits = {"xlim": (low[axis], high[axis]), "ylim": (low[2], high[2])}
         axes.set(facecolor="none", xlabel=f"{'xy'[axis]} (m)", zorder=-1, **limits)
         axes.spines["bottom"].set_position(("outward", 8))
-        axes.set_xticks(_ticks(low[axis], high[axis], view.scale))
+        labels.thin_ticks(axes.xaxis)
         middle = (left + right) / 2 / across
         look = {"fontsize": 8, "fontweight": "bold"}
         figure.text(middle, (top + 0.13) / up, view.name.upper(), ha="center", **look)

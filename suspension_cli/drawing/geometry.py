@@ -68,8 +68,9 @@ SIDE = View("side on", 1, np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 """x to the right, z up."""
 FACE = View("face on", 0, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
 """y to the right, z up."""
-ABOVE = View("from above", 2, np.array([[0.0, 1.0, 0.0], [-0.5, 0.0, 1.0]]))
-"""y to the right, x towards the reader at half scale; each body at its own height."""
+ABOVE = View("from above", 2, np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]]))
+"""y to the right, x towards the reader, so that a turned body keeps its shape; each body is at its
+own height."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator
 from scipy.optimize import isotonic_regression
 
 from suspension_cli.drawing.style import (
@@ -30,6 +32,10 @@ LIFT = 0.1
 """Height above axes at which the frequencies of peaks stand, in."""
 FARTHEST = 2.5
 """Largest distance of a frequency from its peak, in widths of the text."""
+MOST_TICKS = 8
+"""Largest number of intervals between the ticks of a linear axis."""
+TICKS_APART = 0.1
+"""Least distance between the labels of ticks, in."""
 MOST_PEAKS = 12
 """Largest number of labels of peaks."""
 SIDES = np.array([(1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1)])
@@ -68,6 +74,24 @@ def spread(
     result = np.empty(len(wanted))
     result[order] = np.clip(found, min(low, high - offset[-1]), high - offset[-1]) + offset
     return result.tolist()
+
+
+def thin_ticks(axis: Axis) -> None:
+    """Choose fewer ticks on a linear horizontal axis until their labels do not touch.
+
+    The axis has its limits and place, and numbers as labels.
+    """
+    axes = axis.axes
+    wide = axes.get_window_extent().width / axes.figure.dpi
+    low, high = axis.get_view_interval()
+    for most in range(MOST_TICKS, 1, -1):
+        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
+        ticks = np.asarray(axis.get_majorticklocs())
+        ticks = ticks[(ticks >= min(low, high)) & (ticks <= max(low, high))]
+        room = wide * float(np.diff(ticks).min(initial=np.inf)) / abs(high - low)
+        texts = axis.get_major_formatter().format_ticks(ticks.tolist())
+        if widest(texts) + TICKS_APART <= room:
+            return
 
 
 def room_for(names: Sequence[str], most: int = 26) -> float:

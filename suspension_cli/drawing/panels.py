@@ -389,15 +389,9 @@ def _draw_panel(
     _limit_upright(axes, panel, drawn)
     if panel.paint:
         panel.paint(axes)
-    axes.set_ylabel(panel.label)
-    if is_lowest:
-        axes.set_xlabel(axis.label)
     for one in panel.rules:
         _draw_rule(axes, one)
-    if panel.scale == "phase":
-        curves.label_phases(axes)
-    if panel.scale == "linear" and "(" in panel.label:
-        curves.raise_power(axes.yaxis)
+    _label_axes(axes, panel, axis, is_lowest=is_lowest)
     if panel.ends:
         pairs = zip(drawn, panel.lines, strict=True)
         ends = [(*points, one.name, one.colour) for points, one in pairs if named(one)]
@@ -410,6 +404,19 @@ def _draw_panel(
         _find_peaks(axes, panel, drawn)
     elif panel.peaks:
         labels.label_peaks(axes, sorted(panel.peaks, key=lambda peak: peak[1]))
+
+
+def _label_axes(axes: Axes, panel: Panel, axis: Across, *, is_lowest: bool) -> None:
+    """Label the axes and their ticks; they have their limits."""
+    axes.set_ylabel(panel.label)
+    if is_lowest:
+        axes.set_xlabel(axis.label)
+    if axis.scale == "linear" and not axis.ticks:
+        labels.thin_ticks(axes.xaxis)
+    if panel.scale == "phase":
+        curves.label_phases(axes, panel.limits)
+    if panel.scale == "linear" and "(" in panel.label:
+        curves.raise_power(axes.yaxis)
 
 
 def _draw_line(axes: Axes, line: Line, scale: Scale) -> tuple[Array, Array]:

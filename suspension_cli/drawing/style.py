@@ -41,6 +41,8 @@ INK = "#222222"
 """Colour of text and outlines."""
 PALE = "#c4c8cc"
 """Colour of parts at rest and of rules."""
+LEAST_OF_WORD = 3
+"""Least number of letters of a shortened word."""
 NOTE = "#5f6770"
 """Colour of dimensions and remarks."""
 RED = "#cc0000"
@@ -199,14 +201,47 @@ def encode(figure: Figure, form: str = "png") -> bytes:
 
 
 def single_line(text: str, most: int = 200) -> str:
-    """Put a user's text on one line, shortened in its middle and escaped for mathtext."""
+    """Put a user's text on one line, shortened and escaped for mathtext."""
     return shorten(" ".join(text.split()), most).replace("$", r"\$")
 
 
 def shorten(text: str, most: int) -> str:
-    """Shorten text to at most `most` characters by leaving out its middle."""
-    tail = (most - 1) // 2
-    return text if len(text) <= most else f"{text[: most - 1 - tail]}…{text[len(text) - tail :]}"
+    """Shorten text to at most `most` characters: the end of its longest word, or middle words.
+
+    >>> shorten("test.blades.uncoupled_frequency", 28)
+    'test.blades.uncou…_frequency'
+    >>> shorten("the first of many short words in a text", 24)
+    'the first of… in a text'
+    """
+    excess = len(text) - most
+    if excess <= 0:
+        return text
+    pieces = re.split(r"([\s._/#]+)", text)  # words at even places, what is between at odd ones
+    longest = max(range(0, len(pieces), 2), key=lambda n: len(pieces[n]))
+    kept = len(pieces[longest]) - excess - 1
+    if kept >= LEAST_OF_WORD:
+        pieces[longest] = pieces[longest][:kept] + "…"
+        return "".join(pieces)
+    head = _whole_words(pieces, (most - 1) // 2 + 1)
+    tail = _whole_words(pieces[::-1], most - 1 - len("".join(head)))[::-1]
+    if not head and not tail:
+        return text[: most - 1] + "…"
+    return "".join([*head, "…", *tail])
+
+
+def _whole_words(pieces: list[str], most: int) -> list[str]:
+    """Take pieces of a text from its start that have at most some characters together."""
+    lengths = np.cumsum([len(piece) for piece in pieces])
+    count = int((lengths <= most).sum())
+    return pieces[:count]
+
+
+def shorten_to(text: str, width: float, size: float = SMALL) -> str:
+    """Shorten text to a width, in."""
+    most = len(text)
+    while most > 1 and text_width(shorten(text, most), size) > width:
+        most -= 1
+    return shorten(text, most)
 
 
 def format_significant(value: float, digits: int = 4) -> str:
@@ -229,6 +264,16 @@ def format_raised(value: float, digits: int = 2) -> str:
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
     factor = {1.0: "", -1.0: "-"}.get(float(mantissa), f"{float(mantissa):g}·")
     return f"{factor}10{str(int(power)).translate(RAISED)}".replace("-", "−")
+
+
+def lighten(colour: str, part: float) -> str:
+    """Mix a colour with a part of white.
+
+    >>> lighten("#000000", 0.2)
+    '#333333'
+    """
+    red, green, blue = (part + (1 - part) * one for one in to_rgb(colour))
+    return to_hex((red, green, blue))
 
 
 def write_unit(unit: str) -> str:

@@ -24,7 +24,7 @@ SMALLEST = 5.5
 """Smallest text where a picture is scaled to a column's width, points."""
 PAGE = 17.8 / 2.54
 """Width of a page, in, for pictures with panels side by side."""
-PAGES = {"map", "modes", "modes-pages", "draw-imperfect", "draw-wide"}
+PAGES = {"map", "modes", "modes-pages", "draw-imperfect", "draw-wide", "damp", "damp-unstable"}
 FREQUENCY = np.geomspace(0.1, 100, 50)
 GOALS = """
 [[goal]]

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 
 MARKERS = ("o", "D", "s", "^", "v")
 """Markers of the items."""
+AVERAGED = 0.05
+"""Half width of the band of frequencies over which a drawn ratio of curves is averaged, relative
+to the frequency."""
 LONGEST = 34
 """Longest names of quantities, characters."""
 
@@ -142,7 +145,9 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         sizes.append(Line(curve.frequency, size, name, *how, error))
         phases.append(Line(curve.frequency, curve.value, "_", *how))
         if len(curve.ratio):
-            ratios.append(Line(curve.ratio_frequency, np.abs(curve.ratio), "_", *how))
+            ratio = np.abs(curve.ratio)
+            ratio = ratio if measured else average_ratio(curve.ratio_frequency, ratio)
+            ratios.append(Line(curve.ratio_frequency, ratio, "_", *how))
     unit = overlay.unit.replace("sqrt(Hz)", "√Hz")
     quantity = "magnitude" if response else single_line(overlay.output, 30)
     shown = [Panel(f"{quantity} ({unit})", sizes, scale="log", empty=panels.ZERO)]
@@ -151,7 +156,8 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
     if len(curves) > 1 and any(curve.value.any() for curve in curves):
         known = np.concatenate([np.ones(1), *(np.asarray(line.y) for line in ratios)])
         known = known[np.isfinite(known) & (known > 0)]
-        base = f"relative to {single_line(found.name[curves[0].item], 60)}"
+        base = f"relative to {single_line(found.name[curves[0].item], 30)}"
+        base += f", lines: geometric mean over ±{100 * AVERAGED:g} % in frequency"
         wide = "log" if known.max() > 3 * known.min() else "linear"
         rule = Rule(1.0, colour=PALE, dashes="-")
         shown.append(Panel("ratio", ratios, 1.2, wide, title=base, rules=[rule]))
@@ -159,6 +165,32 @@ def draw_overlay(found: Comparison, overlay: Overlay) -> Figure:
         f"Transfer function {overlay.name}" if response else f"Thermal noise of {overlay.output}"
     )
     return panels.draw(title, _models(found), shown)
+
+
+def average_ratio(
+    frequency: Float[np.ndarray, " point"], ratio: Float[np.ndarray, " point"]
+) -> Float[np.ndarray, " point"]:
+    """Geometric mean of a ratio over a band around each frequency (Hz).
+
+    Two designs differ by their Q where a resonance has moved by less than its width: a spike that
+    says little. The mean of the logarithm over a wider band does not depend on Q.
+
+    >>> average_ratio(np.geomspace(1.0, 2.0, 50), np.full(50, 3.0)).round(6).tolist() == [3.0] * 50
+    True
+    """
+    known = np.isfinite(ratio) & (ratio > 0) & (frequency > 0)
+    if known.sum() < 2:
+        return ratio
+    at = np.log(frequency[known])
+    level = np.log(ratio[known])
+    steps = np.diff(at) * (level[1:] + level[:-1]) / 2
+    integral = np.append(0.0, np.cumsum(steps))
+    low = np.clip(at - AVERAGED, at[0], at[-1])
+    high = np.clip(at + AVERAGED, at[0], at[-1])
+    total = np.interp(high, at, integral) - np.interp(low, at, integral)
+    result = np.full(len(ratio), np.nan)
+    result[known] = np.exp(total / (high - low))
+    return result
 
 
 def _refine(overlay: Overlay) -> list[Curve]:

@@ -10,14 +10,23 @@ from matplotlib.figure import Figure
 
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule
-from suspension_cli.drawing.style import DOF_COLOUR, INK, NOTE, PALETTE, RED, LineLook, single_line
+from suspension_cli.drawing.style import (
+    DOF_COLOUR,
+    INK,
+    NOTE,
+    PAGE_WIDTH,
+    PALETTE,
+    RED,
+    LineLook,
+    single_line,
+)
 
 if TYPE_CHECKING:
     from matplotlib.typing import LineStyleType
 
     from suspension_cli.analyses.damp.solve import Damped, LocalControl
 
-TALL = 1.45
+TALL = 1.7
 """Height of panels, in."""
 OPEN = "#9aa1a8"
 """Colour of the open loop."""
@@ -50,7 +59,6 @@ def draw(damped: Damped, chosen: Sequence[int] = ()) -> Figure:
     which = f" of {'' if chosen else 'the '}{len(drawn)}{'' if chosen else ' most critical'}"
     which = f"{which} of {len(damped.loop)} loops" * (len(damped.loop) > len(drawn))
     looks = _looks(damped.loop)
-    over = Across()
     sizes: list[Line] = []
     phases: list[Line] = []
     nichols = [_circle()]
@@ -59,40 +67,46 @@ def draw(damped: Damped, chosen: Sequence[int] = ()) -> Figure:
         colour = looks[n][0]
         look: LineLook = {"linestyle": looks[n][1]}
         sizes.append(Line(frequency, np.abs(own), damped.loop[n], colour, look))
-        phases.append(Line(frequency, own, damped.loop[n], colour, look))
+        angles = curves.continuous_phase(own)
+        phases.append(Line(frequency, angles, damped.loop[n], colour, look))
         with np.errstate(divide="ignore"):
             size, phase = curves.phase_line(20 * np.log10(np.abs(own)), own, NICHOLS)
         nichols.append(Line(phase, size, "_", colour, {**look, "linewidth": 0.8}))
         if damped.margin is not None:
             places = [damped.margin[n].phase_frequency, *damped.margin[n].gain_frequencies]
             places = [at for at in places if frequency[0] <= at <= frequency[-1]]
-            there = own[[int(np.abs(frequency - at).argmin()) for at in places]]
+            nearest_points = [int(np.abs(frequency - at).argmin()) for at in places]
+            there = own[nearest_points]
             angle = curves.wrap(np.degrees(np.angle(there)), NICHOLS)
-            phases.append(Line(places, there, "_", colour, DOT))
+            phases.append(Line(places, angles[nearest_points], "_", colour, DOT))
             nichols.append(Line(angle, 20 * np.log10(np.abs(there)), "_", colour, DOT))
-    shown = [
-        _poles(damped),
-        _impulse(damped),
-        _noise(damped),
-        Panel(
-            "|loop gain| (ratio)", sizes, TALL, "log", title=f"loop gain{which}, others closed",
-            ends=True, across=over, rules=[Rule(1.0)],
+    gains = Panel(
+        "|loop gain| (ratio)", sizes, TALL, "log", title=f"loop gain{which}",
+        remarks=["others closed"], ends=True, across=Across(), rules=[Rule(1.0)],
+    )  # fmt: skip
+    angles_of_gains = Panel(
+        "phase (degrees)", phases, TALL, "phase", curves.limit_phases([one.y for one in phases]),
+        title="phase of the loop gain; dots: margins", ends=True, across=Across(),
+    )  # fmt: skip
+    rows = [
+        (_poles(damped), _impulse(damped)),
+        (gains, _noise(damped)),
+        (angles_of_gains, _nichols(nichols)),
+    ]
+    return panels.draw(_heading_text(damped), damped.subtitle, rows, width=PAGE_WIDTH)
+
+
+def _nichols(lines: Sequence[Line]) -> Panel:
+    """Make the panel of gains against their phases, around -1."""
+    return Panel(
+        "loop gain (dB)", lines, TALL, limits=(-NEAR, NEAR),
+        title="dots: margins; dashed: |1 + L| = 1/2",
+        rules=[Rule(0.0, dashes="-"), Rule(-180.0, vertical=True, dashes="-")],
+        across=Across(
+            "phase of the loop gain (degrees)", "linear", (NICHOLS, NICHOLS + 360),
+            {at: f"{at}".replace("-", "−") for at in range(-270, 91, 90)},
         ),
-        Panel(
-            "phase (degrees)", phases, TALL, "phase",
-            title="phase of the loop gain; dots: margins", ends=True, across=over,
-        ),
-        Panel(
-            "loop gain (dB)", nichols, TALL, limits=(-NEAR, NEAR),
-            title=f"±{NEAR:g} dB around −1; dots: margins; dashed: |1 + L| = 1/2",
-            rules=[Rule(0.0, dashes="-"), Rule(-180.0, vertical=True, dashes="-")],
-            across=Across(
-                "phase of the loop gain (degrees)", "linear", (NICHOLS, NICHOLS + 360),
-                {at: f"{at}".replace("-", "−") for at in range(-270, 91, 90)},
-            ),
-        ),
-    ]  # fmt: skip
-    return panels.draw(_heading_text(damped), damped.subtitle, shown)
+    )  # fmt: skip
 
 
 def _heading_text(damped: LocalControl) -> str:

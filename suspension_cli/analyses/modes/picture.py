@@ -282,9 +282,10 @@ def _draw_energies(
         canvas.polygon(box, colours.get(stage, NOTE), "none", 0.0, 2)
         percent = f"{100 * fraction:.{0 if fraction >= 0.095 else 1}f} %"
         body, _, motion = describe(modes.place[n]).rpartition(" ")
-        room = int(width / 0.0435) - len(percent) - len(motion) - 2
-        label = f"{style.single_line(body, max(room, 3))} {motion}"
-        canvas.text(left, middle, f"{label} {percent}", va="center", fontsize=SMALL)
+        rest = f" {motion} {percent}"
+        body = style.shorten_to(body, width - style.text_width(rest, SMALL), SMALL)
+        label = f"{style.single_line(body)}{rest}"
+        canvas.text(left, middle, label, va="center", fontsize=SMALL)
         middle -= ROW
 
 

@@ -154,20 +154,32 @@ def _numbers(found: Optimum) -> Panel:
     place = (ends - low) / np.where(high > low, high - low, 1.0)
     for n, path in enumerate(numbers.name):
         unit, factor = displayed_unit(path, numbers.after[n])
-        before, after, *sides = (
-            format_raised(factor * one, 3) if np.isfinite(one) else "…"
-            for one in (*ends[:, n], numbers.lower[n], numbers.upper[n])
-        )
+        before, after = (format_raised(factor * one, 3) for one in ends[:, n])
         values = f"{before} → {after}"
         name = path.removeprefix("stage.").replace(".geometry.", ".")
         names.append(f"{single_line(name, max(36 - len(values), 8))}  {values}")
-        bounds.append(f"{' to '.join(sides)} {unit}".replace("^2", "²"))
+        bounds.append(_write_bounds(factor * numbers.lower[n], factor * numbers.upper[n], unit))
     both = np.isfinite(numbers.lower) & np.isfinite(numbers.upper)
     across = Across("", "linear", (-0.03, 1.03), {0.0: "lower bound", 1.0: "upper"})
     allowed = np.where(both, [[0.0], [1.0]], np.nan)
     title = "Numbers of the design between their bounds"
     missed = np.zeros(ends.shape, dtype=bool)
     return _rows(names, place, allowed, missed, across, title=title, beside=bounds, key=())
+
+
+def _write_bounds(lower: float, upper: float, unit: str) -> str:
+    """Write the bounds of a number of the design; either may be infinite or NaN: it has none."""
+    low = format_raised(lower, 3)
+    high = format_raised(upper, 3)
+    if np.isfinite(lower) and np.isfinite(upper):
+        text = f"{low} to {high}"
+    elif np.isfinite(lower):
+        text = f"from {low}"
+    elif np.isfinite(upper):
+        text = f"up to {high}"
+    else:
+        return f"no bounds; {unit}" if unit else "no bounds"
+    return f"{text} {unit}".replace("^2", "²").rstrip()
 
 
 def _write_limit(name: str) -> str:

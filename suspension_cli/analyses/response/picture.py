@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import Across, Line, Panel, Rule, Scale
-from suspension_cli.drawing.style import PALETTE, LineLook, stage_colours
+from suspension_cli.drawing.style import PALETTE, LineLook, lighten, stage_colours
 
 if TYPE_CHECKING:
     from suspension_cli.analyses.response.solve import Comparison
@@ -118,10 +118,18 @@ def _looks(measured: Sequence[Comparison], stages: Sequence[str]) -> list[tuple[
     colours = [stage_colours([*stages, *body])[name] for name in body]
     if len({*colours}) < len(colours):
         colours = [PALETTE[n % len(PALETTE)] for n in range(len(body))]
-    return [
-        (colour, {"marker": MARKERS[n % len(MARKERS)], "markersize": 3})
-        for n, colour in enumerate(colours)
-    ]
+    return [(colour, _open_marker(n, colour)) for n, colour in enumerate(colours)]
+
+
+def _open_marker(n: int, colour: str) -> LineLook:
+    """Look of measured points: open and pale, so that the model's line shows on top of them."""
+    return {
+        "marker": MARKERS[n % len(MARKERS)],
+        "markersize": 3.4,
+        "markerfacecolor": "white",
+        "markeredgecolor": lighten(colour, 0.4),
+        "markeredgewidth": 0.7,
+    }
 
 
 def _peaks(one: Comparison, kind: Scale) -> list[tuple[float, float, str]]:
@@ -141,9 +149,9 @@ def _points(one: Comparison, look: tuple[str, LineLook], value: Array) -> Line:
     value = value[good]
     sigma = data.uncertainty[good]
     relative = np.where(np.isfinite(sigma), sigma / np.abs(data.value[good]), np.nan)
-    how: LineLook = {**look[1], "linestyle": "none", "markersize": 2.4, "markeredgewidth": 0.0}
+    how: LineLook = {**look[1], "linestyle": "none", "zorder": 1.6}
     if len(at) > MANY_POINTS:
-        return Line(at, value, "_points", look[0], how | {"marker": ".", "markersize": 1.8})
+        return Line(at, value, "_points", look[0], how | {"markersize": 2.0})
     ends = value * (1 - np.clip(relative, 0, 0.999)), value * (1 + relative)
     return Line(at, value, "_points", look[0], how, ends)
 

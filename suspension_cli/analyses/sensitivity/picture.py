@@ -24,7 +24,7 @@ from suspension_cli.drawing.style import (
     SMALL,
     format_raised,
     format_signed,
-    shorten,
+    shorten_to,
     single_line,
 )
 
@@ -45,8 +45,8 @@ CELL = 0.15
 """Height of a cell, in."""
 WIDTH = 1.87
 """Width of the table, in."""
-MAX_NAME = 25
-"""Longest name of a number, characters."""
+NAMES = 1.5
+"""Largest width of the name of a number, in."""
 MAX_RESULT = 28
 """Longest name of a result, characters."""
 
@@ -72,7 +72,7 @@ def draw(found: Sensitivity, title: str, perturbations: Sequence[Perturbation] =
     ticks = [at for at in TICKS if at <= top]
     norm = SymLogNorm(0.05, vmin=-top, vmax=top)
     tints = Tints("RdBu_r", norm, "change of the result (%)", [*(-at for at in ticks), 0, *ticks])
-    names = [shorten(name_number(found.parameter[n], perturbations), MAX_NAME) for n in rows]
+    names = [shorten_to(name_number(found.parameter[n], perturbations), NAMES) for n in rows]
     results = [_name_result(found, n) for n in columns.tolist()]
     most = [percent[n, np.abs(percent[n]).argmax()] for n in rows]
     beside = [

@@ -161,7 +161,10 @@ def draw(
     """
     rest = swept.start[2:]
     value = swept.value[(slice(None), slice(None), *rest)[: len(swept.axes)]]
-    value = np.where(np.isfinite(value), value, np.nan)
+    shown = np.isfinite(value)
+    if value.ndim == 2 and (swept.status == 0).any():  # no lines through what is shaded
+        shown &= (swept.status == 0)[(slice(None), *rest)][:, None]
+    value = np.where(shown, value, np.nan)
     heading = _heading(swept)
     if value.ndim == 2:
         heading += f" against {swept.axes[0].name.removeprefix('stage.')}"

@@ -16,7 +16,7 @@ from suspension_cli.analyses.tolerance.summary import QUANTILES, Spread, Toleran
 from suspension_cli.design.paths import DISPLAYED
 from suspension_cli.drawing import curves, panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule
-from suspension_cli.drawing.style import INK, PALETTE, LineLook, single_line
+from suspension_cli.drawing.style import INK, PALETTE, LineLook, shorten_to, single_line
 from suspension_cli.quantities.requirements import Band
 from suspension_cli.scene.arrays import Array
 
@@ -158,8 +158,9 @@ def _histogram(
 
 def _rows(names: Sequence[str], lines: Sequence[Line], texts: Sequence[str], label: str) -> Panel:
     """Make a panel of lines in rows with names."""
+    rows = [single_line(shorten_to(name, NAMES - 0.24)) for name in names]
     return Panel(
-        lines=lines, height=ITEM * max(len(names), 1), rows=[single_line(n, 26) for n in names],
+        lines=lines, height=ITEM * max(len(names), 1), rows=rows,
         left=NAMES, title=texts[0], remarks=texts[1:], across=Across(label, "linear"),
         rules=[Rule(0.0, "", True, dashes="-")],
     )  # fmt: skip
@@ -233,7 +234,8 @@ def _spreads(
     texts = [f"{heading}: 5, 25, 50, 75 and 95 % of builds"]
     rest = reach[order[len(top) :]]
     if len(rest):
-        texts.append(f"{len(rest)} others: {rest.max():.2g} {unit} or less between 5 and 95 %")
+        others = "1 other" if len(rest) == 1 else f"{len(rest)} others"
+        texts.append(f"{others}: {rest.max():.2g} {unit} or less between 5 and 95 %")
     low, q1, middle, q3, high = quantiles[top][:, edges].T
     mark: LineLook = {"linestyle": "none", "marker": "|", "markersize": 6}
     lines = [*panels.stems(low, high, MET, 1.0), *panels.stems(q1, q3, MET, 4.0)]
