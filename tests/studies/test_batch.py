@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
-from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.analyses.tolerance import solve as random_builds
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
 from suspension_cli.analyses.xcouple.solve import Sweep

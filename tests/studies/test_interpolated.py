@@ -8,7 +8,7 @@ from suspension_cli.analyses.sweep.swept_results import find_results
 
 import suspension_cli as sus
 from suspension_cli.analyses import known_analyses, named_quantities, settings
-from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design.derive import mirror
 from suspension_cli.models import registry as models
