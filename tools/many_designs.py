@@ -27,7 +27,7 @@ from suspension_cli.analyses.tradeoff.measure import (
     format_time,
     median_times,
 )
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source, parse, read
@@ -108,8 +108,8 @@ def elapsed(work: Callable[[], Any]) -> float:
     return time.process_time() - begin
 
 
-def map_of(source: Any, points: int) -> Sweep:
-    """Sweep of a square grid of k and offset of a wire."""
+def map_of(source: Any, points: int) -> ImperfectBuilds:
+    """Builds over a square grid of k and offset of a wire."""
     side = round(points**0.5)
     axes = (
         Axis("k", tuple(np.linspace(*K, side))),
@@ -118,7 +118,7 @@ def map_of(source: Any, points: int) -> Sweep:
     return replace(sweep(source), axes=axes)
 
 
-def evaluate(job: Sweep, surface: Surface) -> None:
+def evaluate(job: ImperfectBuilds, surface: Surface) -> None:
     """Evaluate a map at all its points, by rows."""
     first, second = (np.array(axis.values) for axis in job.axes)
     for start in range(0, len(first), 50):

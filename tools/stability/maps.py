@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from bench.sweeps import TRIPLE, sweep
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.studies.interpolated import interpolated
 from suspension_cli.studies.job import Axis
 from tools.chebyshev_grid import surface_of
@@ -24,7 +24,7 @@ INTERVALS = 20
 """Between the points of each axis that other methods solve: 441 in all."""
 
 
-def _map(width: float) -> Sweep:
+def _map(width: float) -> ImperfectBuilds:
     axes = (
         Axis("k", tuple(np.linspace(1 - width, 1 + width, 101))),
         Axis("offset", tuple(np.linspace(-OFFSET, OFFSET, 61))),
@@ -32,14 +32,14 @@ def _map(width: float) -> Sweep:
     return replace(sweep(TRIPLE), axes=axes)
 
 
-def _values(job: Sweep, number: Any) -> tuple[Array, Array]:
+def _values(job: ImperfectBuilds, number: Any) -> tuple[Array, Array]:
     """Stiffness and offset of points."""
     k, offset = (np.array(axis.values) for axis in job.axes)
     rows, columns = np.unravel_index(number, job.shape)
     return k[rows], offset[columns]
 
 
-def _polynomial(job: Sweep, k: Array, offset: Array) -> Array:
+def _polynomial(job: ImperfectBuilds, k: Array, offset: Array) -> Array:
     """The ratio itself, as a polynomial through Chebyshev points."""
 
     def compute(values: Any) -> Array:
@@ -49,7 +49,7 @@ def _polynomial(job: Sweep, k: Array, offset: Array) -> Array:
     return surface.at(np.stack([k, offset], axis=1))[:, 0]
 
 
-def _spline(job: Sweep, k: Array, offset: Array) -> Array:
+def _spline(job: ImperfectBuilds, k: Array, offset: Array) -> Array:
     """The ratio as a cubic spline through an even grid."""
     across = np.linspace(job.axes[0].values[0], job.axes[0].values[-1], INTERVALS + 1)
     up = np.linspace(-OFFSET, OFFSET, INTERVALS + 1)
