@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.design.reader import read
 from suspension_cli.equilibrium.nominal import expand
@@ -58,8 +58,8 @@ def coupling_question(names: tuple[str, ...], wire: int) -> CouplingRequest:
     )
 
 
-def sweep(file: Path) -> Sweep:
-    """Sweep of k and offset of the first wire of the last stage."""
+def sweep(file: Path) -> ImperfectBuilds:
+    """Builds over k and offset of the first wire of the last stage."""
     source = read(file)
     scene = expand(source.design)
     wire = scene.wires.label.index(f"{scene.bodies.name[-1]}.1")
@@ -67,7 +67,7 @@ def sweep(file: Path) -> Sweep:
         Axis("k", tuple(np.linspace(0.6, 1.4, 60))),
         Axis("offset", tuple(np.linspace(-2e-3, 2e-3, BUILDS // 60))),
     )
-    return Sweep(source.text, axes, coupling_question(scene.bodies.name, wire))
+    return ImperfectBuilds(source.text, axes, coupling_question(scene.bodies.name, wire))
 
 
 def compute_all(job: Any) -> Callable[[], object]:

@@ -17,7 +17,8 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 import suspension_cli as sus
 from suspension_cli.analyses import named_quantities
-from suspension_cli.analyses.sweep.solve import ParameterSweep, complete, follow
+from suspension_cli.analyses.sweep.followed_modes import complete, follow
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import rule
 from suspension_cli.drawing.labels import label_ends, room_for

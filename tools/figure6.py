@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.analyses.xcouple.picture import COLOURS, interpolate
-from suspension_cli.analyses.xcouple.solve import Sweep
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import rule
 from suspension_cli.drawing.labels import label_ends
@@ -44,7 +44,7 @@ FIRST, LAST = 0.0, 0.85
 HOLDS = ("loaded-length", "natural-length")
 
 
-def ratios(hold: str) -> tuple[Sweep, Any]:
+def ratios(hold: str) -> tuple[ImperfectBuilds, Any]:
     """Compute the sweep of the figure and the ratio (k, offset), for one convention of `hold`."""
     source = read(ROOT / "configs" / "husman2000" / "figure6.toml")
     given = source.design.analysis["xcouple"]
@@ -57,11 +57,11 @@ def ratios(hold: str) -> tuple[Sweep, Any]:
         0, 1, hold, signals.parse_input("support.z", known), over, under, (given["frequency"],)
     )
     axes = tuple(Axis(name, tuple(parse_grid(given[name], name))) for name in ("k", "offset"))
-    job = Sweep(source.text, axes, question)
+    job = ImperfectBuilds(source.text, axes, question)
     return job, job.compute(0, job.count)["ratio"][:, 0].reshape(job.shape)
 
 
-def draw(found: list[tuple[str, Sweep, Any]]) -> Figure:
+def draw(found: list[tuple[str, ImperfectBuilds, Any]]) -> Figure:
     """Draw both conventions on the paper's axes, a line per offset of the upper end."""
     printed = PAPER["figure6"]
     figure = new_figure(7.2, 3.8)

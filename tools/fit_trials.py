@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.fit import solve, start
-from suspension_cli.analyses.fit.findings import change_unit, short
+from suspension_cli.analyses.fit.printed_parameters import change_unit, short
 from suspension_cli.analyses.fit.result import Fitted
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import paths, reader

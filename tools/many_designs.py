@@ -11,7 +11,6 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from suspension_cli.analyses.tradeoff.measure import (
     format_time,
     median_times,
 )
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.reader import Source, parse, read
@@ -52,9 +51,10 @@ from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes, response, signals
 from suspension_cli.models import registry
 from suspension_cli.models.choice import percent
-from suspension_cli.studies.chebyshev import Box, Surface, coefficients, nodes
+from suspension_cli.studies.chebyshev import Surface
 from suspension_cli.studies.job import Axis
 from tests.support.paths import ROOT
+from tools.chebyshev_grid import surface_of
 
 MILLION = 1_000_000
 INTERVALS = (2, 4, 8, 16, 32)
@@ -108,8 +108,8 @@ def elapsed(work: Callable[[], Any]) -> float:
     return time.process_time() - begin
 
 
-def map_of(source: Any, points: int) -> Sweep:
-    """Sweep of a square grid of k and offset of a wire."""
+def map_of(source: Any, points: int) -> ImperfectBuilds:
+    """Builds over a square grid of k and offset of a wire."""
     side = round(points**0.5)
     axes = (
         Axis("k", tuple(np.linspace(*K, side))),
@@ -118,16 +118,7 @@ def map_of(source: Any, points: int) -> Sweep:
     return replace(sweep(source), axes=axes)
 
 
-def surface_of(job: Sweep, intervals: int) -> Surface:
-    """Interpolate a map from a fixed number of points."""
-    box = Box((K[0], OFFSET[0]), (K[1], OFFSET[1]), (False, False))
-    places = np.array(list(product(nodes(intervals), repeat=2)))
-    values = {axis.name: box.value(n, places[:, n]) for n, axis in enumerate(job.axes)}
-    found = job.sample(values).reshape(intervals + 1, intervals + 1, -1)
-    return Surface(box, coefficients(found), len(places))
-
-
-def evaluate(job: Sweep, surface: Surface) -> None:
+def evaluate(job: ImperfectBuilds, surface: Surface) -> None:
     """Evaluate a map at all its points, by rows."""
     first, second = (np.array(axis.values) for axis in job.axes)
     for start in range(0, len(first), 50):
@@ -143,13 +134,15 @@ def measure_map(file: Any) -> MapCost:
     exact = job.compute_at({"k": k, "offset": offset})["ratio"]
     cost = MapCost(read(file).design.design.name, [], [], [], 0.0, 0.0)
     for intervals in INTERVALS:
-        surface = surface_of(job, intervals)
+        surface = surface_of(job.axes, job.sample, intervals)
         points = np.stack([k, offset], axis=1)
         mine = job.columns_of(surface.at(points))["ratio"]
         size = np.maximum(np.abs(exact), 1e-4 * np.abs(exact).max())
         cost.points.append(surface.points)
         cost.error.append(float((np.abs(mine - exact) / size).max()))
-        cost.time.append(elapsed(lambda n=intervals: evaluate(job, surface_of(job, n))))
+        cost.time.append(
+            elapsed(lambda n=intervals: evaluate(job, surface_of(job.axes, job.sample, n)))
+        )
     chunk = map_of(file, BUILDS)
     full = elapsed(lambda: chunk.compute(0, chunk.count)) / chunk.count
     alone = elapsed(lambda: [chunk.compute(n, n + 1) for n in range(ALONE)]) / ALONE

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from suspension_cli.analyses import named_quantities
-from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError
 from suspension_cli.linear import eigenmodes

@@ -16,8 +16,8 @@ from numpy.random import Generator
 
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.analyses.sweep.point_errors import PointErrors
-from suspension_cli.analyses.sweep.solve import ParameterSweep
 from suspension_cli.design.reader import Source
 from suspension_cli.design.schema import Design
 from suspension_cli.linear import eigenmodes

@@ -8,7 +8,7 @@ import tomllib
 import pytest
 
 import suspension_cli as sus
-from suspension_cli.analyses.fit.findings import change_unit
+from suspension_cli.analyses.fit.printed_parameters import change_unit
 from suspension_cli.design import paths, reader
 from suspension_cli.design.paths import format_with_unit, unit_of
 from suspension_cli.errors import InputError

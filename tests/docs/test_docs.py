@@ -16,7 +16,7 @@ import pytest
 
 from suspension_cli.analyses.compare import solve as compare
 from suspension_cli.analyses.export import file as export
-from suspension_cli.analyses.fit import result as fit_result
+from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.modes import picture
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
@@ -479,7 +479,7 @@ def declared_datasets(kind: type, folder: str = "", dims: str = "") -> Iterator[
     ("section", "kind"),
     [
         ("Group compare", compare.Comparison),
-        ("Transfer functions of a fit", fit_result.ResponseFit),
+        ("Transfer functions of a fit", ResponseFit),
     ],
 )
 def test_datasets_that_no_command_of_this_file_writes(section, kind):

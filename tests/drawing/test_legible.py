@@ -11,7 +11,7 @@ from matplotlib.text import Annotation, Text
 
 import suspension_cli as sus
 from suspension_cli.analyses.fit.picture import draw_responses
-from suspension_cli.analyses.fit.result import ResponseFit
+from suspension_cli.analyses.fit.response_fit import ResponseFit
 from tests.support.legible import misplaced, said
 
 pytestmark = pytest.mark.usefixtures("full_resolution")

@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
-from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.analyses.tolerance import solve as random_builds
 from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.design import reader
 from suspension_cli.errors import InputError, PendsusError
 from suspension_cli.linear.system import LinearSystem
@@ -99,7 +99,9 @@ def on_blades():
     bladed = scenes.plain(scenes.bladed_chain(rng, 3, tip_mass=True, lateral=True))
     design = reader.convert(bladed)
     wire = f"{design.stage[-1].name}.1"
-    return Sweep(reader.write_toml(bladed), AXES, question(design, wire, "natural-length"))
+    return ImperfectBuilds(
+        reader.write_toml(bladed), AXES, question(design, wire, "natural-length")
+    )
 
 
 def lossy_at_high_frequencies():
@@ -107,7 +109,9 @@ def lossy_at_high_frequencies():
         tomllib.loads(TEXT),
         {("materials", "fused-silica", "loss_angle"): 1e-3, ("stage", 0, "damping"): {"x": 1.0}},
     )
-    return Sweep(reader.write_toml(raw), AXES, question(frequency=(10.0, 400.0)), level="violin")
+    return ImperfectBuilds(
+        reader.write_toml(raw), AXES, question(frequency=(10.0, 400.0)), level="violin"
+    )
 
 
 def over_designs():
@@ -124,11 +128,11 @@ def builds_at_random(count, **how):
 
 TEXT = FILE.read_text()
 JOBS = {
-    "wires and designs": lambda: Sweep(
+    "wires and designs": lambda: ImperfectBuilds(
         TEXT, (Axis("stage.test.wires.d", (0.001, 0.002, 0.004)), *AXES), question()
     ),
     "blades": on_blades,
-    "beam": lambda: Sweep(TRIPLE_FILE.read_text(), AXES, question(TRIPLE), level="beam"),
+    "beam": lambda: ImperfectBuilds(TRIPLE_FILE.read_text(), AXES, question(TRIPLE), level="beam"),
     "violin": lossy_at_high_frequencies,
     "designs": over_designs,
     "random": lambda: builds_at_random(81),

@@ -7,8 +7,8 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses import known_analyses, named_quantities, settings
-from suspension_cli.analyses.sweep.solve import ParameterSweep
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.design.derive import mirror
 from suspension_cli.models import registry as models
 from suspension_cli.physics.couplings import parse_request
@@ -21,12 +21,12 @@ K = Axis("k", tuple(np.linspace(0.6, 1.4, 40)))
 OFFSET = Axis("offset", tuple(np.linspace(-2e-3, 2e-3, 50)))
 
 
-def job_of(name: str, *axes: Axis, frequency: str = "50", level: str = "string") -> Sweep:
+def job_of(name: str, *axes: Axis, frequency: str = "50", level: str = "string") -> ImperfectBuilds:
     design = sus.example(name)
     setting = settings.merge(known_analyses.get("xcouple"), design, {"frequency": frequency})
     system = models.by_name(level).system(design.design)
     asked = parse_request(system, setting, mirror(design.design))
-    return Sweep(design.text, axes, asked, level=level)
+    return ImperfectBuilds(design.text, axes, asked, level=level)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from suspension_cli.analyses.xcouple import solve as coupling
+from suspension_cli.analyses.xcouple import imperfect_builds
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.reader import read
 from suspension_cli.design.schema import Design
@@ -75,7 +75,7 @@ def answers(
     xcouple`."""
     requested = requested or question(design)
     table = {name: np.atleast_1d(np.asarray(value, dtype=float)) for name, value in values.items()}
-    scene = coupling.impose(expand(design), table, requested)
+    scene = imperfect_builds.impose(expand(design), table, requested)
     return couplings(builds.balance(scene, design, level=level), requested)
 
 
@@ -112,4 +112,6 @@ def balanced(
     values: dict[str, Any], requested: CouplingRequest, design: Design, level: str = "string"
 ) -> builds.Builds:
     """Builds of a batch in equilibrium."""
-    return builds.balance(coupling.impose(expand(design), values, requested), design, level=level)
+    return builds.balance(
+        imperfect_builds.impose(expand(design), values, requested), design, level=level
+    )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from suspension_cli.analyses.xcouple import solve as coupling
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.linear import signals
 from suspension_cli.physics.couplings import CouplingRequest
@@ -34,7 +34,7 @@ def _shipped(offset: Any, name: str = "lower_offset") -> Any:
         under=signals.parse_output("test.z@0,0,-0.001", bodies),
         frequency=(FREQUENCY,),
     )
-    sweep = coupling.Sweep(tomli_w.dumps(raw), (Axis(name, tuple(map(float, offset))),), question)
+    sweep = ImperfectBuilds(tomli_w.dumps(raw), (Axis(name, tuple(map(float, offset))),), question)
     return sweep.compute(0, len(offset))["ratio"][:, 0].real
 
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from bench.sweeps import TRIPLE, sweep
-from suspension_cli.analyses.xcouple.solve import Sweep
-from suspension_cli.studies.chebyshev import Box, Surface, coefficients, nodes
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.studies.interpolated import interpolated
 from suspension_cli.studies.job import Axis
+from tools.chebyshev_grid import surface_of
 from tools.stability.row import SHIPPED, Array, Row, relative
 
 WIDTH = np.array([0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
@@ -25,7 +24,7 @@ INTERVALS = 20
 """Between the points of each axis that other methods solve: 441 in all."""
 
 
-def _map(width: float) -> Sweep:
+def _map(width: float) -> ImperfectBuilds:
     axes = (
         Axis("k", tuple(np.linspace(1 - width, 1 + width, 101))),
         Axis("offset", tuple(np.linspace(-OFFSET, OFFSET, 61))),
@@ -33,25 +32,24 @@ def _map(width: float) -> Sweep:
     return replace(sweep(TRIPLE), axes=axes)
 
 
-def _values(job: Sweep, number: Any) -> tuple[Array, Array]:
+def _values(job: ImperfectBuilds, number: Any) -> tuple[Array, Array]:
     """Stiffness and offset of points."""
     k, offset = (np.array(axis.values) for axis in job.axes)
     rows, columns = np.unravel_index(number, job.shape)
     return k[rows], offset[columns]
 
 
-def _polynomial(job: Sweep, k: Array, offset: Array) -> Array:
+def _polynomial(job: ImperfectBuilds, k: Array, offset: Array) -> Array:
     """The ratio itself, as a polynomial through Chebyshev points."""
-    low, high = job.axes[0].values[0], job.axes[0].values[-1]
-    box = Box((low, -OFFSET), (high, OFFSET), (False, False))
-    places = np.array(list(product(nodes(INTERVALS), repeat=2)))
-    values = {axis.name: box.value(n, places[:, n]) for n, axis in enumerate(job.axes)}
-    ratio = job.compute_at(values)["ratio"].reshape(INTERVALS + 1, INTERVALS + 1, 1)
-    surface = Surface(box, coefficients(ratio), len(places))
+
+    def compute(values: Any) -> Array:
+        return job.compute_at(values)["ratio"]
+
+    surface = surface_of(job.axes, compute, INTERVALS)
     return surface.at(np.stack([k, offset], axis=1))[:, 0]
 
 
-def _spline(job: Sweep, k: Array, offset: Array) -> Array:
+def _spline(job: ImperfectBuilds, k: Array, offset: Array) -> Array:
     """The ratio as a cubic spline through an even grid."""
     across = np.linspace(job.axes[0].values[0], job.axes[0].values[-1], INTERVALS + 1)
     up = np.linspace(-OFFSET, OFFSET, INTERVALS + 1)

@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.fit import start
+from suspension_cli.analyses.fit.explanations import SingleChange
+from suspension_cli.analyses.fit.least_squares import data_rows
 from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.result import SingleChange
 from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.errors import InputError
 from suspension_cli.studies import derivatives, parameters
@@ -131,7 +132,7 @@ class Changes:
     def _by_fit(self, found: Solution) -> list[str]:
         """Rank numbers by what a change of one explains of the fit of all."""
         wide, z = self._wide(found)
-        slope = wide.data_rows(wide.jacobian(z))
+        slope = data_rows(wide, wide.jacobian(z))
         own = slope.T @ slope
         moved = z[: wide.count] - np.array([*self.given.values()])
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -22,7 +22,7 @@ import msgspec
 
 from suspension_cli.analyses.fit import start
 from suspension_cli.analyses.fit.changes import Changes
-from suspension_cli.analyses.fit.result import Correction
+from suspension_cli.analyses.fit.explanations import Correction
 from suspension_cli.analyses.fit.solution import ROUGH, Solution, best_of
 
 ROUNDS = 3

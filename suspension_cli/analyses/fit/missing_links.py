@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.analyses.fit import start
-from suspension_cli.analyses.fit.problem import Experiment
-from suspension_cli.analyses.fit.result import MissingLink
+from suspension_cli.analyses.fit.experiment import Experiment
+from suspension_cli.analyses.fit.explanations import MissingLink
+from suspension_cli.analyses.fit.least_squares import covariance
 from suspension_cli.analyses.fit.solution import ROUGH, Solution, best_of
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import reader
@@ -159,7 +160,7 @@ def _stiffness(end: Solution) -> tuple[float, ...]:
     """Stiffness of the last link of a design, 0 where it is not clear of its uncertainty."""
     problem = end.problem
     last = slice(problem.count - len(DOFS), problem.count)
-    spread = np.diag(problem.covariance(end.z, problem.jacobian(end.z)))[last]
+    spread = np.diag(covariance(problem, end.z, problem.jacobian(end.z)))[last]
     with np.errstate(invalid="ignore"):
         clear = end.z[last] > SHOWN * np.sqrt(spread)
     return tuple(

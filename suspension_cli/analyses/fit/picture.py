@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.fit.findings import short
-from suspension_cli.analyses.fit.result import Fitted, ResponseFit
+from suspension_cli.analyses.fit.printed_parameters import short
+from suspension_cli.analyses.fit.response_fit import ResponseFit
+from suspension_cli.analyses.fit.result import Fitted
 from suspension_cli.design.paths import displayed_unit
 from suspension_cli.drawing import panels
 from suspension_cli.drawing.panels import ITEM, Across, Line, Panel, Rule

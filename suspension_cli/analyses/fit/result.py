@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from suspension_cli.analyses.fit.explanations import Exchange
+from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.record import Record
-from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.design.paths import unit_of
-from suspension_cli.files.declared import ADDED, ATTRIBUTE, SI, along, derived, in_unit, scale_of
+from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit, scale_of
 from suspension_cli.files.documents import Layout
-from suspension_cli.measurements.transfer_function import TABLES, Channels
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Float, Int
 
     from suspension_cli.design.reader import Source
 
@@ -27,256 +26,6 @@ SAME = 1e-3
 """Relative difference of chi^2 below which two searches found the same minimum."""
 FAR = 3.0
 """Standard deviations of a prior beyond which a value is listed as far from it."""
-SIGN, EXCHANGE, FACTOR = "sign", "exchange", "factor"
-KNOWN_FACTORS = (
-    (1e6, "micro against SI units"),
-    (1e3, "milli against SI units"),
-    (180 / math.pi, "degrees against radians"),
-    (math.sqrt(10), "the root of 10: a missing calibration, or 10 dB"),
-    (10.0, "20 dB"),
-    (2 * math.pi, "2 pi: Hz against rad/s"),
-    (4.0, "4"),
-    (2.0, "2: peak to peak, or one of two coils"),
-    (math.sqrt(2), "the root of 2: peak against rms"),
-)
-"""Usual errors of calibrations."""
-NEAR_FACTOR = 0.06
-"""Difference of ln to one of these up to which it is named."""
-
-
-@dataclass(frozen=True)
-class Correction:
-    """A change of one channel (`side` 0: a sensor, 1: an actuator), or of two that are exchanged.
-
-    `kind` is ``"sign"``, ``"exchange"`` or ``"factor"``, `factor` that on the gain. `known` says
-    whether the file of measurements claims otherwise, `also` names another channel whose change
-    explains the data as well. `chi_squared` is that of the fitted parameters without this change.
-    """
-
-    in_json: ClassVar = Layout(
-        names={
-            "channel": "channels",
-            "known": "claimed_otherwise",
-            "chi_squared": "chi_squared_without",
-        },
-        also="text",
-    )
-    kind: str
-    side: int
-    channel: tuple[str, ...]
-    factor: float = 1.0
-    known: bool = True
-    also: str = ""
-    chi_squared: float = math.nan
-
-    def apply(self, channels: Channels, *, undo: bool = False) -> Channels:
-        """Make the change, or undo it."""
-        if self.kind == EXCHANGE:
-            return channels.with_exchange(self.side, *self.channel)
-        name = self.channel[0]
-        factor = 1 / self.factor if undo else self.factor
-        gain = channels.transducer[self.side][name].gain * factor
-        return channels.with_transducer(self.side, name, gain=gain)
-
-    @property
-    def what(self) -> str:
-        """The channels in words."""
-        return f"{TABLES[self.side]}{'s' * (len(self.channel) - 1)} {' and '.join(self.channel)}"
-
-    @property
-    def text(self) -> str:
-        """The change in words."""
-        if self.kind == EXCHANGE:
-            other = f" (or {self.also})" if self.also else ""
-            return f"{self.what} are exchanged{other}"
-        what = f"{self.what} (or of {self.also})" if self.also else self.what
-        if self.kind == SIGN:
-            return f"the sign of {what} is {'wrong' if self.known else 'negative'}"
-        return f"the gain of {what} is {name_factor(self.factor)} times the one given"
-
-
-def name_factor(factor: float) -> str:
-    """Name a factor and its usual cause.
-
-    >>> name_factor(3.15)
-    '3.15 (the root of 10: a missing calibration, or 10 dB)'
-    """
-    for value, name in KNOWN_FACTORS:
-        for known, form in ((value, name), (1 / value, f"inverse of {name}")):
-            if abs(math.log(abs(factor) / known)) < NEAR_FACTOR:
-                return f"{factor:.3g} ({form})"
-    return f"{factor:.3g}"
-
-
-@dataclass(frozen=True)
-class Exchange:
-    """Two labels of an experiment (from 0) that fit better exchanged, and chi^2 of that fit."""
-
-    experiment: int
-    labels: tuple[str, str]
-    chi_squared: float
-
-
-@dataclass(frozen=True)
-class SingleChange:
-    """Fit with one parameter of the design free (its path, value and change, SI)."""
-
-    name: str
-    start: float
-    change: float
-    chi_squared: float
-
-
-@dataclass(frozen=True)
-class MissingLink:
-    """A link that the design lacks, with which it fits better.
-
-    `between` are its bodies, `stiffness` that along x, y, z and about these axes at the centre of
-    mass of the first stage (N/m, N m/rad; 0 where the data do not show it), `chi_squared` that of
-    the fit with the link.
-    """
-
-    between: tuple[str, str]
-    stiffness: tuple[float, ...]
-    chi_squared: float
-
-    @property
-    def text(self) -> str:
-        """The link in words."""
-        units = ("N/m",) * 3 + ("N m/rad",) * 3
-        parts = [
-            f"{size:.3g} {unit} ({dof})"
-            for size, unit, dof in zip(self.stiffness, units, DOFS, strict=True)
-            if size
-        ]
-        return f"between {' and '.join(self.between)} of stiffness {', '.join(parts)}"
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A measurement (input and output signals, band in Hz) that would determine a parameter better.
-
-    `sigma` is the standard deviation of that parameter with this measurement.
-    """
-
-    in_json: ClassVar = Layout(names={"band": "band_hz"})
-    input: str
-    output: str
-    band: tuple[float, float]
-    sigma: float
-
-
-RESONANCE = dict.fromkeys(("measured", "sigma", "before", "after"), "Hz")
-RESONANCE |= dict.fromkeys(("q", "functions"), "1")
-"""Columns of measured resonances, and their units."""
-
-
-@dataclass(frozen=True)
-class ResponseFit:
-    """Measured transfer functions and a fit to them.
-
-    Attributes
-    ----------
-    function, input, output, unit
-        Names of the functions and of their channels, and units of their values.
-    of
-        Function of each point.
-    frequency, uncertainty, measured, before, after
-        Hz, and readings per drive as measured, and as predicted before and after the fit.
-    nuisance
-        Fitted properties of sensors and actuators: keys, values (relative for gains, s for
-        delays), and standard deviations after the fit and of the priors.
-    mode, resonance
-        Modes with a measured resonance: frequency as measured, its standard deviation, before and
-        after (Hz), measured Q, number of functions with it.
-    chi_squared_before
-        chi^2 of the design as given, with the properties of channels fitted.
-    corrections
-        Wrong channels.
-    changes
-        Single changes that explain most, best first.
-    least
-        A parameter that is known least; "" if none is free.
-    candidates
-        Measurements that would determine it best, best first.
-    links
-        In a misfit, links that the design lacks and that would explain it, best first.
-    """
-
-    in_json: ClassVar = Layout(
-        rows={"function": "transfer_functions", "nuisance": "channels"},
-        names={
-            "function": "name",
-            "points": "frequencies",
-            "nuisance": "name",
-            "nuisance_value": "change",
-            "nuisance_sigma": "sigma",
-            "nuisance_prior": "prior_sigma",
-            "corrections": "wrong_channels",
-            "changes": "single_changes",
-            "links": "missing_links",
-            "least": "least_known",
-            "candidates": "measure_next",
-        },
-        without=(
-            "of frequency uncertainty measured before after mode resonance resonance_column"
-            " resonance_unit"
-        ),
-        also="points chi_squared",
-    )
-    function: tuple[str, ...]
-    input: tuple[str, ...] = field(metadata=along("function"))
-    output: tuple[str, ...] = field(metadata=along("function"))
-    unit: tuple[str, ...] = field(metadata=along("function"))
-    of: Int[np.ndarray, " number"]
-    frequency: Float[np.ndarray, " number"] = field(metadata=in_unit("Hz"))
-    uncertainty: Float[np.ndarray, " number"] = field(metadata=in_unit(SI))
-    measured: Complex[np.ndarray, " number"] = field(metadata=in_unit(SI))
-    before: Complex[np.ndarray, " number"] = field(metadata=in_unit(SI))
-    after: Complex[np.ndarray, " number"] = field(metadata=in_unit(SI))
-    nuisance: tuple[str, ...]
-    nuisance_value: Float[np.ndarray, " nuisance"] = field(metadata=in_unit(SI))
-    nuisance_sigma: Float[np.ndarray, " nuisance"] = field(metadata=in_unit(SI))
-    nuisance_prior: Float[np.ndarray, " nuisance"] = field(metadata=in_unit(SI))
-    mode: tuple[str, ...]
-    resonance: Float[np.ndarray, "mode resonance_column"] = field(
-        metadata=in_unit("{resonance_unit}")
-    )
-    chi_squared_before: float = float("nan")
-    corrections: tuple[Correction, ...] = ()
-    changes: tuple[SingleChange, ...] = ()
-    least: str = ""
-    candidates: tuple[Candidate, ...] = ()
-    links: tuple[MissingLink, ...] = ()
-
-    @property
-    @derived()
-    def resonance_column(self) -> tuple[str, ...]:
-        """Columns of `resonance`."""
-        return tuple(RESONANCE)
-
-    @property
-    @derived(along="resonance_column")
-    def resonance_unit(self) -> tuple[str, ...]:
-        """Unit of each column of `resonance`."""
-        return tuple(RESONANCE.values())
-
-    @property
-    def chi_squared(self) -> Float[np.ndarray, " function"]:
-        """chi^2 of each function after the fit."""
-        return self.chi_squared_of(self.after)
-
-    def chi_squared_of(
-        self, values: Complex[np.ndarray, " number"]
-    ) -> Float[np.ndarray, " function"]:
-        """chi^2 of each function with these values."""
-        off = np.abs((values - self.measured) / self.uncertainty) ** 2
-        return np.bincount(self.of, off, len(self.function)).astype(float)
-
-    @property
-    def points(self) -> Int[np.ndarray, " function"]:
-        """Number of frequencies of each function."""
-        return np.bincount(self.of, minlength=len(self.function))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses.fit import start
+from suspension_cli.analyses.fit.explanations import FACTOR, Correction
+from suspension_cli.analyses.fit.least_squares import minimise
 from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.result import FACTOR, Correction, is_unlikely
+from suspension_cli.analyses.fit.result import is_unlikely
 
 if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
@@ -38,7 +40,7 @@ class Solution:
 
     def descend(self, z: Array, **how: Any) -> Solution:
         """Fit all values from z on."""
-        z, chi_squared = self.problem.minimise(z, **how)
+        z, chi_squared = minimise(self.problem, z, **how)
         return replace(self, z=z, chi_squared=chi_squared)
 
     def refine(self, how: dict[str, Any] = ROUGH) -> Solution:

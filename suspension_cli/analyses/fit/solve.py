@@ -29,11 +29,14 @@ import numpy as np
 
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Progress
-from suspension_cli.analyses.fit import findings, missing_links, start
+from suspension_cli.analyses.fit import determined, missing_links, next_measurements, start
 from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.chi_squared_search import Search, search
+from suspension_cli.analyses.fit.explanations import Exchange
+from suspension_cli.analyses.fit.least_squares import covariance, data_rows, minimise
 from suspension_cli.analyses.fit.problem import Problem
-from suspension_cli.analyses.fit.result import Exchange, Fitted, ResponseFit, is_unlikely
+from suspension_cli.analyses.fit.response_fit import ResponseFit
+from suspension_cli.analyses.fit.result import Fitted, is_unlikely
 from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader
@@ -111,7 +114,7 @@ def solve(
         responses = replace(responses, links=missing_links.find(found, result.excess))
     if explain and changes is not None:
         before, single = single_changes(changes, found)
-        least, candidates = findings.next_measurements(found.problem, found.z, slope)
+        least, candidates = next_measurements.find(found.problem, found.z, slope)
         responses = replace(
             responses,
             chi_squared_before=before,
@@ -203,7 +206,7 @@ def _rounded(found: Solution, slope: Array, change: float) -> Solution:
     problem = found.problem
     value = found.z[: problem.count]
     lower, upper = (bound[: problem.count] for bound in problem.unknowns[2:4])
-    sigma = np.sqrt(np.diag(problem.covariance(found.z, slope))[: problem.count])
+    sigma = np.sqrt(np.diag(covariance(problem, found.z, slope))[: problem.count])
     known = np.isfinite(sigma) & (sigma > 0)
     step = 2 * change * np.where(known, sigma, 1.0)  # rounding is off by half a step at most
     place = np.floor(np.log10(step)).astype(int)
@@ -238,9 +241,10 @@ def _find_exchange(found: Solution) -> Exchange | None:
             tried = replace(problem, experiment=other)
             ranked.append((Exchange(e, (first, second), tried.chi_squared(tried.base)), tried))
     ranked.sort(key=lambda pair: pair[0].chi_squared)
-    fitted = [
-        replace(one, chi_squared=tried.minimise(tried.base)[1]) for one, tried in ranked[:EXCHANGES]
-    ]
+    fitted: list[Exchange] = []
+    for one, tried in ranked[:EXCHANGES]:
+        _, chi_squared = minimise(tried, tried.base)
+        fitted.append(replace(one, chi_squared=chi_squared))
     best = min(fitted, key=lambda one: one.chi_squared, default=None)
     worthy = best is not None and best.chi_squared < WORTH_REPORTING * found.chi_squared
     return best if worthy else None
@@ -258,14 +262,15 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         for one, build in zip(every, builds, strict=True)
     ]
     before, after = (problem.predict_modes(x)[0] for x in (problem.base, value))
-    spread = problem.covariance(found.z, slope)
+    spread = covariance(problem, found.z, slope)
     inner = int((~np.isnan(np.diag(spread))).sum())
     freedom = len(slope) - inner
     scale = 1.0
     if freedom > 0 and is_unlikely(found.chi_squared, len(slope), inner):
         scale = float(np.sqrt(found.chi_squared / freedom))
     relative = np.where(value != 0, np.abs(value), 1.0)
-    _, singular, direction = np.linalg.svd(problem.data_rows(slope) * relative, full_matrices=False)
+    rows = data_rows(problem, slope) * relative
+    _, singular, direction = np.linalg.svd(rows, full_matrices=False)
     if direction.size:
         largest = direction[np.arange(len(direction)), np.abs(direction).argmax(1)]
         direction = direction * np.where(largest < 0, -1.0, 1.0)[:, None]
@@ -303,7 +308,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         design_before=(),
         ends=ends,
     )
-    return replace(result, determined=findings.describe(problem, slope, result))
+    return replace(result, determined=determined.describe(problem, slope, result))
 
 
 def _responses(found: Solution, slope: Array) -> ResponseFit:
@@ -313,7 +318,7 @@ def _responses(found: Solution, slope: Array) -> ResponseFit:
     functions = problem.channels.function
     nuisances = problem.channels.nuisances
     own = problem.parts
-    sigma = np.sqrt(np.diag(problem.covariance(found.z, slope)))
+    sigma = np.sqrt(np.diag(covariance(problem, found.z, slope)))
     z0 = problem.unknowns.start
     before, after = (one.frequencies(z[: problem.count]) for z in (z0, found.z))
     peaks = start.assign_peaks(problem, found.z)

@@ -22,8 +22,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from suspension_cli.analyses.fit import measured_values
-from suspension_cli.analyses.fit.problem import Experiment, Problem
-from suspension_cli.analyses.fit.result import EXCHANGE, FACTOR, SIGN, Correction
+from suspension_cli.analyses.fit.experiment import Experiment
+from suspension_cli.analyses.fit.explanations import EXCHANGE, FACTOR, SIGN, Correction
+from suspension_cli.analyses.fit.least_squares import minimise
+from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.design import paths, reader
 from suspension_cli.design.measured import Free, Measured, Mode
 from suspension_cli.errors import Fault, InputError, format_value
@@ -366,8 +368,8 @@ def fit_resonances(problem: Problem, z: Array) -> Array:
             modes.append(Mode(frequency=peak.frequency, uncertainty=sigma, label=label))
         alone = Problem([replace(one, mode=modes)], problem.free, problem.shared, problem.base)
         # robust, as a peak may be of another mode
-        z[parts[0]], _ = alone.minimise(
-            z[parts[0]], loss="soft_l1", steps=30, tolerance=1e-2, held=True
+        z[parts[0]], _ = minimise(
+            alone, z[parts[0]], loss="soft_l1", steps=30, tolerance=1e-2, held=True
         )
         matched = assign_peaks(problem, z)
     for peak in matched:

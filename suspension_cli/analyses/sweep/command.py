@@ -16,11 +16,14 @@ if TYPE_CHECKING:
     from jaxtyping import Bool
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.sweep.solve import ParameterSweep, Sweep
+    from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
+    from suspension_cli.analyses.sweep.solve import Sweep
     from suspension_cli.studies.job import Axis
 
 ALIKE = 0.4
 """Overlap below which a mode may have become any other; two that mix half and half have 0.5."""
+TOGETHER = 16
+"""Points computed at once, if a quantity is computed design by design: progress is seen then."""
 
 
 class SweepAnalysis(Analysis):
@@ -89,9 +92,8 @@ class SweepAnalysis(Analysis):
     def solve(self, run: Run) -> Sweep:
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import sweeping
-        from suspension_cli.analyses.sweep import solve as sweep
-        from suspension_cli.analyses.sweep import sweep_models
-        from suspension_cli.analyses.sweep.point_errors import PointErrors
+        from suspension_cli.analyses.sweep import point_errors, sweep_models
+        from suspension_cli.analyses.sweep.solve import write
         from suspension_cli.physics import near_limits
 
         asked = sweep_models.Asked.of(run.source, run.setting, axes(list(run.setting["vary"])))
@@ -101,15 +103,15 @@ class SweepAnalysis(Analysis):
         study = sweeping.Study(
             asked.job,
             asked.usable(wanted),
-            PointErrors(first),
-            sweep.first_points(first),
-            sweep.extreme_points,
-            sweep.write,
+            point_errors.PointErrors(first),
+            point_errors.first_points(first),
+            point_errors.extreme_points,
+            write,
             _warnings,
         )
         chunk = run.setting["chunk"]
         if first.is_slow:
-            chunk = min(chunk, sweep.TOGETHER)
+            chunk = min(chunk, TOGETHER)
         run = replace(run, setting=run.setting | {"fidelity": wanted, "chunk": chunk})
         choice = study.choose(run.source, run.setting)
         run.log.detail(f"{run.name}: {choice.line}")

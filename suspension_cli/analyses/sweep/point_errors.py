@@ -1,4 +1,4 @@
-"""Errors of models at some points of a sweep, by which the model of the sweep is chosen."""
+"""Errors of models at some points of a sweep, by which its model is chosen; and which points."""
 
 from __future__ import annotations
 
@@ -7,17 +7,44 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.followed_modes import complete, follow
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.errors import InputError
 from suspension_cli.quantities.differences import compare_batches
 from suspension_cli.quantities.solved import Solved, of_designs
 from suspension_cli.studies import variants
+from suspension_cli.studies.extremes import MOST, find_extremes
+from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Int
 
     from suspension_cli.design.schema import Design
     from suspension_cli.models.choice import Comparison
+
+POINTS = 9
+"""Largest number of points at which models are compared before the sweep."""
+FEW = 3
+"""The same, if a quantity is computed design by design."""
+FEW_EXTREMES = 6
+"""Largest number of points at which models are compared after such a sweep."""
+
+
+def first_points(job: ParameterSweep) -> Int[np.ndarray, " point"]:
+    """Points at which models are compared before the sweep, at corners and middles of the grid."""
+    corners = job.corners
+    most = FEW if job.is_slow else POINTS
+    return corners[np.unique(np.linspace(0, len(corners) - 1, most).astype(int))]
+
+
+def extreme_points(job: ParameterSweep, columns: Columns) -> Int[np.ndarray, " point"]:
+    """Points at which the results of a finished sweep are extreme, or change fastest."""
+    known = job.on_grid(columns)
+    rank = None
+    if job.followed:
+        rank, _ = follow(job, known)
+    most = FEW_EXTREMES if job.is_slow else MOST
+    return find_extremes(complete(job, known, rank), most)
 
 
 class PointErrors:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.solve import Sweep, has_modes
+from suspension_cli.analyses.sweep.followed_modes import has_modes
+from suspension_cli.analyses.sweep.solve import Sweep
 from suspension_cli.linear import mode_content
 from suspension_cli.linear.mode_content import Content
 from suspension_cli.studies import builds

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses.named_quantities import names_of
-from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.errors import InputError, format_value, gather
 from suspension_cli.models import registry
 from suspension_cli.quantities import requirements

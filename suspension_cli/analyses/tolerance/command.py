@@ -209,10 +209,10 @@ def _write(
     origin: Origin,
 ) -> Tolerance:
     """Write the group of the results file."""
-    from suspension_cli.analyses.tolerance import summary
+    from suspension_cli.analyses.tolerance import summary_file
 
     estimates = estimator.of(columns, job)
-    return summary.write(
+    return summary_file.write(
         group,
         columns,
         job,

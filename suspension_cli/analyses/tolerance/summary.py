@@ -5,40 +5,26 @@ Text, JSON and pictures follow from the file alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from itertools import chain
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
 from suspension_cli.analyses.record import Record
-from suspension_cli.analyses.tolerance.build_statistics import Yield, slopes, strongest, unit_ranks
-from suspension_cli.analyses.tolerance.estimates import (
-    QUANTILES,
-    Estimates,
-    Statistics,
-    signed_coupling,
-)
-from suspension_cli.analyses.tolerance.solve import RandomBuilds
-from suspension_cli.analyses.tolerance.variance_shares import fit
+from suspension_cli.analyses.tolerance.build_statistics import Yield, strongest
+from suspension_cli.analyses.tolerance.estimates import QUANTILES
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, NOT_STORED, along, in_unit
 from suspension_cli.files.documents import Layout
-from suspension_cli.files.mapped_arrays import copy_column
 from suspension_cli.quantities.kinds.poses import STATIC
 from suspension_cli.quantities.requirements import Band, displayed_unit
 from suspension_cli.studies.builds import GOOD, STATUS
-from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
-    import h5py
-    from jaxtyping import Bool, Complex, Float, Int
+    from jaxtyping import Bool, Float, Int
 
     from suspension_cli.analyses.record import Origin
 
-RANKED = 20_000
-"""Number of first builds for rank correlations and shares, whose errors are then below 0.01."""
 SIGNIFICANT = 3.0
 """Least significant correlation, in standard deviations 1/sqrt(N) of N uncorrelated builds."""
 MAX_POINTS = 4000
@@ -487,175 +473,7 @@ class Tolerance(Record):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FileContents(Tolerance):
-    """What the results file has: statistics, and the builds themselves."""
-
-    build: Int[np.ndarray, " build"]
-    value: Float[np.ndarray, "build quantity"] = field(metadata=in_unit("{quantity_unit}"))
-    complex_ratio: Complex[np.ndarray, "build coupling_frequency"] = field(
-        metadata=in_unit("", name="ratio")
-    )
-    shared_motion: Bool[np.ndarray, "build labelled"] | None = field(
-        default=None, metadata=in_unit("", name="shared")
-    )
-    residual: Float[np.ndarray, " build"]
-    status: Int[np.ndarray, " build"]
-    slack_wire: Int[np.ndarray, " build"]
-
-
 def load(group: Any, run: Origin) -> Tolerance:
     """Read the statistics of a group, with the first builds for figures."""
     sample = np.asarray(group["value"][:MAX_POINTS])
     return stored.read(group, Tolerance, sample=sample, run=run)
-
-
-def write(
-    group: h5py.Group,
-    columns: Columns,
-    job: RandomBuilds,
-    run: Origin,
-    *,
-    limit: float,
-    precision: float,
-    estimates: Estimates,
-) -> Tolerance:
-    """Write all builds and their statistics, and return these.
-
-    `precision` is the standard error that was asked for, or 0.
-    """
-    largest, of_what = estimates.largest_error(job)
-    record = FileContents(
-        **dict(_describe(job, limit)),
-        **dict(_summarise(columns, job, estimates)),
-        **dict(_yields(columns, job, estimates)),
-        precision=precision,
-        largest_error=largest,
-        largest_error_of=of_what,
-        build=np.arange(job.count, dtype=np.uint32),
-        value=columns["value"],
-        complex_ratio=columns["ratio"],
-        shared_motion=columns.get("shared"),
-        residual=columns["residual"],
-        status=columns["status"],
-        slack_wire=columns["slack_wire"],
-        run=run,
-    )
-    stored.write(group, record)
-    group["ratio"].attrs["units"] = job.coupling.unit
-    return record
-
-
-def _describe(job: RandomBuilds, limit: float) -> Iterator[tuple[str, Any]]:
-    """Yield what a summary says of the builds before they are computed."""
-    question = job.question
-    quantities = job.quantities
-    yield "seed", str(job.seed)
-    yield "builds", job.count
-    yield "limit", limit
-    yield "input", question.input.text
-    yield "over_signal", question.over.text
-    yield "under_signal", question.under.text
-    yield "coupling_frequency", np.array(question.frequency)
-    yield "factor", tuple(one.label for one in job.factors)
-    yield "factor_unit", tuple(one.unit for one in job.factors)
-    yield "factor_group", tuple(one.group for one in job.factors)
-    yield "group", job.groups
-    yield "mode", np.arange(1, len(job.modes) + 1)
-    yield "mode_label", tuple(job.nominal.numbered_label)
-    yield "nominal_frequency", job.nominal.frequency
-    yield "stage", tuple(job.scene.bodies.name)
-    yield "quantity", tuple(one.text for one in quantities)
-    yield "quantity_unit", tuple(one.unit for one in quantities)
-    yield "result", (*(one.text for one in quantities), SIGNED)
-    yield "result_unit", (*(one.unit for one in quantities), job.coupling.unit)
-    yield "missing_reason", (*(one.missing for one in quantities), job.coupling.missing)
-
-
-def _summarise(
-    columns: Mapping[str, Any], job: RandomBuilds, estimates: Estimates
-) -> Iterator[tuple[str, Any]]:
-    """Yield the statistics of all quantities."""
-    status = columns["status"]
-    good = status == GOOD
-    yield "good", int(good.sum())
-    yield "status_count", tuple(int((status == code).sum()) for code in range(len(STATUS)))
-    under = estimates.under
-    yield "fraction_under_limit", under.fraction
-    yield "fraction_under_limit_interval", under.interval
-    yield "fraction_under_limit_error", under.error
-    for name, values in Statistics.columns(estimates.results).items():
-        yield f"result_{name}", values
-    missing = []
-    infinite = []
-    first = []
-    signed = np.real(signed_coupling(columns))
-    every = columns["value"]
-    each = (copy_column(every, n) for n in range(every.shape[1]))
-    for result in chain(each, [signed]):  # one after another, as there may be many builds
-        missing.append(int(np.isnan(result[good]).sum()))
-        infinite.append(int(np.isinf(result[good]).sum()))
-        first.append(result[:RANKED].copy())
-    yield "missing", np.array(missing)
-    yield "infinite", np.array(infinite)
-    kept = np.flatnonzero(good[:RANKED])
-    yield "ranked", len(kept)
-    value = np.stack(first, axis=1)[kept]
-    deviations = job.deviations(0, min(RANKED, job.count))[kept]
-    yield from _find_causes(value, deviations, job)
-
-
-def _find_causes(
-    value: Float[np.ndarray, "build result"],
-    deviations: Float[np.ndarray, "build factor"],
-    job: RandomBuilds,
-) -> Iterator[tuple[str, Any]]:
-    """Yield correlations, slopes and shares of all quantities with the numbers that vary."""
-    coupling = job.quantities.index(job.coupling)
-    rank = np.zeros((value.shape[1], deviations.shape[1]))
-    slope = np.zeros(rank.shape)
-    ranks: dict[tuple[bytes, bool], np.ndarray] = {}
-    for n, column in enumerate(value.T):
-        known = np.isfinite(column)
-        moved = np.abs(deviations[known]) if n == coupling else deviations[known]
-        key = known.tobytes(), n == coupling
-        if key not in ranks:
-            ranks[key] = unit_ranks(moved)
-        rank[n] = unit_ranks(column[known, None])[:, 0] @ ranks[key]
-        slope[n] = slopes(column[known], moved)
-    yield "rank", rank
-    yield "slope", slope
-    shares = fit(value, deviations, [job.groups.index(one.group) for one in job.factors])
-    yield "share", shares.share
-    yield "share_error", shares.error
-    yield "r_squared", shares.r_squared
-
-
-def _yields(
-    columns: Mapping[str, Any], job: RandomBuilds, estimates: Estimates
-) -> Iterator[tuple[str, Any]]:
-    """Yield the limits of requirements, and the fractions of builds that meet them."""
-    if job.labelled:
-        yield "labelled", tuple(one.text for one in job.labelled)
-        yield "shared_count", columns["shared"].sum(0)
-    if not job.requirements:
-        return
-    required = [
-        replace(one, quantity=quantity)
-        for one, quantity in zip(job.requirements, job.required, strict=True)
-    ]
-    bands = [one.band for one in required]
-    yield "requirement", tuple(one.limits.text for one in required)
-    yield "requirement_name", tuple(one.description for one in required)
-    yield "requirement_quantity", tuple(one.quantity.text for one in required)
-    yield "low", np.array([band.low for band in bands])
-    yield "high", np.array([band.high for band in bands])
-    yield "of_magnitude", np.array([band.of_magnitude for band in bands])
-    yield "open", np.array([band.open for band in bands])
-    *each, joint = estimates.met
-    yield "yield_", np.array([one.fraction for one in each])
-    yield "yield_interval", np.array([one.interval for one in each])
-    yield "yield_error", np.array([one.error for one in each])
-    yield "yield_of_all", joint.fraction
-    yield "yield_of_all_interval", joint.interval
-    yield "yield_of_all_error", joint.error

@@ -19,7 +19,8 @@ from suspension_cli.errors import InputError, format_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from suspension_cli.analyses.xcouple.solve import Coupling, CouplingMatrix, Sweep
+    from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
+    from suspension_cli.analyses.xcouple.solve import Coupling, CouplingMatrix
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.physics.couplings import CouplingRequest
@@ -104,14 +105,16 @@ class CouplingAnalysis(Analysis):
 
     def swept_names(self) -> tuple[str, ...]:
         """Imperfections, whose grids may stand in `[analysis.xcouple]`."""
-        from suspension_cli.analyses.xcouple.solve import PARAMETERS
+        from suspension_cli.analyses.xcouple.imperfect_builds import PARAMETERS
 
         return tuple(PARAMETERS)
 
     def solve(self, run: Run) -> Coupling | CouplingMatrix:
         """Compute the coupling of all builds, or the matrix of one design."""
         from suspension_cli.analyses import sweeping
-        from suspension_cli.analyses.xcouple import solve
+        from suspension_cli.analyses.xcouple import compared_builds
+        from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
+        from suspension_cli.analyses.xcouple.solve import write
         from suspension_cli.design.derive import mirror
         from suspension_cli.models import registry
         from suspension_cli.physics import model_choice
@@ -125,15 +128,15 @@ class CouplingAnalysis(Analysis):
         if setting["matrix"]:
             return MATRIX.of(run, requested)
         over = axes(setting["sweep"], run.design.analysis.get("xcouple", {}))
-        job = solve.Sweep(source.text, over, requested, unstable)
+        job = ImperfectBuilds(source.text, over, requested, unstable)
         job.check()
         study = sweeping.Study(
             lambda level: dataclasses.replace(job, level=level),
             registry.SCENE_MODELS,
-            partial(solve.coupling_change, job),
-            solve.first_points(job),
-            solve.extreme_points,
-            solve.write,
+            partial(compared_builds.coupling_change, job),
+            compared_builds.first_points(job),
+            compared_builds.extreme_points,
+            write,
             _warnings,
         )
         choice = study.choose(source, setting)
@@ -250,7 +253,7 @@ class MatrixAnalysis(Analysis):
         return {"": picture.draw_matrix(result, result.subtitle)}
 
 
-def _warnings(found: Coupling, job: Sweep) -> Iterator[str]:
+def _warnings(found: Coupling, job: ImperfectBuilds) -> Iterator[str]:
     """Say how many builds failed, and why."""
     failed = [f"{n} of {job.count} builds failed: {why}" for why, n in found.failures.items()]
     if failed:
@@ -264,7 +267,7 @@ def _limit(design: Design) -> float:
 
 def axes(text: str, table: Document) -> tuple[Axis, ...]:
     """Parse the axes of `--sweep`; missing grids come from the design's table or the defaults."""
-    from suspension_cli.analyses.xcouple.solve import PARAMETERS
+    from suspension_cli.analyses.xcouple.imperfect_builds import PARAMETERS
     from suspension_cli.design.faults import suggest
     from suspension_cli.grids import parse_grid
     from suspension_cli.studies.job import Axis, distinct

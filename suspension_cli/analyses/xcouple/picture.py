@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses.xcouple.solve import PARAMETERS, Coupling
+from suspension_cli.analyses.xcouple.imperfect_builds import PARAMETERS
+from suspension_cli.analyses.xcouple.solve import Coupling
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.imperfections import AXES
 from suspension_cli.drawing import curves, panels

@@ -11,9 +11,16 @@ import pytest
 from scipy import stats
 
 import suspension_cli as sus
-from suspension_cli.analyses.fit import changes, chi_squared_search, findings, picture, start
+from suspension_cli.analyses.fit import (
+    changes,
+    chi_squared_search,
+    determined,
+    findings,
+    picture,
+    start,
+)
 from suspension_cli.analyses.fit import solve as fit
-from suspension_cli.analyses.fit.result import name_factor
+from suspension_cli.analyses.fit.explanations import name_factor
 from suspension_cli.analyses.fit.solution import Solution
 from suspension_cli.analyses.fit.start import default_parameters
 from suspension_cli.conventions import DOFS
@@ -72,7 +79,7 @@ def test_channels_are_found_exchanged_and_left_alone_when_right():
 def test_only_a_sum_is_known():
     """Of two heights that the data see together, the sentence says so; of E and r, E r^2."""
     spread = 1e-6 * np.array([[1.0, -0.999], [-0.999, 1.0]])
-    lines, taken = findings.combinations(
+    lines, taken = determined.combinations(
         ["a.d", "a.d_upper"], [True, True], np.full(2, 1e-3), spread, np.array([True, True])
     )
     assert lines == ["only the sum of a.d and a.d_upper is known (to 0.045 mm)"]

@@ -9,7 +9,7 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
-from suspension_cli.analyses.sweep.solve import ParameterSweep
+from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.quantities import requirements
 from suspension_cli.quantities.nominal_results import find_results
 from suspension_cli.quantities.requirements import Limits

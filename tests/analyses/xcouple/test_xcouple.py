@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.design.reader import read
 from suspension_cli.grids import parse_grid
 from suspension_cli.linear import signals
@@ -121,7 +121,7 @@ def figure_6(hold):
     """The sweep that the design requests, and its ratios (k, offset)."""
     table = FIGURE_6.analysis["xcouple"]
     axes = tuple(Axis(name, tuple(parse_grid(table[name], name))) for name in ("k", "offset"))
-    job = Sweep(read(FILE).text, axes, question(hold=hold))
+    job = ImperfectBuilds(read(FILE).text, axes, question(hold=hold))
     return job, job.compute(0, job.count)["ratio"].real.reshape(job.shape)
 
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from suspension_cli.analyses.xcouple import solve as coupling
-from suspension_cli.analyses.xcouple.solve import Sweep
+from suspension_cli.analyses.xcouple import imperfect_builds
+from suspension_cli.analyses.xcouple.imperfect_builds import ImperfectBuilds
 from suspension_cli.design import reader
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.equilibrium.nominal import expand
@@ -112,7 +112,7 @@ def test_dotted_paths(kind):
         Axis("k", (0.9, 1.0, 1.1)),
     )
     requested = question(frequency=(3.0, 50.0))
-    job = Sweep(FILE.read_text(), axes, requested)
+    job = ImperfectBuilds(FILE.read_text(), axes, requested)
     found = job.compute(0, job.count)
     for n, chosen in enumerate(np.ndindex(job.shape)):
         value = {axis.name: axis.values[i] for axis, i in zip(axes, chosen, strict=True)}
@@ -157,8 +157,8 @@ def test_a_failed_build_does_not_touch_the_others(kind, level, monkeypatch):
     )
     k = (0.9, 1.1, 1.2)
     requested = question(frequency=(20.0, 50.0))
-    alone = Sweep(base, (Axis(name, (fine,)), Axis("k", k)), requested, level=level)
-    both = Sweep(base, (Axis(name, (bad, fine)), Axis("k", k)), requested, level=level)
+    alone = ImperfectBuilds(base, (Axis(name, (fine,)), Axis("k", k)), requested, level=level)
+    both = ImperfectBuilds(base, (Axis(name, (bad, fine)), Axis("k", k)), requested, level=level)
     one, two = alone.compute(0, 3), both.compute(0, 6)
     assert (two["status"][:3] == status).all()
     assert not two["status"][3:].any()
@@ -308,7 +308,9 @@ def test_wires_that_bend_otherwise_are_no_mirror_images(kind, level):
     assert (np.abs(single[:, 0]) > (1e-12 if kind == "temperature" else 1e-8)).all()
     assert (single[:, 1] == 0).all()  # the mirror in y is left
     found = builds.balance(
-        coupling.impose(expand(design), {"k": np.ones(1)}, question(design)), design, level=level
+        imperfect_builds.impose(expand(design), {"k": np.ones(1)}, question(design)),
+        design,
+        level=level,
     )
     assert found.mirrors.tolist() == [[False, True]]
     batch = builds.transfer(found, np.array([2.0, 30.0]), drive, outputs)[0, :, :, 0]
