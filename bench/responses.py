@@ -73,7 +73,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         "response, support.x to mirror of a quadruple / dense 24x24",
         lambda: response.solve(model, FREQUENCY, drive, motion),
         floor,
-        1 / 4,
+        0.3,
     )
     absolute(
         "the same, 3,000 frequencies at 3 us each",
