@@ -73,7 +73,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         "response, support.x to mirror of a quadruple / dense 24x24",
         lambda: response.solve(model, FREQUENCY, drive, motion),
         floor,
-        1 / 8,
+        0.3,
     )
     absolute(
         "the same, 3,000 frequencies at 3 us each",
@@ -91,7 +91,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         "response of an imperfect quadruple, one pair / dense real 24x24",
         lambda: response.solve(imperfect, FREQUENCY, drive, motion),
         dense(model, kind=float),
-        1.8,
+        3.6,
     )
     drives = [
         signals.parse_input(f"{body}.{force}", known)

@@ -12,7 +12,17 @@ from collections.abc import Callable
 from suspension_cli.drawing.style import house_style, save
 from suspension_cli.files.whole_files import write_bytes
 from tests.support.paths import ROOT
-from tools.stability import beams, blades, couplings, frequency, geometry, maps, masses, modal
+from tools.stability import (
+    beams,
+    blades,
+    couplings,
+    frequency,
+    geometry,
+    map_errors,
+    maps,
+    masses,
+    modal,
+)
 from tools.stability.draw import count_pages, draw_pages
 from tools.stability.overview import draw_overview, format_number
 from tools.stability.row import BROKEN, SHIPPED, Row
@@ -96,8 +106,8 @@ def _describe_own(row: Row, name: str) -> str:
     return f"{label}: {value}" if label else value
 
 
-def report(rows: list[Row]) -> str:
-    """Format the whole page."""
+def report(rows: list[Row], map_table: str) -> str:
+    """Format the whole page: rows, panels, and the table of the errors of maps."""
     sentences = [f"**{row.title}** ({row.quantity}). {row.finding}" for row in rows]
     panels = [
         f"![Relative error of each method along the parameter that drives it, page {number}]"
@@ -105,7 +115,7 @@ def report(rows: list[Row]) -> str:
         for number in range(1, count_pages(rows) + 1)
     ]
     table = "\n".join(table_row(row) for row in rows)
-    return HEAD + "\n\n".join([table, *panels, *sentences]) + "\n"
+    return HEAD + "\n\n".join([table, *panels, *sentences, map_table]) + "\n"
 
 
 def main() -> None:
@@ -115,7 +125,8 @@ def main() -> None:
         start = time.perf_counter()
         rows.append(make())
         print(f"{name:20} {time.perf_counter() - start:5.1f} s", flush=True)
-    text = report(rows)
+    errors = {trouble: map_errors.compare(make()) for trouble, make in map_errors.TROUBLES.items()}
+    text = report(rows, map_errors.table(errors))
     (ROOT / "results").mkdir(exist_ok=True)
     write_bytes(ROOT / "results" / "stability.md", text.encode())
     with house_style():
