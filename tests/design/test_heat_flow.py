@@ -62,6 +62,12 @@ def test_constant_conductivity_gives_a_linear_profile():
     design, flow = solved("1000.0")
     rise = POWER / COUNT * LENGTH / (AREA * 1000.0)
     assert flow.temperature["mirror"] == pytest.approx(16 + rise, rel=1e-12)
+    found = sus.sensitivity(
+        sus.parse(TEXT.format(conductivity="1000.0", wires=ROUND)),
+        results=["temperature of mirror"],
+    )
+    [number] = [n for n, name in enumerate(found.parameter) if name == "heat.absorbed.mirror"]
+    assert found.derivative[number, 0] == pytest.approx(rise / POWER, rel=1e-6)
     profile = np.array(design.stage[0].wires.temperature)
     np.testing.assert_allclose(profile[:, 1], 16 + rise * profile[:, 0], rtol=1e-12)
 
