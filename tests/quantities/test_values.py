@@ -382,3 +382,13 @@ def test_a_count_can_be_swept():
     rates = np.ravel(found.value)
     added = rates - rates[0]  # to the loss of the wires
     assert added[2] == pytest.approx(3 * added[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("ground", [None, "nlnm"])
+def test_an_assumed_ground_is_said(ground, recwarn):
+    design = sus.example("double")
+    if ground:
+        design = design.replace({"analysis.budget.ground": [ground]})
+    sus.sensitivity(design, results=["noise test.x:10"], vary=["stage.test.wires.l"])
+    said = [str(one.message) for one in recwarn if "the ground nhnm" in str(one.message)]
+    assert len(said) == (ground is None)
