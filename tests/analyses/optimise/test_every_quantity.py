@@ -52,6 +52,8 @@ LENGTH = f"{WIRES}.l", 0.27, 0.30
 HEIGHT = f"{WIRES}.d", 0.5e-3, 2e-3
 RADIUS = f"{WIRES}.radius", 0.9e-4, 1.1e-4
 MASS = "stage.test.body.mass", 5.0, 6.0
+ABSORBED = "heat.absorbed.test", 0.5e-4, 2e-4
+HEAT = "[heat]\nheld = { support = 290.0 }\nabsorbed = { test = 1e-4 }\n"
 GOALS = {
     "peak|largest|smallest of OUTPUT/INPUT:LOW:HIGH": ("largest of test.x/support.x:2:5", LENGTH),
     "Q of MODE": ("Q of test longitudinal", LENGTH),
@@ -75,6 +77,7 @@ GOALS = {
     "rms MOTION, rms MOTION:LOW:HIGH, rms coil OSEM": ("rms test.x:0.5:5", LENGTH),
     "STAGE static x|y|height|roll|pitch|yaw": ("test static pitch", HEIGHT),
     "STAGE height": ("test height", LENGTH),
+    "temperature of STAGE": ("temperature of test", ABSORBED),
     "OUTPUT/INPUT:FREQUENCY, OVER/UNDER/INPUT:FREQUENCY": ("test.x/support.x:10", LENGTH),
     "coupling": ("coupling", LENGTH),
     "thermal MOTION:FREQUENCY": ("thermal test.x:10", RADIUS),
@@ -91,6 +94,8 @@ def design_for(pattern: str) -> str:
         return DOUBLE
     if pattern == "dilution of MODE":  # only losses in wires
         return sus.template("single").text
+    if pattern.startswith("temperature"):
+        return sus.template("single").text + HEAT
     if pattern.startswith("margin"):  # margins of strings alone take less time
         head, wires = SINGLE.split("[stage.wires]")
         kept = [row for row in wires.splitlines() if not row.startswith(("material", "radius"))]
