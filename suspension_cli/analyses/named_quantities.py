@@ -20,14 +20,15 @@ from suspension_cli.quantities.names import Names
 if TYPE_CHECKING:
     from suspension_cli.analyses.options import Settings
     from suspension_cli.design.reader import Source
+    from suspension_cli.physics.log import Log
     from suspension_cli.quantities.quantity import Quantity
 
 
-def names_of(source: Source, coupling: Settings | None = None) -> Names:
+def names_of(source: Source, coupling: Settings | None = None, log: Log | None = None) -> Names:
     """Make what the names of quantities refer to in a design.
 
     `coupling` are options of the command that define the cross-coupling; without them it is that of
-    the design's `[analysis.xcouple]`.
+    the design's `[analysis.xcouple]`. `log` is warned of a ground that the design does not give.
     """
 
     def find_coupling(names: Names) -> Quantity:
@@ -41,6 +42,12 @@ def names_of(source: Source, coupling: Settings | None = None) -> Names:
 
     def find_surroundings() -> Surroundings:
         own = settings.merge(known_analyses.get("budget"), source, {})
+        if log is not None and "ground" not in source.design.analysis.get("budget", {}):
+            [assumed] = own["ground"]
+            log.warn(
+                f"{source.name}: noise and rms are those on the ground {assumed}, as the design"
+                f' gives none; give it, for example [analysis.budget] ground = ["{assumed}"]'
+            )
         motion = ground.parse(own["ground"], own["isolation"], Path(source.file).parent)
         frequency = parse_frequencies(own["frequency"])
         low = max([min(frequency), *(one.frequency[0] for one in motion.values())])

@@ -16,21 +16,22 @@ from suspension_cli.quantities import requirements
 if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Document
     from suspension_cli.design.reader import Source
+    from suspension_cli.physics.log import Log
     from suspension_cli.quantities.requirements import Requirement, Verdict
 
 
-def find_requirements(source: Source) -> tuple[Requirement, ...]:
-    """Look up what `[[requirement]]` of a design limits.
+def find_requirements(source: Source, log: Log | None = None) -> tuple[Requirement, ...]:
+    """Look up what `[[requirement]]` of a design limits; `log` is warned of an assumed ground.
 
     Raises `InputError` if a requirement names no quantity of the design, or can never be met.
     """
     wanted = requirements.of_design(source.design)
     if not wanted:
         return ()
-    return requirements.find(wanted, names_of(source))
+    return requirements.find(wanted, names_of(source, log=log))
 
 
-def judge(source: Source, level: str | None) -> tuple[Verdict, ...]:
+def judge(source: Source, level: str | None, log: Log) -> tuple[Verdict, ...]:
     """Evaluate what `[[requirement]]` of a design limits, in a model by its name.
 
     Nothing is known without a model. Raises `InputError` if a requirement names no quantity of the
@@ -38,7 +39,7 @@ def judge(source: Source, level: str | None) -> tuple[Verdict, ...]:
     """
     if level is None:
         return ()
-    found = find_requirements(source)
+    found = find_requirements(source, log)
     return requirements.judge(found, source.design, level) if found else ()
 
 

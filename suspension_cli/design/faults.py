@@ -45,6 +45,14 @@ LONGEST_TEXT = 100_000
 """Longest text of a document, characters; the filter of a loop has up to some ten thousand."""
 MOST_FAULTS = 1000
 """Most faults that are listed of one document."""
+ELSEWHERE = {
+    "diameter": ("radius", "half of the diameter in m"),
+    "length": ("l", "the loaded length in m"),
+    "material": ("density", "that of the material in kg/m^3"),
+    "stiffness": ("k", "the spring constant in N/m"),
+}
+"""Names that some tables have for what others call differently: that key, and what it takes. A
+wire has a material and a radius, a body a density; a search by spelling finds neither."""
 
 
 def convert(raw: Raw, kind: type[T], *, rules: bool = True) -> T:
@@ -167,7 +175,7 @@ def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
             elif key in known or rest is not False:
                 yield from _walk(known.get(key, rest), item, step(path, key))
             else:
-                remedy = suggest(key, list(known))
+                remedy = _suggest_key(key, list(known))
                 yield Fault(step(path, key), "unknown key", remedy, format_value(item))
         for key in node.get("required", ()):
             if key not in value:
@@ -176,6 +184,12 @@ def _walk(node: Schema, value: object, path: str) -> Iterator[Fault]:
         kinds = node.get("prefixItems") or [node.get("items", {})] * len(value)
         for number, (kind, item) in enumerate(zip(kinds, value, strict=True)):
             yield from _walk(kind, item, step(path, number, item))
+
+
+def _suggest_key(key: str, known: list[str]) -> str:
+    """Suggest the key that the user may have meant, or list all."""
+    meant, what = ELSEWHERE.get(key, ("", ""))
+    return f"give {meant}, {what}" if meant in known else suggest(key, known)
 
 
 def _free(value: object) -> Schema:

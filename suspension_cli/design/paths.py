@@ -23,6 +23,8 @@ Value = Any
 """A value of a parsed document or of a design: a number, a text, a list or a table."""
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
 """Customary unit by SI unit, and the factor to it."""
+WHOLE = ("count", "steps")
+"""Keys that take integers."""
 LOW_PRESSURE = 1e6
 """Pa; below it a value is a pressure, not a modulus or strength."""
 
@@ -134,7 +136,13 @@ def twins(path: str) -> tuple[str, ...]:
 
 def settings(values: Mapping[str, float]) -> tuple[str, ...]:
     """Settings ``path=value`` of numbers, as ``--set`` takes them, to all digits."""
-    return tuple(f"{path}={float(value)!r}" for path, value in values.items())
+    return tuple(f"{path}={number_for(path, value)!r}" for path, value in values.items())
+
+
+def number_for(path: str, value: float) -> float | int:
+    """Make a varied number one that the key of a path takes: an integer where that is wanted."""
+    whole = path.rpartition(".")[2] in WHOLE and float(value).is_integer()
+    return int(value) if whole else float(value)
 
 
 def symmetric_settings(values: Mapping[str, float]) -> tuple[str, ...]:

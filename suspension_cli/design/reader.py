@@ -194,7 +194,7 @@ class VariedDesign:
         raw = self.raw
         for path, value in values.items():
             keys = path.split(".")
-            number = float(value)
+            number = paths.number_for(path, value)
             raw = paths.changed(raw, keys, lambda _, new=number: new, f"{path}={value!r}")
         return convert(ties.apply(raw), self.stages)
 

@@ -139,7 +139,7 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
         remedy = f"write for example {name}.x; motions are {', '.join(DOFS)}"
     elif body not in bodies:
         problem = "names no body"
-        remedy = suggest(body or name, list(bodies)) + "; write for example test.x"
+        remedy = _suggest_body(body or name, bodies)
     elif motion not in DOFS and not acts:
         problem = "names no motion or force"
         remedy = suggest(motion, [*DOFS, *FORCES])
@@ -154,6 +154,13 @@ def parse(text: str, option: str, bodies: tuple[str, ...]) -> Signal:
         raise InputError.of(option, problem, remedy, format_value(text))
     dof = (FORCES if acts else DOFS).index(motion)
     return Signal(text, body, dof, point, acts, against)
+
+
+def _suggest_body(name: str, bodies: tuple[str, ...]) -> str:
+    """Suggest the body that the user may have meant, or list all with an example."""
+    stages = [body for body in bodies if body not in (SUPPORT, FRAME, GROUND)]
+    hint = suggest(name, list(bodies))
+    return hint if hint.startswith("did you mean") else f"{hint}; write for example {stages[-1]}.x"
 
 
 def _second_fault(body: str, against: str, bodies: tuple[str, ...]) -> tuple[str, str] | None:

@@ -106,26 +106,27 @@ def find_unknown_temperatures(design: Design, level: str) -> list[Fault]:
         for key, problem in materials.find_unknown(design, name, temperature):
             if key in needed:
                 keys.setdefault(problem, []).append(key)
-                effects[needed[key]] = None
+                effects |= dict.fromkeys(needed[key])
         if keys:
             found.append(_fault(name, temperature, own, keys, list(effects)))
     return found
 
 
-def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str, str]:
-    """List the properties of a material that matter, and for what: key and effect."""
+def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str, tuple[str, ...]]:
+    """List the properties of a material that matter, and for what: key and effects."""
     material = materials.look_up(design, name)
     moving = [use for use in uses if not use.conducts]
-    needed = dict[str, str]()
+    needed = dict[str, tuple[str, ...]]()
     if any(use.stiffness for use in moving):
-        needed["youngs_modulus"] = "stiffness"
+        needed["youngs_modulus"] = ("stiffness",)
     if bends and moving and Thermoelastic.of(material, None) is not None:
-        needed |= dict.fromkeys(THERMAL, "thermoelastic loss")
+        needed |= dict.fromkeys(THERMAL, ("thermoelastic loss",))
     if bends and Bulk.of(material, None) is not None and any(use.bulk for use in moving):
         has_surface = material.loss is not None and material.loss.surface_depth
-        needed["loss"] = "bulk and surface loss" if has_surface else "bulk loss"
+        needed["loss"] = ("bulk and surface loss" if has_surface else "bulk loss",)
     if len(moving) < len(uses):
-        needed.setdefault("thermal_conductivity", "conducted heat")
+        others = needed.get("thermal_conductivity", ())
+        needed["thermal_conductivity"] = (*others, "conducted heat")
     return needed
 
 

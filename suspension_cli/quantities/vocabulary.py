@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Sequence
 from functools import cache
 
+from suspension_cli.design.derive import mirror
 from suspension_cli.design.faults import suggest
 from suspension_cli.errors import InputError, format_value, gather
 from suspension_cli.quantities import kinds
@@ -39,9 +41,16 @@ def parse(text: str, names: Names, option: str = "--result") -> Quantity:
         raise InputError.of(
             option, "means every mode, not one quantity", remedy, format_value(text)
         )
-    examples = [kind.example for kind in every_kind() if kind.example != plain]
+    written = [_in_design(kind.example, names) for kind in every_kind()]
+    examples = [example for example in written if example != plain]
     remedy = suggest(plain, list(dict.fromkeys([*names.labels, *examples])))
     raise InputError.of(option, "is no quantity of this design", remedy, format_value(text))
+
+
+def _in_design(example: str, names: Names) -> str:
+    """Write an example of a name with the first stage and the mirror of a design."""
+    own = {"upper": names.design.stage[0].name, "test": mirror(names.design)}
+    return re.sub(r"\b(upper|test)\b", lambda found: own[found[0]], example)
 
 
 def parse_all(texts: Sequence[str], names: Names, option: str = "--result") -> tuple[Quantity, ...]:

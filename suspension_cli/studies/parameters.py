@@ -18,7 +18,7 @@ from suspension_cli.design.wires import CROSS_SECTIONS, stretches
 from suspension_cli.errors import InputError, format_value, gather, suggest
 from suspension_cli.models import registry
 
-OTHER_TABLES = ("design", "analysis", "control", "tolerance", "tie")
+OTHER_TABLES = ("design", "analysis", "control", "tolerance", "tie", "requirement")
 """Tables that do not describe the suspension itself."""
 NOT_CONTINUOUS = (
     "count",
@@ -104,6 +104,8 @@ def choose(numbers: Sequence[Parameter], vary: Sequence[str]) -> tuple[Parameter
         found = [one for one in numbers if f"{one.name}.".startswith(f"{path}.")]
         if not found:
             remedy = suggest(path, [one.name for one in numbers])
+            if path.startswith("control"):
+                remedy = "vary those of [control] with pendsus sweep"
             problem = "names no number of the design that can vary"
             raise InputError.of("--vary", problem, remedy, format_value(path))
         return found

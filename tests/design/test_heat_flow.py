@@ -62,6 +62,12 @@ def test_constant_conductivity_gives_a_linear_profile():
     design, flow = solved("1000.0")
     rise = POWER / COUNT * LENGTH / (AREA * 1000.0)
     assert flow.temperature["mirror"] == pytest.approx(16 + rise, rel=1e-12)
+    found = sus.sensitivity(
+        sus.parse(TEXT.format(conductivity="1000.0", wires=ROUND)),
+        results=["temperature of mirror"],
+    )
+    [number] = [n for n, name in enumerate(found.parameter) if name == "heat.absorbed.mirror"]
+    assert found.derivative[number, 0] == pytest.approx(rise / POWER, rel=1e-6)
     profile = np.array(design.stage[0].wires.temperature)
     np.testing.assert_allclose(profile[:, 1], 16 + rise * profile[:, 0], rtol=1e-12)
 
@@ -325,3 +331,12 @@ thermal_conductivity = {{ temperature = [200.0, 300.0], values = [1e3, 1e3] }}
     of_metal = text.replace('material = "mine"', 'material = "metal"')
     found = find_unknown_temperatures(parse(of_metal + spring.format(material="mine")), "beam")
     assert found and all("conducted heat" in fault.problem for fault in found)
+
+
+def test_a_conductivity_may_spoil_the_loss_and_the_heat():
+    design = sus.parse(TEXT.format(conductivity="1000.0", wires=ROUND)).replace(
+        {"stage.mirror.wires.material": "titanium-6al-4v", "heat.absorbed.mirror": 1e-6}
+    )
+    found = find_unknown_temperatures(design.design, "beam")
+    wrong = "its stiffness, thermoelastic loss and conducted heat may be wrong"
+    assert found and all(wrong in fault.problem for fault in found)

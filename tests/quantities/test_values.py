@@ -397,3 +397,26 @@ def test_limits_of_a_quantity_with_a_sign(low, high, value, met):
     found = requirements.find_one(requirements.Limits("test static pitch", low, high), names)
     assert bool(found.is_met(np.array(value))) is met
     assert (float(found.margin(np.array(value))) >= 0) is met
+
+
+def test_a_count_can_be_swept():
+    """The rate at which weak dampers take the amplitude away is proportional to their number."""
+    magnet = {"shape": "plate", "axis": "x", "conductivity": 5.8e7, "thickness": 0.005}
+    magnet |= {"gap": 0.02, "moment": 0.1}
+    brake = {"name": "brake", "between": ["test", "support"], "eddy_current": magnet}
+    design = sus.example("double").replace({"damper": [brake]})
+    vary = {"damper.brake.eddy_current.count": [1, 2, 4]}
+    found = sus.sweep(design, vary=vary, results=["decay of test longitudinal"], fidelity="string")
+    rates = np.ravel(found.value)
+    added = rates - rates[0]  # to the loss of the wires
+    assert added[2] == pytest.approx(3 * added[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("ground", [None, "nlnm"])
+def test_an_assumed_ground_is_said(ground, recwarn):
+    design = sus.example("double")
+    if ground:
+        design = design.replace({"analysis.budget.ground": [ground]})
+    sus.sensitivity(design, results=["noise test.x:10"], vary=["stage.test.wires.l"])
+    said = [str(one.message) for one in recwarn if "the ground nhnm" in str(one.message)]
+    assert len(said) == (ground is None)

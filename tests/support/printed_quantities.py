@@ -43,6 +43,8 @@ sensor_noise = 1e-10
 """A pendulum on blades, with a loop, whose body is not quite in place."""
 FREE = sus.template("single").text
 """Without loops, and with losses in wires only."""
+HEATED = FREE + "[heat]\nheld = { support = 290.0 }\nabsorbed = { test = 1e-4 }\n"
+"""Without loops, and with a mirror that absorbs heat."""
 DOUBLE = sus.example("double").text
 COIL = """
 [[control.osem]]
@@ -57,11 +59,17 @@ WIRES = "stage.test.wires"
 LENGTH = f"{WIRES}.l", 0.29
 HEIGHT = f"{WIRES}.d", 1.3e-3
 RADIUS = f"{WIRES}.radius", 1.03e-4
+ABSORBED = "heat.absorbed.test", 1.1e-4
 MASS = "stage.test.body.mass", 5.8
 BEAM = {"fidelity": "beam"}
 BODY_RADIUS = 0.09
 
 Printed = Callable[[sus.Design], float]
+
+
+def _temperature(design: sus.Design) -> float:
+    known = {one.name: one.temperature for one in sus.check(design).statics.temperatures}
+    return known["test"]
 
 
 def _labelled(label: str, column: str, design: sus.Design) -> float:
@@ -328,4 +336,7 @@ EXAMPLES = (
         fidelity="string",
     ),
     Example("STAGE height", "test height", LENGTH, _height, FREE, "string"),
+    Example(
+        "temperature of STAGE", "temperature of test", ABSORBED, _temperature, HEATED, "string"
+    ),
 )

@@ -95,7 +95,7 @@ def check(analysis: Analysis, run: Run) -> Check:
     found += [ImplausibleNumber.of(fault) for fault in checks.find_without_drag(design)]
     found += [*unstable, *find_slackest(loads)]
     found += find_unknown_names(source, modes)
-    found_verdicts = verdicts.judge(source, model)
+    found_verdicts = verdicts.judge(source, model, run.log)
     stable = None if model is None else not unstable
     for item in found:
         run.log.warn(f"{run.name}: {item.line('')}")

@@ -114,7 +114,7 @@ class OptimiseAnalysis(Analysis):
         setting = run.setting
         file = run.inputs["file"]
         how = {name: setting[name] for name in ("starts", "seed", "tolerance")}
-        how |= {"level": setting["fidelity"], "rounding": ROUNDING}
+        how |= {"level": setting["fidelity"], "rounding": ROUNDING, "log": run.log}
         with run.log.progress() as bar:
             try:
                 found = optimise.solve(run.source, run.inputs["goals"], report=bar, **how)
@@ -185,7 +185,11 @@ def _warn(found: Found, log: Log) -> None:
     for name, value in zip(found.quantities.name, found.quantities.after, strict=True):
         if value == 0:
             problem = "is 0 by the symmetry of the design, whatever its numbers are"
-            log.warn(f"{name} {problem}; give the requirement a perturbation")
+            remedy = (
+                "give its requirement in the file of goals, with a perturbation, or take the yield"
+                " of imperfect builds (pendsus tolerance)"
+            )
+            log.warn(f"{name} {problem}; {remedy}")
     modes = zip(found.modes.label, found.modes.after, strict=True)
     if unstable := ", ".join(label for label, after in modes if math.isnan(after)):
         remedy = "require their frequencies"

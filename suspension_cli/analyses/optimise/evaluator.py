@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
     from suspension_cli.models.choice import Comparison
+    from suspension_cli.physics.log import Log
 
 TINY = 1e-30
 """Smallest value of a quantity, in place of 0, which has no logarithm."""
@@ -67,13 +68,13 @@ class Evaluator:
     level: str = registry.STRING.name
 
     @staticmethod
-    def of(freed: FreeDesign, source: Source) -> Evaluator:
-        """Interpret the goals for the starting design.
+    def of(freed: FreeDesign, source: Source, log: Log | None = None) -> Evaluator:
+        """Interpret the goals for the starting design; `log` is warned of an assumed ground.
 
         Raises `InputError` if the design lacks something that a goal refers to.
         """
         begin = replace(source, design=freed.design(freed.begin), text=freed.toml(freed.begin))
-        names = names_of(begin)
+        names = names_of(begin, log=log)
         return Evaluator(freed, interpret(freed.goals, names, source.file), names)
 
     def at(self, fraction: Float[np.ndarray, " number"]) -> Float[np.ndarray, " value"]:

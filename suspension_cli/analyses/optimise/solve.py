@@ -49,6 +49,8 @@ from suspension_cli.scene.arrays import Array
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
+    from suspension_cli.physics.log import Log
+
 SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
 ROUGH = 0.1
@@ -71,6 +73,7 @@ def solve(
     tolerance: float = TOLERANCE,
     rounding: float = 0.0,
     report: Progress | None = None,
+    log: Log | None = None,
 ) -> Found:
     """Optimise the free numbers of a design to meet goals.
 
@@ -78,14 +81,14 @@ def solve(
     leave the relative error `tolerance`. Of the `starts` the first is the design itself. Numbers
     are written with the fewest digits so that no quantity changes by more than the part `rounding`
     of the tolerance. `report` is called with (done, all, rate per second) after each, and after the
-    final search.
+    final search; `log` is warned of an assumed ground.
 
     Raises `InputError` if the design lacks a number or quantity of the goals, or if dependent
     numbers lie outside their bounds in all designs found.
     """
     model_choice.demand_one_of(level, registry.SCENE_MODELS, "cannot compute derivatives")
     freed = FreeDesign.of(source.text, goals)
-    evaluator = Evaluator.of(freed, source)
+    evaluator = Evaluator.of(freed, source, log)
     _check_start(evaluator)
     search = Search(replace(evaluator, level=_first_level(evaluator, level)))
     begins = [search.point(freed.begin), *_choose_starts(search, starts - 1, seed)]

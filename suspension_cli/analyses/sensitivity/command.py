@@ -94,7 +94,7 @@ class SensitivityAnalysis(Analysis):
         wanted = setting["fidelity"]
         unstable = setting["allow_unstable"]
         model_choice.demand_one_of(wanted, registry.SCENE_MODELS, "cannot compute derivatives")
-        names = names_of(source)
+        names = names_of(source, log=run.log)
         models = model_choice.with_and_without_wire_mass(source)
         asked = find_results(setting["results"], names, source.text, models[-1].name)
         choice = choose(

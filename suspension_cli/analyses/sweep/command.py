@@ -96,7 +96,7 @@ class SweepAnalysis(Analysis):
         from suspension_cli.analyses.sweep.solve import write
         from suspension_cli.physics import near_limits
 
-        asked = sweep_models.Asked.of(run.source, run.setting, axes(list(run.setting["vary"])))
+        asked = sweep_models.Asked.of(run, axes(list(run.setting["vary"])))
         wanted = asked.settle_model(run.setting["fidelity"], run.log.say)
         first = asked.job(asked.simplest(wanted))
         first.check()

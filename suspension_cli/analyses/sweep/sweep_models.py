@@ -17,9 +17,10 @@ from suspension_cli.quantities.quantity import Quantity
 from suspension_cli.quantities.requirements import Requirement
 
 if TYPE_CHECKING:
-    from suspension_cli.analyses.options import Settings
+    from suspension_cli.analyses.analysis import Run
     from suspension_cli.design.reader import Source
     from suspension_cli.models.base import Model
+    from suspension_cli.physics.log import Log
     from suspension_cli.quantities.names import Names
     from suspension_cli.studies.job import Axis
 
@@ -40,18 +41,20 @@ class Asked:
     results: tuple[str, ...]
     require: tuple[str, ...]
     allow_unstable: bool
+    log: Log
 
     @staticmethod
-    def of(source: Source, setting: Settings, axes: tuple[Axis, ...]) -> Asked:
+    def of(run: Run, axes: tuple[Axis, ...]) -> Asked:
         """Take it from the settings of the command."""
+        setting = run.setting
         results = tuple(setting["results"])
         require = tuple(setting["require"])
-        return Asked(source, axes, results, require, setting["allow_unstable"])
+        return Asked(run.source, axes, results, require, setting["allow_unstable"], run.log)
 
     @cached_property
     def names(self) -> Names:
         """What names refer to in the design."""
-        return names_of(self.source)
+        return names_of(self.source, log=self.log)
 
     def job(self, level: str) -> ParameterSweep:
         """Make the sweep in a model; modes that are followed are those of the design in it."""

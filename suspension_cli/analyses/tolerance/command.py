@@ -262,7 +262,7 @@ def _make_job(run: Run) -> RandomBuilds:
 
     setting = run.setting
     design = run.design
-    names = names_of(run.source, setting)
+    names = names_of(run.source, setting, run.log)
     count = setting["builds"] or (MOST_BUILDS if setting["precision"] else BUILDS)
     if setting["precision"]:
         count = min(count, FIRST_ROUND)
