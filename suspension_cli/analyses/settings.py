@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses import known_analyses
 from suspension_cli.analyses.analysis import Analysis
 from suspension_cli.analyses.options import Option, Settings, convert, default_values, grid
-from suspension_cli.errors import Fault, InputError, format_value, suggest
+from suspension_cli.design.locked_stages import refuse_locked
+from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
 
 if TYPE_CHECKING:
     from suspension_cli.design.reader import Source
 
 NOT_IN_TABLES = ("overrides", "ties", "out", "stem", "as_json", "as_csv", "quiet", "verbose")
 """Options that `[analysis]` tables do not set."""
+NAMES_OF_RESULTS = ("SIGNAL", "QUANTITY", "STAGE", "STAGE.N", "STAGE@X,Y,Z")
+"""What help calls the values of options that name parts of the moving suspension."""
 
 
 def defaults(analysis: Analysis, given: Settings) -> Settings:
@@ -29,9 +32,17 @@ def defaults(analysis: Analysis, given: Settings) -> Settings:
 def merge(analysis: Analysis, source: Source, given: Settings) -> Settings:
     """Settings of an analysis of a design: those `given`, else those of its table, else defaults.
 
-    Raises `InputError` with the faults of all `[analysis]` tables.
+    Raises `InputError` with the faults of all `[analysis]` tables, and for names of locked stages.
     """
-    return defaults(analysis, from_tables(source).get(analysis.name, {}) | given)
+    result = defaults(analysis, from_tables(source).get(analysis.name, {}) | given)
+    named = {}
+    for option in analysis.parameters:
+        value = result.get(str(option.name))
+        if option.metavar in NAMES_OF_RESULTS and value:
+            named[max(option.opts, key=len)] = [value] if isinstance(value, str) else value
+    with attribute_faults_to(source.file):
+        refuse_locked(source.design, named)
+    return result
 
 
 def from_tables(source: Source) -> dict[str, Settings]:

@@ -7,7 +7,8 @@ exist, in any model. The stages above cannot move what hangs below the clamps, a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from msgspec.structs import replace
@@ -25,6 +26,7 @@ from suspension_cli.design.heat_flow import complete, reduce_to_file
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Problems
+from suspension_cli.errors import Fault, InputError, format_value
 
 Joint = TypeVar("Joint", Link, Damper, Cavity)
 
@@ -63,6 +65,11 @@ def title_of(design: Design) -> str:
     title = design.design.title or design.design.name
     held = locked_names(design)
     return f"{title}, {', '.join(held)} locked" if held else title
+
+
+def requirements_at_rest(design: Design) -> list[str]:
+    """List the quantities of requirements without effect, as they are those of stages at rest."""
+    return [row.quantity for row in as_in_file(design).requirement if row not in design.requirement]
 
 
 def find_held(design: Design) -> list[str]:
@@ -115,6 +122,33 @@ def check_locked(design: Design) -> Problems:
             yield f"stage.{stage.name}.inverted_pendulum", problem, remedy
 
 
+def refuse_locked(design: Design, given: Mapping[str, Sequence[str]]) -> None:
+    """Raise `InputError` for names of signals or quantities that are those of a stage at rest.
+
+    `given` are the names by the option that gave them.
+    """
+    held = locked_names(design)
+    faults = [
+        Fault(
+            option,
+            f"{stage} is locked, so it is at rest and has no such result",
+            f"name a stage that moves, or remove locked = true of {stage} or below it",
+            format_value(text),
+        )
+        for option, texts in given.items()
+        for text in texts
+        for stage in _named(held, text)[:1]
+    ]
+    if faults:
+        raise InputError(faults)
+
+
+def _named(held: Sequence[str], text: str) -> list[str]:
+    """List the held stages that the name of a signal or quantity has as a word."""
+    words = re.findall(r"[\w-]+", text)
+    return [stage for stage in held if stage in words]
+
+
 def _without(whole: Design, held: Sequence[str]) -> PartlyLocked:
     """Make the design without its held stages."""
     place = origin_positions(whole)
@@ -154,6 +188,7 @@ def _without(whole: Design, held: Sequence[str]) -> PartlyLocked:
         "perturbation": free(whole.perturbation, "wire", "body", "blade", "leg"),
         "tolerance": tolerance,
         "control": control,
+        "requirement": [row for row in whole.requirement if not _named(held, row.quantity)],
     }
     return PartlyLocked(**parts, in_file=whole)
 

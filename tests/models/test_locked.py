@@ -123,3 +123,32 @@ def test_refusals(name, stages, key, problem):
         locked(name, *stages)
     (fault,) = refused.value.faults
     assert fault.key == key and problem in fault.problem
+
+
+@pytest.mark.parametrize(
+    ("analysis", "option", "text"),
+    [
+        (sus.response, "outputs", "upper.x"),
+        (sus.response, "inputs", "upper.force_x"),
+        (sus.response, "outputs", "test~upper.x"),
+        (sus.thermal, "outputs", "upper.pitch@0,0,1e-3"),
+        (sus.sensitivity, "results", "Q of upper pitch"),
+        (sus.sensitivity, "results", "test.x/upper.force_x:3"),
+        (sus.compare, "results", "tension upper.1"),
+    ],
+)
+def test_results_of_locked_stages_are_refused(analysis, option, text):
+    designs = [locked("double", "upper")] * (2 if analysis is sus.compare else 1)
+    with pytest.raises(sus.InputError, match="upper is locked, so it is at rest") as refused:
+        analysis(*designs, **{option: [text]})
+    assert text in str(refused.value)
+
+
+def test_requirements_on_locked_stages_have_no_effect(tmp_path):
+    text = sus.example("double").text
+    for stage in ("upper", "test"):
+        text += f'[[requirement]]\nquantity = "{stage} pitch"\nat_most = 6.0\n'
+    file = written(tmp_path, text, "double.toml")
+    printed = run("check", file, "--set", "stage.upper.locked=true").stdout
+    assert "requirements without effect, of stages at rest: upper pitch" in printed
+    assert "without effect" not in run("check", file).stdout

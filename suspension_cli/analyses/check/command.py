@@ -116,7 +116,7 @@ class CheckAnalysis(Analysis):
         from suspension_cli.analyses import verdicts
         from suspension_cli.analyses.check.load_tables import render
         from suspension_cli.design import paths
-        from suspension_cli.design.locked_stages import locked_names
+        from suspension_cli.design.locked_stages import locked_names, requirements_at_rest
 
         loads = result.statics
         count = len(result.warnings)
@@ -158,6 +158,8 @@ class CheckAnalysis(Analysis):
         ]
         if held := locked_names(result.run.design.design):
             lines.append(f"  locked, so at rest with the support: {', '.join(held)}")
+        if idle := requirements_at_rest(result.run.design.design):
+            lines.append(f"  requirements without effect, of stages at rest: {', '.join(idle)}")
         lowest = sorted(loads.lowest, key=lambda low: low.z)[:3]
         points = ", ".join(f"{low.name} {low.z:.4g} m ({low.point})" for low in lowest)
         lines.append(f"  height {loads.height:.4g} m; lowest points: {points}")
