@@ -125,13 +125,12 @@ def _number(text: str) -> float:
 
 def table_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
     """Choose the points of a grid that tables show: all of a few, else the `decade_points`."""
-    return list(range(len(frequency))) if len(frequency) <= FEW else decade_points(frequency)
+    return list(range(len(frequency))) if are_few(frequency) else decade_points(frequency)
 
 
-def end_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:
-    """Choose the points of a grid that a line of text shows: all of a few, else its ends."""
-    count = len(frequency)
-    return list(range(count)) if count <= FEW else [0, count - 1]
+def are_few(frequency: Float[np.ndarray, " frequency"]) -> bool:
+    """Whether tables show a row of each frequency."""
+    return len(frequency) <= FEW
 
 
 def decade_points(frequency: Float[np.ndarray, " frequency"]) -> list[int]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
 from suspension_cli.analyses.options import argument
-from suspension_cli.grids import end_points
+from suspension_cli.grids import are_few
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,6 +30,8 @@ MANY = 20
 ROUNDED = 5e-4
 """Change of a frequency, %, below which it is printed as 0: the five digits of the frequencies
 beside it do not show it. JSON and files have all digits."""
+RATIO_ROWS = {"frequency\nHz": ".6g", "ratio": "#.4g"}
+"""Columns of the table of a ratio at a few frequencies."""
 
 
 class CompareAnalysis(Analysis):
@@ -339,12 +341,14 @@ def _ratios(found: Comparison, overlay: Overlay) -> Iterator[str]:
         text = "no frequency in common"
         if len(f):
             worst = int(np.argmax(np.abs(np.log(size))))
-            values = (f"{size[n]:.4g} at {f[n]:.4g} Hz" for n in end_points(f))
+            ends = [] if are_few(f) else [f"{size[n]:.4g} at {f[n]:.4g} Hz, " for n in (0, -1)]
             text = (
-                f"median {np.median(size):.4g}, {', '.join(values)},"
-                f" farthest from 1: {size[worst]:.4g} at {f[worst]:.5g} Hz"
+                f"median {np.median(size):.4g}, {''.join(ends)}"
+                f"farthest from 1: {size[worst]:.4g} at {f[worst]:.5g} Hz"
             )
         yield f"  {found.name[curve.item]} / {reference}: {text}"
+        if len(f) and are_few(f):
+            yield tables.render(RATIO_ROWS, [*zip(f, size, strict=True)])
 
 
 ANALYSIS = CompareAnalysis()

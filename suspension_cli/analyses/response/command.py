@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from suspension_cli.analyses import options
+from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Run, Settings
 from suspension_cli.analyses.options import option
-from suspension_cli.grids import end_points
+from suspension_cli.grids import are_few
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 FREQUENCY = "0.1:100:2000"
 """Default frequencies, Hz; with measured transfer functions, these cover them instead."""
+ROWS = {"frequency\nHz": ".6g", "magnitude": ".4e", "phase\ndegrees": ".2f"}
+"""Columns of the table of a response at a few frequencies."""
 SCALE = option(
     "--scale",
     type=click.Choice(["db", "absolute"]),
@@ -97,7 +99,7 @@ class ResponseAnalysis(Analysis):
     def text(self, result: Response) -> str:
         """Return the ends of every response, and its peak even between the points of the grid.
 
-        Of a few frequencies all are returned. One that symmetry makes exactly 0 has a remark
+        A few frequencies have a row each. A response that symmetry makes exactly 0 has a remark
         instead.
         """
         import numpy as np
@@ -109,20 +111,25 @@ class ResponseAnalysis(Analysis):
         if result.closed_loop and result.run.design.design.control is not None:
             names = ", ".join(loop.name for loop in result.run.design.design.control.loop)
             lines.append(f"loops closed: {names}")
-        shown = end_points(result.frequency)
+        few = are_few(result.frequency)
         for o, out in enumerate(result.output):
             for i, into in enumerate(result.input):
                 size = np.abs(result.value[:, o, i])
                 if not size.any():
                     lines.append(f"{into} -> {out}: 0 by symmetry")
                     continue
-                values = (f"{size[n]:.4g} at {result.frequency[n]:.4g} Hz" for n in shown)
-                line = f"{out} / {into} ({result.unit[o][i]}): {', '.join(values)}"
+                ends = [] if few else [0, -1]
+                parts = [f"{size[n]:.4g} at {result.frequency[n]:.4g} Hz" for n in ends]
                 if largest is not None:
                     peak = largest.size[o, i]
                     top = f"{peak:.4g}" if np.isfinite(peak) else "infinite (no loss there)"
-                    line += f", largest {top} at {largest.frequency[o, i]:.6g} Hz"
-                lines.append(line)
+                    parts.append(f"largest {top} at {largest.frequency[o, i]:.6g} Hz")
+                name = f"{out} / {into} ({result.unit[o][i]})"
+                lines.append(f"{name}: {', '.join(parts)}" if parts else name)
+                if few:
+                    phase = np.degrees(np.angle(result.value[:, o, i]))
+                    rows = [*zip(result.frequency, size, phase, strict=True)]
+                    lines.append(tables.render(ROWS, rows))
         return "\n".join(lines)
 
     def figures(self, result: Response, setting: Settings) -> dict[str, Figure]:
@@ -141,8 +148,6 @@ class ResponseAnalysis(Analysis):
 
 def _table(measured: Sequence[Comparison]) -> str:
     """Tables of the ratios, and of measured and modelled resonances."""
-    from suspension_cli.analyses import tables
-
     columns = {"points": ".0f", "|measured/model|\nmedian": "#.4g", "farthest\nfrom 1": "#.4g"}
     columns |= {"at\nHz": "#.5g", "chi^2 per\nnumber": "#.3g", "measured": ""}
     rows = []
