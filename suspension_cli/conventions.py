@@ -22,6 +22,9 @@ DOF_NAMES = {
 }
 """Name of each coordinate in the field."""
 
+DOF_BY_NAME = {name: dof for dof, name in DOF_NAMES.items()} | {dof: dof for dof in DOFS}
+"""Coordinate by its name in the field, as tables print it (longitudinal), and by its own (x)."""
+
 BUILDS_AT_ONCE = 600
 """Builds, or points of a sweep, that are computed at once: their arrays fit into a cache.
 

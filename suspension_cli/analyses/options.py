@@ -281,16 +281,6 @@ ALLOW_UNSTABLE = _of_model(
     is_flag=True,
     help="Continue with motion that grows (an unstable equilibrium, active elements).",
 )
-RESULTS = option(
-    "--result",
-    "results",
-    multiple=True,
-    metavar="NAME",
-    help=(
-        "A mode by its label or number, a response OUTPUT/INPUT:HZ, a coupling OVER/UNDER/INPUT:HZ"
-        " (repeatable).  [default: modes, which stands for every mode]"
-    ),
-)
 QUANTITIES = option(
     "--result",
     "results",

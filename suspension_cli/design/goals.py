@@ -13,7 +13,7 @@ from suspension_cli.design import key_rules, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Perturbation
 from suspension_cli.design.typed_tables import Problems, Table, given, key
-from suspension_cli.design.units import Motion, Name, Number, Positive
+from suspension_cli.design.units import Name, NamedDof, Number, Positive
 
 Kind = Literal["band", "separation", "coupling", "isolation", "cross-coupling", "stress", "height"]
 
@@ -83,7 +83,7 @@ class Goal(Table, frozen=True):
     minimise: bool = False
     maximise: bool = False
     weight: Positive | None = None
-    dof: list[Motion] | None = key("coordinates whose families of modes are meant", min_length=1)
+    dof: list[NamedDof] | None = key("coordinates whose families of modes are meant", min_length=1)
     lowest: int | None = key("of each family, this many of the lowest modes", ge=1, le=1000)
     modes: list[str] | None = key(
         "names of modes, such as 'test pitch' or 'yaw 3', or 'modes' for all", min_length=1

@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from suspension_cli.design import faults, key_rules, reader, typed_tables
 from suspension_cli.design.typed_tables import Problems, Schema, Table, key
-from suspension_cli.design.units import Dof, Frequency, Number, Positive, Stem
+from suspension_cli.design.units import Frequency, NamedDof, Number, Positive, Stem
 from suspension_cli.errors import format_value
 
 
@@ -21,7 +21,7 @@ class Mode(Table, frozen=True):
     label: str | None = key(
         "as pendsus modes prints it for the model of the fit; default the nearest mode"
     )
-    dof: list[Dof] | None = key(
+    dof: list[NamedDof] | None = key(
         "without a label: coordinates of which one dominates the mode", min_length=1
     )
 

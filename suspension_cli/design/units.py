@@ -85,8 +85,7 @@ MassCoupling = Annotated[float, doc("", "kg", ge=-1e6, le=1e6)]
 Number = Annotated[float, Meta(ge=-1e20, le=1e20)]
 Positive = Annotated[float, Meta(gt=0, le=1e20)]
 Dof = Literal["x", "y", "z", "roll", "pitch", "yaw"]
-Motion = Literal[Dof, "longitudinal", "transverse", "vertical"]
-"""A coordinate by its letter, or by its name in tables."""
+NamedDof = Literal["x", "y", "z", "roll", "pitch", "yaw", "longitudinal", "transverse", "vertical"]
 Kelvin = Annotated[float, doc("temperature in K", "K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,

@@ -25,7 +25,7 @@ from suspension_cli.analyses.compare import compared_quantities
 from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
 from suspension_cli.analyses.compare.items import Curve, CurveName, Item, curves_of
 from suspension_cli.analyses.record import Record
-from suspension_cli.conventions import DOF_NAMES
+from suspension_cli.conventions import DOF_BY_NAME, DOF_NAMES
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Mode
 from suspension_cli.design.paths import format_with_unit
@@ -336,7 +336,8 @@ def _measured_row(
 ) -> int:
     """Find the row of a measured mode: of its label, else of its motions, nearest in frequency."""
     named = [mode.label in (label, label.partition("#")[0]) for label in labels]
-    suited = [any(DOF_NAMES[dof] in label for dof in mode.dof or ()) for label in labels]
+    motions = [DOF_NAMES[DOF_BY_NAME[name]] for name in mode.dof or ()]
+    suited = [any(motion in label for motion in motions) for label in labels]
     for allowed in (named, suited):
         if (allowed & free).any():
             free = allowed & free

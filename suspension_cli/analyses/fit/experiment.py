@@ -19,6 +19,7 @@ import numpy as np
 from suspension_cli.analyses import readings
 from suspension_cli.analyses.analysis import Document
 from suspension_cli.analyses.fit import measured_values
+from suspension_cli.conventions import DOF_BY_NAME, DOFS
 from suspension_cli.design import paths, reader
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.measured import MeasuredQuantity, Mode
@@ -184,7 +185,8 @@ class Experiment:
         taken: set[int] = set()
         for n, item in enumerate(self.mode, 1):
             if item.label is None:
-                rows.append([item.dof is None or dof in item.dof for _, dof in modes.home])
+                asked = {DOF_BY_NAME[name] for name in item.dof or DOFS}
+                rows.append([dof in asked for _, dof in modes.home])
                 continue
             number = self._labelled(item.label, f"{self.where}mode.{n}.label", taken)
             taken.add(number)

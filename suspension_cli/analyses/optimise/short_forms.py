@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from suspension_cli.conventions import DOFS
+from suspension_cli.conventions import DOF_BY_NAME, DOFS
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.goals import Goal
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.physics.loads import BladeLoad, WireLoad
 from suspension_cli.quantities import vocabulary
-from suspension_cli.quantities.kinds.modes import ALL, DEGREES, parse_mode
+from suspension_cli.quantities.kinds.modes import ALL, parse_mode
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity
 
@@ -80,7 +80,7 @@ def _mode_names(goal: Goal, names: Names, at: str) -> list[str]:
         chosen = [name for text in goal.modes for name in (every if text == ALL else [text])]
         return [parse_mode(name, names, f"{at}.modes").text for name in chosen]
     families = names.families
-    members = [families.member[DOFS.index(DEGREES[dof])] for dof in goal.dof or ()]
+    members = [families.member[DOFS.index(DOF_BY_NAME[dof])] for dof in goal.dof or ()]
     found = []
     for family in dict.fromkeys(members):
         count = families.size[family]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from suspension_cli.conventions import DOF_NAMES, DOFS
+from suspension_cli.conventions import DOF_BY_NAME, DOF_NAMES, DOFS
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.linear import eigenmodes, mode_content
 from suspension_cli.linear.energy_of_modes import EnergyOfModes
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 ALL = "modes"
 """Name that stands for every mode."""
-DEGREES = {name: dof for dof, name in DOF_NAMES.items()} | {dof: dof for dof in DOFS}
-"""Degree of freedom by its name in tables (longitudinal), or its own (x)."""
 
 
 class FrequencyOfMode(Quantity):
@@ -259,9 +257,16 @@ def describe_shared_motions(quantities: Sequence[Quantity], modes: Modes) -> lis
     return said
 
 
+def _name_in_tables(motion: str) -> str:
+    """Name of a motion as tables print it: longitudinal for x; others stay."""
+    return DOF_NAMES.get(motion, motion)
+
+
 def find_motion(text: str, names: Names) -> Motion | None:
     """Find the motion of a label, ``test pitch`` or ``test pitch#2``; None if it is no label."""
     label, _, rank = text.partition("#")
+    body, _, motion = label.rpartition(" ")
+    label = f"{body} {_name_in_tables(motion)}"
     places = {eigenmodes.describe(one): n for n, one in enumerate(names.system.coordinate[6:])}
     if label not in places or not ((rank.isascii() and rank.isdigit()) or "#" not in text):
         return None
@@ -298,18 +303,19 @@ def parse_lowest(text: str, names: Names, option: str) -> NamedMode | None:
     word, _, dof = text.partition(" ")
     if word != "lowest" or dof == "violin":
         return None
-    if dof not in DEGREES:
-        remedy = suggest(dof, list(DEGREES))
+    if dof not in DOF_BY_NAME:
+        remedy = suggest(dof, list(DOF_BY_NAME))
         raise InputError.of(option, "is no degree of freedom", remedy, format_value(text))
-    return LowestFrequency(text, "Hz", DOFS.index(DEGREES[dof]))
+    return LowestFrequency(text, "Hz", DOFS.index(DOF_BY_NAME[dof]))
 
 
 def parse_family(text: str, names: Names, option: str) -> NamedMode | None:
     """Parse ``longitudinal-pitch 2``."""
     name, _, rank = text.rpartition(" ")
-    if not (rank.isascii() and rank.isdigit()) or not set(name.split("-")) <= set(DEGREES):
+    if not (rank.isascii() and rank.isdigit()) or not set(name.split("-")) <= set(DOF_BY_NAME):
         return None
     families = names.families
+    name = "-".join(_name_in_tables(motion) for motion in name.split("-"))
     if name not in families.names:
         problem = "names no family of modes that couple by symmetry"
         remedy = suggest(name, list(families.names))
