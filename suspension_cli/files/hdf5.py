@@ -285,6 +285,8 @@ def read_design(path: Path) -> str | None:
 
 def read_command(path: Path) -> list[str]:
     """Read the words of the command line from an HDF5 result; none from any other file."""
+    if not path.is_file():  # opening a pipe would wait
+        return []
     try:
         with h5py.File(path, "r") as file:
             return shlex.split(str(file.attrs["command"]))
