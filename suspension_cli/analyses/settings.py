@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses import known_analyses
 from suspension_cli.analyses.analysis import Analysis
 from suspension_cli.analyses.options import Option, Settings, convert, default_values, grid
-from suspension_cli.design.locked_stages import refuse_locked
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, suggest
 
 if TYPE_CHECKING:
@@ -34,6 +33,8 @@ def merge(analysis: Analysis, source: Source, given: Settings) -> Settings:
 
     Raises `InputError` with the faults of all `[analysis]` tables, and for names of locked stages.
     """
+    from suspension_cli.design.locked_stages import refuse_locked
+
     result = defaults(analysis, from_tables(source).get(analysis.name, {}) | given)
     named = {}
     for option in analysis.parameters:

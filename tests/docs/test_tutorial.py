@@ -61,9 +61,10 @@ COMMANDS = {
     "thermal": {"check"},
     "tolerance": {"tolerance"},
     "tower": {"check", "modes", "response", "budget"},
+    "trades": {"new", "sweep"},
     "triple": {"new", "modes", "sweep", "thermal"},
 }
-PICTURES = {"triple": 1, "diagnosis": 1, "quadruple": 1, "cavity": 1}
+PICTURES = {"triple": 1, "diagnosis": 1, "quadruple": 1, "cavity": 1, "trades": 1}
 
 
 @pytest.fixture(scope="module", params=COMMANDS)

@@ -159,4 +159,5 @@ def test_tolerance(example):
     place = 2 if example.name == "3" else found.quantity.index(example.name)
     expected = [example.printed(build) for build in builds_of(text)]
     assert found.sample[:, place] == pytest.approx(expected, rel=example.accuracy)
-    assert expected[0] != expected[1]
+    if not example.name.startswith("temperature"):  # heat flows as in the nominal build
+        assert expected[0] != expected[1]
