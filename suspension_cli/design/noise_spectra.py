@@ -30,6 +30,7 @@ NOISY = Plausible(1e-4, "more than that of any sensor", (("nm/sqrt(Hz)", 1e-9),)
 Density = Annotated[float, Meta(ge=0, le=1e3)]
 MotionDensity = Annotated[float, doc(plausible=NOISY, ge=0, le=1e3)]
 PositiveDensity = Annotated[float, Meta(gt=0, le=1e3)]
+PositiveMotion = Annotated[float, doc(plausible=NOISY, gt=0, le=1e3)]
 Point = Annotated[
     list[Annotated[float, Meta(gt=0, le=1e9)]], doc("frequency in Hz, and density", count=2)
 ]
@@ -68,8 +69,16 @@ class NoiseSpectrum(Table, frozen=True):
     )
 
 
+class MotionSpectrum(NoiseSpectrum, frozen=True):
+    """Amplitude spectral density of a sensor against frequency, as motion."""
+
+    asd: MotionDensity | Annotated[list[PositiveMotion], Meta(min_length=2)] | None = key(
+        "m/sqrt(Hz) or rad/sqrt(Hz): above the corner, or one per frequency"
+    )
+
+
 Points = Annotated[list[Point], Meta(min_length=2)]
-MotionNoise = MotionDensity | str | Points | NoiseSpectrum
+MotionNoise = MotionDensity | str | Points | MotionSpectrum
 Noise = Density | str | Points | NoiseSpectrum
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, time
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -225,8 +226,9 @@ def insert_files(raw: Raw, folder: Path, *, of_links: bool = True) -> None:
         of_wire = insert is _insert_profile
         for path, holder, key in _find(raw, pattern.split(".")) if of_links or of_wire else ():
             value = holder[key]
-            named = insert in (_insert_profile, _insert_noise) and isinstance(value, str)
-            if named and insert is _insert_noise and not os.path.isfile(folder / value):
+            of_noise = pattern.endswith("_noise")
+            named = (of_wire or of_noise) and isinstance(value, str)
+            if named and of_noise and not os.path.isfile(folder / value):
                 continue  # a known sensor, or a name that the checks refuse
             table: Any = {"file": value} if named else value
             name = table.get("file") if isinstance(table, dict) else None
@@ -292,13 +294,13 @@ def _insert_sections(table: Raw, file: Path) -> Raw:
     return {**rest, "design": text, "rate": rate, "source": rest.get("source", source)}
 
 
-def _insert_noise(table: Raw, file: Path) -> Raw:
-    """Read a spectrum of noise as frequencies and densities."""
+def _insert_noise(table: Raw, file: Path, kind: str) -> Raw:
+    """Read a spectrum of noise as frequencies and densities; `kind` is that of `spectra.UNITS`."""
     from suspension_cli.files import spectra
 
     if table.keys() & {"asd", "frequency", "corner"}:
         return table
-    found = spectra.read(file, "noise")
+    found = spectra.read(file, kind)
     wanted = table.get("column")
     name = next(iter(found)) if wanted is None and len(found) == 1 else str(wanted or "").lower()
     if name not in found:
@@ -342,11 +344,11 @@ FILES = {
     "link.*.table": _insert_stiffness,
     "control.loop.*.filter": _insert_sections,
     "control.loop.*.sensor_response": _insert_sections,
-    "control.loop.*.sensor_noise": _insert_noise,
-    "control.loop.*.actuator_noise": _insert_noise,
-    "control.osem.*.sensor_noise": _insert_noise,
-    "control.osem.*.force_noise": _insert_noise,
-    "control.osem.*.driver_noise": _insert_noise,
+    "control.loop.*.sensor_noise": partial(_insert_noise, kind="motion"),
+    "control.loop.*.actuator_noise": partial(_insert_noise, kind="force"),
+    "control.osem.*.sensor_noise": partial(_insert_noise, kind="motion"),
+    "control.osem.*.force_noise": partial(_insert_noise, kind="force"),
+    "control.osem.*.driver_noise": partial(_insert_noise, kind="voltage"),
     "stage.*.wires.profile": _insert_profile,
     "stage.*.wire.*.profile": _insert_profile,
 }

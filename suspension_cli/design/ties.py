@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeVar
 
 from suspension_cli.design import expressions, paths
@@ -40,15 +41,26 @@ def apply(tree: Tree) -> Tree:
 
     In a document that has faults elsewhere, ties that cannot be applied are left to its checks.
     """
+    listed = [*_listed(tree)]
     faults: list[Fault] = []
-    for place, (name, expression) in enumerate(_listed(tree), 1):
+    for place, (name, expression) in enumerate(listed, 1):
         try:
             tree = _with_one(tree, name, expression)
         except InputError as error:
             faults += [replace(one, key=f"tie.{place}.{one.key}") for one in error.faults]
     if faults:
         raise InputError(faults)
+    for place, (name, expression) in enumerate(listed, 1):
+        # else each reading of the design would change it again
+        if expressions.value(expression, partial(_number_at, tree)) != paths.value_at(tree, name):
+            problem = f"{name} depends on itself, on a tie behind it, or is tied twice"
+            remedy = "tie each parameter once, to parameters that are given or tied before it"
+            raise InputError.of(f"tie.{place}.equals", problem, remedy, format_value(expression))
     return tree
+
+
+def _number_at(tree: Raw | Table, path: str) -> float:
+    return float(paths.value_at(tree, path))
 
 
 def names(tree: Raw | Table) -> list[str]:

@@ -28,7 +28,9 @@ PER_V = {f"{prefix}V": per for prefix, per in _PREFIXES.items()}
 UNITS = {
     "m": PER_M,
     "rad": PER_RAD,
-    "noise": PER_M | PER_RAD | PER_FORCE | PER_V,
+    "motion": PER_M | PER_RAD,
+    "force": PER_FORCE,
+    "voltage": PER_V,
     "1": {"1": 1.0, "m/m": 1.0, "rad/rad": 1.0, "%": 100.0},
 }
 """Units by kind of a column, without "per sqrt(Hz)"; 1 for ratios."""
@@ -43,7 +45,7 @@ def read(path: Path, unit: str, arm: float = 0.0) -> dict[str, Points]:
     of a file without.
 
     `unit` is the SI unit of columns: "m" (coordinates that are rotations have "rad"), "rad", "1",
-    or "noise" for any unit of sensors and actuators. Columns in m may be strains of an arm of
+    "motion" (m or rad), "force" (N or N m) or "voltage". Columns in m may be strains of an arm of
     a length in m. Raises `InputError` with the line at fault.
     """
     with attribute_faults_to(str(path)):

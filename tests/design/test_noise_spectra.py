@@ -40,9 +40,9 @@ transconductance = 0.1
 """
 
 
-def files(folder) -> dict[str, str]:
+def files(folder, unit: str = "nm") -> dict[str, str]:
     """The points in each form of a design, as TOML; files are written into a folder."""
-    header = "frequency (mHz), noise (nN/sqrt(Hz))"
+    header = f"frequency (mHz), noise ({unit}/sqrt(Hz))"
     table = np.array([1e3 * AT, 1e9 * ASD]).T
     np.savetxt(folder / "noise.csv", table, header=header, delimiter=",")
     savemat(folder / "noise.mat", {"f": AT, "spectra": {"one": ASD, "two": 2 * ASD}})
@@ -60,7 +60,8 @@ def files(folder) -> dict[str, str]:
 def test_each_key_takes_each_form(key, form, tmp_path):
     """The budget at the points is proportional to the numbers that were given there."""
     text = PENDULUM + LOOP + (OSEM if "osem" in key else "")
-    given = files(tmp_path)[form]
+    unit = {"sensor_noise": "nm", "driver_noise": "nV"}.get(key.rpartition(".")[2], "nN")
+    given = files(tmp_path, unit)[form]
     file = tmp_path / "mine.toml"
     file.write_text(text)
     design = sus.read(file, f"{key}={given}")
@@ -90,6 +91,26 @@ def test_known_sensors_and_drivers():
     whole = PENDULUM + LOOP + 'sensor_noise = "l4c"\n'
     [loop] = sus.parse(whole).design.control.loop
     assert loop.sensor_noise == "l4c"
+
+
+def test_a_file_in_another_unit_is_refused(tmp_path):
+    """Metres are no forces."""
+    files(tmp_path, "nm")
+    file = tmp_path / "mine.toml"
+    file.write_text(PENDULUM + LOOP)
+    result = run("check", file, "--set", 'control.loop.x.actuator_noise="noise.csv"')
+    assert result.exit_code == 2
+    assert "whose unit is not known; give it in N, " in result.stderr
+
+
+@pytest.mark.parametrize("given", ["0.1", "{ asd = 0.1 }", "{ frequency = [1, 2], asd = [1, 1] }"])
+def test_implausible_noise_of_a_sensor_is_warned_of(given, tmp_path):
+    """Nanometres given as metres, in numbers and tables."""
+    file = tmp_path / "mine.toml"
+    file.write_text(PENDULUM + LOOP)
+    result = run("check", file, "--set", f"control.loop.x.sensor_noise={given}")
+    assert result.exit_code == 0
+    assert "did you mean nm/sqrt(Hz)?" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,7 @@ DEPENDS = {
     "GainAt": "magnitude",
     "Link": "stiffness damping preload",
     "Loop": "damper gain zeros poles sensor_noise actuator_noise",
+    "MotionSpectrum": "asd",
     "NoiseSpectrum": "asd",
     "Osem": "sensor_noise force_noise driver_noise range",
     "Requirement": "band below above",

@@ -54,6 +54,24 @@ def test_ties_are_applied_in_their_order():
 
 
 @pytest.mark.parametrize(
+    "circle",
+    [
+        [("a.x", "a.x + 1")],
+        [("a.y", "a.z + 1"), ("a.z", "2 * a.x")],
+        [("a.y", "a.z + 1"), ("a.z", "a.y + 1")],
+        [("a.y", "a.x"), ("a.y", "2 * a.x")],
+        [("list.one.x", "list.1.x + 1")],
+    ],
+)
+def test_ties_that_depend_on_themselves_are_refused(circle):
+    """Each reading of the design would change it again; a member has a name and a number."""
+    tied = [{"name": name, "equals": equals} for name, equals in circle]
+    known: Raw = {"a": {"x": 1.0, "y": 0.0, "z": 0.0}, "list": [{"name": "one", "x": 1.0}]}
+    with pytest.raises(InputError, match="depends on itself, on a tie behind it, or is tied twice"):
+        ties.apply(known | {"tie": tied})
+
+
+@pytest.mark.parametrize(
     ("given", "message"),
     [
         (LOWER, "is not of the form PATH = EXPRESSION"),

@@ -66,8 +66,9 @@ def _equal(causes: Sequence[str], design: Design) -> dict[str, list[int]]:
     for (kind, *of), numbers in lines.items():
         several = len(numbers) > 1
         name = f"{len(numbers)} {kind}s of {of[0]}" if several else causes[numbers[0]]
-        while name in found:  # two kinds of sensors on one stage
-            name += "'"
+        alike = sum(one.partition("#")[0] == name for one in found)
+        if alike:  # other sensors on the same stage
+            name = f"{name}#{alike + 1}"
         found[name] = numbers
     return found
 

@@ -115,14 +115,8 @@ def report(found: Fitted) -> str:
         same = int((found.ends <= (1 + SAME) * found.ends[0]).sum())
         rest = f", the next best at {found.ends[same]:.4g}" if same < len(found.ends) else ""
         end += f"\n{same} of {len(found.ends)} searches ended there{rest}"
-    parts.append([end, *rounding(found)])
+    parts.append([end])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
-
-
-def rounding(found: Fitted) -> list[str]:
-    """Say that the parameters are rounded, if they are."""
-    effect = f"changes no residual by more than {found.rounding:g} of its uncertainty"
-    return [f"parameters are rounded, which {effect}"] if found.rounding else []
 
 
 def format_uncertainty(found: Fitted, n: int) -> str:
@@ -284,7 +278,6 @@ def fitted_design(found: Fitted, number: int, file: str, measured: str, command:
     if found.responses is not None:
         head += [one.text for one in found.responses.corrections]
     head += [f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
-    head += rounding(found)
     for n in np.flatnonzero(found.shared[:, number]).tolist():
         sigma = format_uncertainty(found, n)
         value = f"{float(found.value[n]):.12g}{', ' if sigma.startswith('not') else ' '}{sigma}"

@@ -63,9 +63,6 @@ class Fitted:
         Designs after and before the fit as TOML.
     ends
         chi^2 at the end of each search, ascending; the first is that of this fit, not rounded.
-    rounding
-        By how many of its uncertainties rounding the parameters may change a residual; 0 if they
-        are not rounded.
     determined
         Sentences on what the data determine without priors, and what not.
     exchange
@@ -98,7 +95,7 @@ class Fitted:
             "prior_chi_squared": "chi_squared_of_priors",
         },
         without=(
-            "experiment shared covariance direction exchange responses toml design_before rounding"
+            "experiment shared covariance direction exchange responses toml design_before"
             " measurements title stem joint design_file measured_file other_parameter other_unit"
         ),
         also="prior_chi_squared",
@@ -144,7 +141,6 @@ class Fitted:
     toml: tuple[str, ...] = field(metadata=along("experiment", name="fitted_design"))
     design_before: tuple[str, ...] = field(metadata=along("experiment", name="design"))
     ends: Float[np.ndarray, " search"]
-    rounding: float = 0.0
     determined: tuple[str, ...] = ()
     exchange: Exchange | None = None
     measurements: str = ""

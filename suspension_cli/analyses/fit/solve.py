@@ -54,8 +54,6 @@ BEYOND = 1.5
 """Factor by which the band of modes with added damping exceeds the measured one."""
 NEARLY: dict[str, Any] = {"tolerance": 1e-7, "held": True}
 """End of the search before the last one, whose derivatives are exact."""
-MOST_FINER = 6
-"""Most digits beyond those that the uncertainty of a single parameter asks for."""
 EXCHANGES = 3
 """Most exchanges of labels that are fitted."""
 WORTH_REPORTING = 0.1
@@ -72,7 +70,6 @@ def solve(
     starts: int = 1,
     seed: int = 1,
     explain: bool = True,
-    rounding: float = 0.0,
     tell: Progress | None = None,
 ) -> Fitted:
     """Fit parameters of designs to measured modes and quantities, of one to transfer functions.
@@ -80,8 +77,7 @@ def solve(
     `texts` are the designs (TOML) and `files` their files, for errors; `level` is a model that
     supports derivatives. Of `starts` searches, all but the first from random parameters, the best
     is returned; `tell` is called with (done, all, rate per second) after each. If `explain`, single
-    changes and further measurements are ranked, for transfer functions. Parameters are rounded so
-    that no residual changes by more than `rounding`, in uncertainties. Raises `InputError`, which
+    changes and further measurements are ranked, for transfer functions. Raises `InputError`, which
     names no file if the measurements are at fault.
     """
     if functions and not measured.parameter:
@@ -103,9 +99,7 @@ def solve(
     slope = found.problem.jacobian(found.z)
     others = np.sort([end.chi_squared for end in ends])[1:]
     reached = np.append(found.chi_squared, others)
-    found = _rounded(found, slope, rounding)
     result = _collect(found, slope, measured, reached)
-    result = replace(result, rounding=rounding)
     if not functions:
         return replace(result, exchange=_find_exchange(found)) if result.misfit else result
     responses = _responses(found, slope)
@@ -193,31 +187,6 @@ def _starts(problem: Problem, count: int, seed: int) -> Iterator[Array]:
             drawn = prior + np.where(known, sigma, 0.0) * normal
         kinds = [known, bounded & (low > 0), bounded]
         yield np.clip(np.select(kinds, [drawn, geometric, even], problem.base), low, high)
-
-
-def _rounded(found: Solution, slope: Array, change: float) -> Solution:
-    """Round the parameters that have an uncertainty, each to a decimal place of its own.
-
-    The places are the highest ones so that no residual changes by more than `change`: that of an
-    uncertainty, or lower ones by as much for all.
-    """
-    if not change:
-        return found
-    problem = found.problem
-    value = found.z[: problem.count]
-    lower, upper = (bound[: problem.count] for bound in problem.unknowns[2:4])
-    sigma = np.sqrt(np.diag(covariance(problem, found.z, slope))[: problem.count])
-    known = np.isfinite(sigma) & (sigma > 0)
-    step = 2 * change * np.where(known, sigma, 1.0)  # rounding is off by half a step at most
-    place = np.floor(np.log10(step)).astype(int)
-    for finer in range(MOST_FINER + 1):
-        z = found.z.copy()
-        for n in np.flatnonzero(known).tolist():
-            z[n] = min(max(round(float(value[n]), finer - int(place[n])), lower[n]), upper[n])
-        moved = slope @ (z - found.z)
-        if np.abs(moved).max(initial=0.0) <= change:
-            return replace(found, z=z, chi_squared=problem.chi_squared(z))
-    return found
 
 
 def _find_exchange(found: Solution) -> Exchange | None:

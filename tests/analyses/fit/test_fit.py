@@ -340,17 +340,3 @@ def test_a_number_at_its_bound_has_no_uncertainty(tmp_path):
     assert "nan" not in result.stdout + head
     number = strict_json(fitted(tmp_path, raw, "--json").stdout)["parameters"][0]
     assert (number["sigma"], number["at_bound"]) == (None, True)
-
-
-def test_parameters_are_rounded_to_what_the_data_see(truth):
-    """Rounded parameters have few digits, and no residual of the design moves by a tenth."""
-    noise = np.random.default_rng(3).standard_normal(len(truth[0]))
-    given = Measured(mode=modes_of(truth, noise), parameter=FREE)
-    exact = fit.solve([TRIPLE.read_text()], given)
-    found = fit.solve([TRIPLE.read_text()], given, rounding=0.1)
-    assert (found.value != exact.value).all()
-    assert max(len(f"{value:.15g}".strip("0.")) for value in found.value) <= 9
-    np.testing.assert_allclose(found.residual, exact.residual, atol=0.11)
-    rows = zip(found.name, found.value.tolist(), strict=True)
-    settings = tuple(f"{name}={value!r}" for name, value in rows)
-    assert reader.parse(found.toml[0]) == reader.read(TRIPLE, settings).design
