@@ -33,6 +33,7 @@ from suspension_cli.design.faults import fault_of, suggest
 from suspension_cli.design.imperfections import Distribution
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
 from suspension_cli.design.locked_stages import as_in_file, check_locked
+from suspension_cli.design.loop_filters import DigitalFilter
 from suspension_cli.design.materials import MECHANISMS, AgainstTemperature
 from suspension_cli.design.schema import Design, Spring, Stage
 from suspension_cli.design.towers import SUFFIX, leg_count
@@ -459,12 +460,25 @@ def _check_signs(design: Design) -> Iterator[Row]:
 
 
 def _filter_strings(design: Design) -> Iterator[tuple[str, str]]:
-    """Iterate over the keys of filters of loops, and their design strings."""
-    for loop in design.control.loop if design.control is not None else ():
-        for key in ("filter", "sensor_response"):
-            given = getattr(loop, key) or ""
-            text = given if isinstance(given, str) else given.design or ""
-            yield f"control.loop.{loop.name}.{key}", text
+    """Iterate over the keys of filters of loops and their sensors, and their design strings."""
+    control = design.control
+    if control is None:
+        return
+    tables: list[tuple[str, Any]] = []
+    for loop in control.loop:
+        tables += [
+            (f"loop.{loop.name}.filter", loop.filter),
+            (f"loop.{loop.name}.sensor_response", loop.sensor_response),
+        ]
+    for sensor in control.sensor:
+        tables.append((f"sensor.{sensor.name}.response", sensor.response))
+        tables += [
+            (f"sensor.{sensor.name}.inputs.{n}.filter", one.filter)
+            for n, one in enumerate(sensor.inputs, 1)
+        ]
+    for path, given in tables:
+        text = given.design if isinstance(given, DigitalFilter) else given
+        yield f"control.{path}", text or ""
 
 
 def _sizes(value: Any) -> list[float]:

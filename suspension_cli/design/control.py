@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
-from suspension_cli.design import foton, key_rules, noise_spectra, units
+from suspension_cli.design import foton, key_rules, loop_sensors, noise_spectra, units
+from suspension_cli.design.loop_filters import FOTON, DigitalFilter, make_response
+from suspension_cli.design.loop_sensors import Sensor
 from suspension_cli.design.noise_spectra import MotionNoise, Noise
 from suspension_cli.design.typed_tables import Problems, Table, doc, given, key
 
@@ -93,42 +95,6 @@ class GainAt(Table, frozen=True):
     magnitude: units.Number = key("|H| there, N/m (N m/rad); if negative, reverses the sign of H")
 
 
-FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
-
-
-class DigitalFilter(Table, frozen=True):
-    """A digital filter: sections of a Foton filter file, or a design with a sample rate."""
-
-    file: str | None = key("Foton filter file (.txt) of a front end, from this file's folder")
-    module: str | None = key("name of the filter module in the file: M0_DAMP_L")
-    sections: list[Annotated[int, Meta(ge=1, le=10)]] = key("sections that are on: 1 is FM1", [])
-    design: str | None = key(f"{FOTON}, made digital as Foton does; of a file, its sections")
-    rate: float | None = key("sample rate in Hz of the design", unit="Hz", gt=0, le=1e9)
-    gain: float = key("factor on the filter", 1.0, unit="1", ge=-1e12, le=1e12)
-    source: str = key("where the design comes from; filled in for a file", "")
-
-    rules = (
-        key_rules.exactly_one("file", "design"),
-        key_rules.needs("file", "module"),
-        key_rules.needs("file", "sections"),
-        key_rules.together("design", "rate"),
-    )
-
-    def check(self) -> Problems:
-        """Check that a file was read."""
-        if self.file is not None:
-            remedy = "read the design from its file, or give design and rate"
-            yield "file", "is read only with a design file, not with its text alone", remedy
-
-
-def make_response(given: str | DigitalFilter) -> foton.Filter:
-    """Make the filter that a key gives; raises `FotonError`."""
-    if isinstance(given, str):
-        return foton.parse(given)
-    made = foton.parse(given.design or "gain(1)", given.rate or 0.0)
-    return replace(made, gain=made.gain * given.gain)
-
-
 class Loop(Table, frozen=True):
     """One local control loop from a sensor y to an actuator u = -H(f) R(f) exp(-2 pi i f T) y.
 
@@ -137,7 +103,9 @@ class Loop(Table, frozen=True):
     """
 
     name: units.Name
-    sensor: str = key("a motion of a stage: upper.x, upper.x@0,0,0.01")
+    sensor: str = key(
+        "a motion of a stage: upper.x, upper.x@0,0,0.01; or the name of a [[control.sensor]]"
+    )
     actuator: str = key("a force or torque on a stage: upper.force_x")
     reference: Reference = key(
         '"support": between body and support structure; "inertial": inertial space',
@@ -240,5 +208,31 @@ class Control(Table, frozen=True):
 
     loop: list[Loop] = key(min_length=1)
     osem: list[Osem] = key("sensors and coils at points of stages", [])
+    sensor: list[Sensor] = key("sensors that loops read by name", [])
 
-    rules = (key_rules.unique("loop", "osem"),)
+    rules = (key_rules.unique("loop", "osem", "sensor"),)
+
+    def named_sensor(self, loop: Loop) -> Sensor | None:
+        """The sensor that a loop reads by its name; None if it reads a motion."""
+        return next((one for one in self.sensor if one.name == loop.sensor), None)
+
+    def check(self) -> Problems:
+        """Check sensors that are read by name."""
+        yield from loop_sensors.check_sensors(self.sensor, [loop.name for loop in self.loop])
+        driving = loop_sensors.reads_force(self.sensor)
+        for loop in self.loop:
+            path = f"loop.{loop.name}"
+            if loop.damper is not None and loop.name in driving:
+                problem = "is a damper, whose force grows with frequency, so no sensor can read it"
+                yield path, problem, "give a filter with as many poles as zeros"
+            sensor = self.named_sensor(loop)
+            if sensor is None:
+                continue
+            for name in ("sensor_response", "sensor_noise"):
+                if not getattr(loop, name):
+                    continue
+                problem = f"conflicts with the sensor {sensor.name}, which has its own"
+                yield f"{path}.{name}", problem, f"give it in [[control.sensor]] {sensor.name}"
+            if loop.damper is not None and not loop_sensors.is_plain(sensor):
+                problem = "is a damper, but its sensor does not read motions as they are"
+                yield path, problem, "give a filter with as many poles as zeros"

@@ -17,9 +17,10 @@ among the unknowns. Roots closer to one another than losses move them start toge
 at one shift, s' are eigenvalues of the same quotient of small matrices, and their eigenvectors
 combine the y.
 
-The force u = H (sensed . x) of a control loop with H = N / D is one more unknown of its block, with
-the equation N (sensed . x) - D u = 0, so that poles of H are as harmless as its delay, exp(-s T) in
-N. These equations are not symmetric, and convergence is of second order.
+The output v = H (sensed . x + reads . v) of a filter of a control loop, with H = N / D, is one more
+unknown of its block, with the equation N (sensed . x + reads . v) - D v = 0, so that poles of H are
+as harmless as its delay, exp(-s T) in N. These equations are not symmetric, and convergence is of
+second order.
 
 With massive wires the determinant of Z(omega) has poles, so a search for its zeros may miss some.
 The number of modes below omega, however, is J(omega) = J_0(omega) + s(Z(omega)), with J_0 the
@@ -77,6 +78,8 @@ WIDE = 1.5
 """Largest ratio of roots that start together."""
 ALIKE = 1e-11
 """Relative distance up to which roots found together keep the shapes that they start with."""
+LITTLE = 1e-6
+"""Fraction of the largest motion that filters without a motion are taken to read at the start."""
 GRID = 256
 """Frequencies of the initial count, and those counted at once."""
 BALANCED = 3
@@ -145,12 +148,14 @@ class Roots:
 
 @dataclass(frozen=True)
 class Feedback:
-    """One control loop: forces -u on the coordinates `pushed`, u = H(s) (`sensed` . x).
+    """One filter of control loops: v = H(s) (`sensed` . x + `reads` . v).
 
-    H is the `filter`, later by `delay` (s).
+    H is the `filter`, later by `delay` (s). `reads` are weights of the outputs of all filters of
+    the block; forces -v act on the coordinates `pushed`.
     """
 
     sensed: Float[np.ndarray, " coordinate"]
+    reads: Float[np.ndarray, " filter"]
     pushed: Float[np.ndarray, " coordinate"]
     filter: Filter
     delay: float
@@ -181,7 +186,7 @@ class Feedback:
 
 @dataclass(frozen=True)
 class ClosedBlock(Block):
-    """A block with the forces of control loops as unknowns after the tensions."""
+    """A block with the outputs of filters of control loops as unknowns after the tensions."""
 
     loops: tuple[Feedback, ...]
 
@@ -197,17 +202,43 @@ class ClosedBlock(Block):
         plain = Block(self.pencil, self.keep, self.pull)
         result = list(plain.pieces)
         first = plain.elements.weights.shape[1]
-        for n, loop in enumerate(self.loops, len(self.owner) - len(self.loops)):
+        outputs = len(self.owner) - len(self.loops)
+        for n, loop in enumerate(self.loops, outputs):
             force = np.array([n])
+            read = np.flatnonzero(loop.reads)
             pushed = np.flatnonzero(loop.pushed[keep])
             sensed = np.flatnonzero(loop.sensed[keep])
             forces = loop.pushed[keep[pushed], None]
             readings = loop.sensed[keep[sensed], None]
             result.append((pushed, np.full_like(pushed, 6 + n), first, forces))
             result.append((np.full_like(sensed, n), 6 + sensed, first + 1, readings))
+            weights = loop.reads[read, None]
+            result.append((np.full_like(read, n), 6 + outputs + read, first + 1, weights))
             result.append((force, 6 + force, first + 2, -np.ones((1, 1))))
             first += 3
         return result
+
+
+def solve_filters(
+    block: ClosedBlock,
+    s: Complex[np.ndarray, " root"],
+    motion: Complex[np.ndarray, "root coordinate"],
+) -> Complex[np.ndarray, "filter root"]:
+    """Solve for the outputs of all filters of a block in motions at frequencies s (rad/s).
+
+    Filters that read no motion of the block get a little, so that those whose pole is at s move.
+    """
+    if not len(block.loops):
+        return np.zeros((0, len(s)), dtype=complex)
+    forms = np.array([loop.sensed for loop in block.loops])
+    sensed = forms @ motion.T
+    sensed[~forms[:, block.keep].any(1)] = LITTLE * np.abs(motion).max(1)
+    gains = np.array([over / under for _, over, under in (loop.at(s)[0] for loop in block.loops)])
+    reads = np.array([loop.reads for loop in block.loops])
+    if not reads.any():
+        return gains * sensed
+    matrix = np.eye(len(gains)) - gains.T[:, :, None] * reads
+    return np.linalg.solve(matrix, (gains * sensed).T[:, :, None])[:, :, 0].T
 
 
 def find_roots(

@@ -51,6 +51,8 @@ ROUNDING = 1e-10
 RATE = " rate"
 MOMENTUM = " momentum"
 """Kinds of states besides the coordinates: the ends of their names."""
+OF_FILTERS = ("loop ", "sensor ")
+"""States of filters: how their names start."""
 NAMED = 0.2
 """Fraction of a pole's participation in mechanical states above which it is named after one."""
 
@@ -105,6 +107,11 @@ class StateSpace:
                 drive = np.broadcast_to(b, (len(dynamic), *b.shape))
                 result[some] += c @ np.linalg.solve(dynamic, drive)
         return result
+
+
+def is_of_filter(state: str) -> bool:
+    """Whether a state is that of a filter of a loop or a sensor."""
+    return state.startswith(OF_FILTERS)
 
 
 def build(model: LinearSystem, inputs: list[Signal], outputs: list[Signal]) -> StateSpace:
@@ -419,7 +426,7 @@ def find_poles(
     participation = np.abs(right * np.linalg.pinv(right).T)
     upper_half = values.imag >= 0
     order = np.argsort(np.abs(values[upper_half]), kind="stable")
-    mechanical = np.array([not name.startswith("loop ") for name in system.state])[:, None]
+    mechanical = np.array([not is_of_filter(name) for name in system.state])[:, None]
     mechanical_fraction = (participation * mechanical).sum(0) / participation.sum(0)
     participation = np.where(mechanical | (mechanical_fraction < NAMED), participation, 0.0)
     leading = participation[:, upper_half].argmax(0)[order]

@@ -39,6 +39,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.physics import local_control, margins
 from suspension_cli.physics.local_control import Plant
+from suspension_cli.physics.loop_network import Node
 from suspension_cli.physics.margins import Margins, SensitivityPeak
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, "
     A resonance narrow in a loop gain L with the others closed is as near to a closed-loop pole,
     where 1 + L is 0, as it is wide.
     """
-    filters = [loop.controller_and_sensor.continuous for loop in plant.loops]
+    filters = [node.filter.continuous for node in plant.network.nodes]
     found = [root for one in filters for root in (*one.zeros, *one.poles)]
     every: Complex[np.ndarray, " root"] = np.append(closed.value / (2 * np.pi), found)
     every = every[np.abs(every) > 0]
@@ -160,23 +161,27 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
 
     Without inputs it has all poles of the observed blocks.
 
-    With the forces w of the loops and what their filters sense, and z = (sensed motions, outputs
-    of filters), w = F z closes the loops of
+    With the forces and inputs of filters w, and z = (sensed motions, outputs of filters), w = F z
+    closes the loops of
 
         x' = A x + B w + B_e e,    z = C x + D w + D_e e,    y = C_o x + D_o w + D_oe e.
     """
     from scipy.linalg import block_diag
 
     model = plant.model
-    count = len(plant.loops)
+    network = plant.network
+    count = len(network.nodes)
+    sensed = plant.node_sensed
+    pushed = plant.node_pushed
     i = len(inputs)
     o = len(outputs)
     # velocity dampers are part of the damping matrix, which may become asymmetric
-    viscous = np.array([_viscous(loop) for loop in plant.loops])
-    model = replace(model, damping=model.damping + (plant.pushed.T * viscous) @ plant.sensed)
+    viscous = np.zeros(count)
+    viscous[: len(plant.loops)] = [_viscous(loop) for loop in plant.loops]
+    model = replace(model, damping=model.damping + (pushed.T * viscous) @ sensed)
     drives, rows = (
-        np.array([*(signals.linear_form(s, model) for s in some), *loops])
-        for some, loops in ((inputs, plant.pushed), (outputs, plant.sensed))
+        np.array([*(signals.linear_form(s, model) for s in some), *own])
+        for some, own in ((inputs, pushed), (outputs, sensed))
     )
     within = [LOOP] * count
     bare = statespace.assemble(
@@ -184,7 +189,8 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
     )
     if not count:
         return bare
-    filters = [(f.A, f.B, f.C, f.D) for f in map(realise, plant.loops)]
+    made = [_realise_node(plant, n) for n in range(count)]
+    filters = [(f.A, f.B, f.C, f.D) for f in made]
     # inputs: external ones, forces of loops, what filters sense; outputs likewise
     a, b, c, d = (
         np.asarray(block_diag(*parts))
@@ -192,13 +198,13 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
     )
     one = np.eye(count)
     none = np.zeros((count, count))
-    feedback = np.block([[none, -one], [one, none]])
+    feedback = np.block([[none, -one], [one, network.of_nodes]])
     feedback = feedback @ np.linalg.inv(np.eye(2 * count) - d[o:, i:] @ feedback)
     back = b[:, i:] @ feedback
     through = d[:o, i:] @ feedback
     names = [
-        f"loop {loop.name} {k}"
-        for loop, (states, *_) in zip(plant.loops, filters, strict=True)
+        f"{node.name} {k}"
+        for node, (states, *_) in zip(network.nodes, filters, strict=True)
         for k in range(1, len(states) + 1)
     ]
     return replace(
@@ -221,19 +227,25 @@ def _viscous(loop: Loop) -> float:
     return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
 
 
-def realise(loop: Loop) -> Any:
-    """Realise filter, sensor and delay of a loop (rad/s); of a damper, what its delay changes.
+def _realise_node(plant: Plant, number: int) -> Any:
+    """Realise a node of the network of a plant, see `realise`."""
+    damper = _viscous(plant.loops[number]) if number < len(plant.loops) else 0.0
+    return realise(plant.network.nodes[number], damper)
+
+
+def realise(node: Node, damper: float = 0.0) -> Any:
+    """Realise filter, sensor and delay of a loop (rad/s); of a `damper`, what its delay changes.
 
     Returns a `scipy.signal.StateSpace`.
     """
     from scipy.signal import StateSpace, tf2ss, zpk2sos, zpk2ss
 
-    delay = _realise_delay(loop.delay)
-    if damper := _viscous(loop):
+    delay = _realise_delay(node.delay)
+    if damper:
         # its force without delay is in the damping matrix: left is c s (exp(-s T) - 1)
         rate = damper * delay.C @ delay.A, damper * delay.C @ delay.B
         return StateSpace(delay.A, delay.B, *rate)
-    made = loop.controller_and_sensor.continuous
+    made = node.filter.continuous
     zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
     gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
     if len(poles) <= DIRECT:
@@ -288,22 +300,39 @@ def _with_states(plant: Plant) -> Plant:
 
 
 def _build_blocks(plant: Plant) -> list[tuple[ClosedBlock, list[int]]]:
-    """Coordinates that couple to no others, with the numbers of the loops that act on them."""
+    """Coordinates that couple to no others, with the numbers of the filters that act on them."""
     pencil = plant.solver.pencil
-    linked = pencil.coupled | ((plant.pushed != 0).T.astype(float) @ (plant.sensed != 0) > 0)
+    nodes = plant.network.nodes
+    reads = plant.network.of_nodes
+    pushed = plant.node_pushed
+    sensed = plant.node_sensed
+    touched = _touched_coordinates(plant)
+    linked = pencil.coupled | (touched.T.astype(float) @ touched > 0)
     blocks = []
     for group in connected_groups(linked[6:, 6:]):
         keep = 6 + group[np.argsort(pencil.owner[6 + group], kind="stable")]
-        acting = (plant.pushed[:, keep] != 0).any(1) | (plant.sensed[:, keep] != 0).any(1)
-        numbers = np.flatnonzero(acting).tolist()
+        numbers = np.flatnonzero(touched[:, keep].any(1)).tolist()
         loops = tuple(
-            Feedback(plant.sensed[n], plant.pushed[n], loop.controller_and_sensor, loop.delay)
-            for n, loop in enumerate(plant.loops)
-            if n in numbers
+            Feedback(sensed[n], reads[n, numbers], pushed[n], nodes[n].filter, nodes[n].delay)
+            for n in numbers
         )
         pull = np.asarray(linked[keep, :6].any(0))
         blocks.append((ClosedBlock(pencil, keep, pull, loops), numbers))
     return blocks
+
+
+def _touched_coordinates(plant: Plant) -> Bool[np.ndarray, "node coordinate"]:
+    """Which coordinates each filter senses or pushes, itself or through filters that it is tied to.
+
+    Filters are tied if one reads another, also through others.
+    """
+    upstream = plant.network.upstream
+    own = (plant.node_pushed != 0) | (plant.node_sensed != 0)
+    groups = connected_groups(upstream | upstream.T)
+    result = np.zeros_like(own)
+    for group in groups:
+        result[group] = own[group].any(0)
+    return result
 
 
 def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list[int]) -> Poles:
@@ -336,13 +365,13 @@ def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list
 
 
 def _move_filter_poles(
-    value: Complex[np.ndarray, " pole"], state: tuple[str, ...], loops: Sequence[Loop]
+    value: Complex[np.ndarray, " pole"], state: tuple[str, ...], nodes: Sequence[Node]
 ) -> Complex[np.ndarray, " pole"]:
     """Move start values that are poles of digital filters to where these are.
 
     The state space takes s for w.
     """
-    filters = {f"loop {loop.name}": loop.controller_and_sensor for loop in loops}
+    filters = {node.name: node.filter for node in nodes}
     result = value.astype(complex)
     for n, name in enumerate(state):
         made = filters.get(name.rpartition(" ")[0])
@@ -415,7 +444,7 @@ class _Within:
         rates = [one.rate for loop in self.block.loops for one in loop.filter.parts if one.rate]
         if not rates:
             return np.zeros(len(start.value), dtype=bool)
-        of_filter = np.array([name.startswith("loop ") for name in start.state], dtype=bool)
+        of_filter = np.array([statespace.is_of_filter(name) for name in start.state], dtype=bool)
         return of_filter & (np.abs(start.value) > NYQUIST * np.pi * min(rates))
 
     @property
@@ -433,7 +462,7 @@ class _Within:
 
     def solve(self, model: LinearSystem) -> _Starts:
         """Solve for the poles with constant matrices; those of free coordinates are 0."""
-        own = self.plant.with_model(model).with_loops(list(self.numbers))
+        own = self.plant.with_model(model).select(list(self.numbers))
         body = model.body
         motions = [
             Signal("", body[n // 6 - 1], n % 6, (0.0, 0.0, 0.0), False)
@@ -444,7 +473,7 @@ class _Within:
         motion = np.zeros((len(found.value), model.size), dtype=complex)
         motion[:, self.bodily] = shape.T
         value[np.abs(value) <= STILL * np.abs(value).max(initial=0.0)] = 0.0
-        value = _move_filter_poles(value, found.state, own.loops)
+        value = _move_filter_poles(value, found.state, own.network.nodes)
         return _Starts(value, found.state, motion)
 
     def at(self, omega: float, share: float = 1.0) -> _Starts:
@@ -519,10 +548,9 @@ class _Within:
             starts = Roots.starts(
                 [block], value[some], np.zeros(len(some), dtype=int), motion[some]
             )
-            for force, loop in zip(_forces(block, starts), block.loops, strict=True):
-                _, over, under = loop.at(value[some] * BESIDE)[0]
-                force[:] = over / under * (motion[some] @ loop.sensed)
-                force[~motion[some].any(1)] = 1.0  # without motion the loops alone act
+            forces = _forces(block, starts)
+            forces[:] = roots.solve_filters(block, value[some] * BESIDE, motion[some])
+            forces[:, ~motion[some].any(1)] = 1.0  # without motion the loops alone act
             loss = "all" if np.imag(value[some[0]]) else "dampers"
             found = roots.find_roots(pencil, [block], starts, loss=loss)
             kept = ~(found.lost | roots.repeated(found))
@@ -566,7 +594,7 @@ class _Within:
 
 
 def _forces(block: ClosedBlock, found: Roots) -> Complex[np.ndarray, "loop root"]:
-    """Forces of the loops of a block, which are its last unknowns."""
+    """Outputs of the filters of a block, which are its last unknowns."""
     return found.motion[len(block.owner) - len(block.loops) :]
 
 
@@ -620,7 +648,7 @@ def solve_modes(system: Solvable, design: Design) -> DampedModes:
         return DampedModes(frequency, found.q, decay, found.dilution, found.fractions)
     poles = find_poles(local_control.build_plant(design, solver))
     assert poles.motion is not None
-    bodily = np.array([not name.startswith("loop ") for name in poles.state], dtype=bool)
+    bodily = np.array([not statespace.is_of_filter(name) for name in poles.state], dtype=bool)
     value = poles.value[bodily]
     motion = poles.motion[bodily][:, : model.size]  # without states of light
     fraction = np.concatenate(mode_content.energy_fractions(model, motion), axis=1)

@@ -1,11 +1,12 @@
 """Loops of local control on a model, their OSEMs, and closed-loop responses.
 
-Each loop applies u = -H(f) (y + n) with its sensor's motion y and noise n. A sensor with
+The loops apply u = -K(f) (y + n) with the motions y that sensors read, and their noise n; K is a
+diagonal matrix if each loop reads one sensor of its own (`loop_network`). A sensor with
 ``reference = "support"`` measures motion relative to the support structure, taken as rigid up to
 the sensor; its actuator pushes against this structure. With the open-loop responses G of motions x
 to these forces,
 
-    u = U (y_open + n),    U = -(1 + H G_yu)^-1 H,    x = x_open + G_xu u,
+    u = U (y_open + n),    U = -(1 + K G_yu)^-1 K,    x = x_open + G_xu u,
 
 so whatever sensors read with the loops open acts as their noise.
 
@@ -18,9 +19,9 @@ and of all such weights have the least sum of squares: the least noise of equal 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import noise_spectra
 from suspension_cli.design.control import Loop, Osem
 from suspension_cli.design.locked_stages import as_in_file, locked_names
+from suspension_cli.design.loop_sensors import Sensor
+from suspension_cli.design.noise_spectra import MotionNoise
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value
 from suspension_cli.files.declared import derived, in_unit
@@ -35,11 +38,11 @@ from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
+from suspension_cli.physics import loop_network
+from suspension_cli.physics.loop_network import Network
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float, Inexact
-
-End = Literal["sensor", "actuator"]
+    from jaxtyping import Bool, Complex, Float
 
 BESIDE = 1e-13
 """Relative step from a frequency where the open- or closed-loop response is infinite."""
@@ -48,19 +51,33 @@ TINY = 1e-11
 
 
 @dataclass(frozen=True)
+class Channel:
+    """One reading of motions, by a loop or a sensor that has its name.
+
+    `sensor_noise` is that of its own, `on_ground` its reading of the six motions of the ground.
+    """
+
+    name: str
+    sensor_noise: MotionNoise
+    on_ground: Float[np.ndarray, " 6"]
+
+
+@dataclass(frozen=True)
 class Plant:
     """A model with its loops, their sensors and actuators as linear forms in the coordinates.
 
-    `reading` are readings of loops from those of OSEMs, `driving` forces of coils from those of
+    `reading` are readings of channels from those of OSEMs, `driving` forces of coils from those of
     loops.
     """
 
     solver: Solver
     loops: Sequence[Loop]
-    sensed: Float[np.ndarray, "loop coordinate"]
+    network: Network
+    channels: Sequence[Channel]
+    sensed: Float[np.ndarray, "channel coordinate"]
     pushed: Float[np.ndarray, "loop coordinate"]
     osems: Sequence[Osem]
-    reading: Float[np.ndarray, "loop osem"]
+    reading: Float[np.ndarray, "channel osem"]
     driving: Float[np.ndarray, "osem loop"]
 
     @property
@@ -73,9 +90,25 @@ class Plant:
         return replace(self, solver=Solver(model))
 
     @property
-    def parts(self) -> list[Loop | Osem]:
-        """What has a sensor and an actuator with noise; loops of stages with OSEMs have none."""
+    def sensors(self) -> list[Channel | Osem]:
+        """What has noise of a sensor; channels of stages with OSEMs have none."""
+        return [*self.channels, *self.osems]
+
+    @property
+    def actuators(self) -> list[Loop | Osem]:
+        """What has noise of an actuator; loops of stages with OSEMs have none."""
         return [*self.loops, *self.osems]
+
+    @property
+    def node_sensed(self) -> Float[np.ndarray, "node coordinate"]:
+        """Linear forms of what each node of the network reads of motions."""
+        return self.network.of_channels @ self.sensed
+
+    @property
+    def node_pushed(self) -> Float[np.ndarray, "node coordinate"]:
+        """Linear forms of the forces of each node of the network: those of loops alone push."""
+        others = len(self.network.nodes) - len(self.loops)
+        return np.concatenate([self.pushed, np.zeros((others, self.model.size))])
 
     @property
     def coils(self) -> Float[np.ndarray, "osem coordinate"]:
@@ -87,15 +120,29 @@ class Plant:
                 row += part * signals.linear_form(_relate(end, osem), self.model)
         return result
 
-    def with_loops(self, keep: list[int]) -> Plant:
-        """Select loops by number."""
+    def select(self, nodes: list[int]) -> Plant:
+        """Keep some nodes of the network, by number; loops come first."""
+        keep = [n for n in nodes if n < len(self.loops)]
         return replace(
             self,
             loops=[self.loops[n] for n in keep],
-            sensed=self.sensed[keep],
+            network=self.network.select(nodes),
             pushed=self.pushed[keep],
-            reading=self.reading[keep],
             driving=self.driving[:, keep],
+        )
+
+    def without_loops(self) -> Plant:
+        """Open all loops."""
+        none = np.zeros((0, 0))
+        return replace(
+            self,
+            loops=[],
+            network=Network((), 0, none, none),
+            channels=[],
+            sensed=self.sensed[:0],
+            pushed=self.pushed[:0],
+            reading=self.reading[:0],
+            driving=self.driving[:, :0],
         )
 
 
@@ -117,20 +164,52 @@ def build_plant(design: Design, system: Solvable) -> Plant:
     """
     solver = Solver.of(system)
     model = solver.system
-    known = signals.bodies_with_signals(model)
     control = design.control
     loops = () if control is None else control.loop
-    given = () if control is None else control.osem
-    forms = []
-    weights = []
-    for end in ("sensor", "actuator"):
-        parsed = [parse_end(loop, end, given, model.body, known) for loop in loops]
-        rows = [signals.linear_form(signal, model) for signal, _ in parsed]
-        forms.append(np.array(rows).reshape(len(loops), model.size))
-        weights.append(np.reshape([own for _, own in parsed], (len(loops), len(given))))
-    (sensed, pushed) = forms
-    (reading, driving) = weights
-    return Plant(solver, loops, sensed, pushed, given, reading, driving.T)
+    osems = () if control is None else control.osem
+    known = signals.bodies_with_signals(model)
+    network, owners = loop_network.build(control)
+    read = [parse_sensor(owner, osems, model.body, known) for owner in owners]
+    pushed = [parse_actuator(loop, osems, known) for loop in loops]
+    forms = [signals.linear_form(end.motions[0][1], model) for end in pushed]
+    return Plant(
+        solver=solver,
+        loops=loops,
+        network=network,
+        channels=[_make_channel(*both) for both in zip(owners, read, strict=True)],
+        sensed=np.array([_sense(end, model) for end in read]).reshape(len(owners), model.size),
+        pushed=np.array(forms).reshape(len(loops), model.size),
+        osems=osems,
+        reading=np.reshape([end.weights for end in read], (len(owners), len(osems))),
+        driving=np.reshape([end.weights for end in pushed], (len(loops), len(osems))).T,
+    )
+
+
+@dataclass(frozen=True)
+class LoopEnd:
+    """What a sensor reads or an actuator pushes: motions with factors, and weights of all OSEMs."""
+
+    motions: Sequence[tuple[float, Signal]]
+    weights: Float[np.ndarray, " osem"]
+
+
+def _make_channel(owner: Loop | Sensor, read: LoopEnd) -> Channel:
+    """Make the channel of a sensor, or of a loop that reads a motion by its name."""
+    on_ground = np.zeros(6)
+    for factor, signal in read.motions:
+        if signal.is_ground:
+            on_ground[signal.dof] += factor
+    noise = owner.sensor_noise if isinstance(owner, Loop) else owner.noise
+    return Channel(owner.name, noise, on_ground)
+
+
+def _sense(read: LoopEnd, model: LinearSystem) -> Float[np.ndarray, " coordinate"]:
+    """Linear form of what a sensor reads of the coordinates."""
+    form = np.zeros(model.size)
+    for factor, signal in read.motions:
+        if not signal.is_ground:
+            form += factor * signals.linear_form(signal, model)
+    return form
 
 
 def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
@@ -139,41 +218,81 @@ def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
     return replace(signal, against=SUPPORT) if to_support else signal
 
 
-def parse_end(
-    loop: Loop, end: End, osems: Sequence[Osem], stages: Sequence[str], known: tuple[str, ...]
-) -> tuple[Signal, Float[np.ndarray, " osem"]]:
-    """Parse the sensor or actuator of a loop, and compute the weights of all OSEMs in it.
+def parse_sensor(
+    owner: Loop | Sensor, osems: Sequence[Osem], stages: Sequence[str], known: tuple[str, ...]
+) -> LoopEnd:
+    """Parse what a sensor reads, or a loop by the name of a motion.
 
-    These are 0 for OSEMs of other stages or references. Raises `InputError` if the signal is no
-    motion of a stage or no force, if the OSEMs do not resolve it, or if the loop gives noise of its
-    own besides theirs.
+    Raises `InputError` if it is no motion (of a stage, for a loop), if the OSEMs of the stage do
+    not resolve it, or if it has noise of its own besides theirs.
     """
-    key = f"control.loop.{loop.name}.{end}"
-    text = getattr(loop, end)
-    signal = signals.parse(text, key, known)
-    if end == "sensor" and (signal.acts or signal.body not in stages):
-        remedy = "write for example upper.x"
-        raise InputError.of(key, "is not a motion of a stage", remedy, format_value(text))
-    if end == "actuator" and not signal.acts:
+    if isinstance(owner, Loop):
+        key = f"control.loop.{owner.name}.sensor"
+        signal = signals.parse(owner.sensor, key, known)
+        if signal.acts or signal.body not in stages:
+            remedy = "write for example upper.x, or name a [[control.sensor]] that reads it"
+            problem = "is not a motion of a stage"
+            raise InputError.of(key, problem, remedy, format_value(owner.sensor))
+        reference = signal.against or owner.reference
+        noisy = bool(owner.sensor_noise)
+        weights = _weigh(signal, reference, osems, key, f"{key}_noise" if noisy else "")
+        return LoopEnd([(1.0, _relate(signal, owner))], weights)
+    key = f"control.sensor.{owner.name}.motion"
+    noise_key = f"control.sensor.{owner.name}.noise" if owner.noise else ""
+    motions = []
+    total = np.zeros(len(osems))
+    for text, factor in owner.motions.items():
+        signal = signals.parse(text, key, known)
+        if signal.acts:
+            remedy = "write a motion: upper.x, upper~support.x, support.x"
+            raise InputError.of(key, "is a force, not a motion", remedy, format_value(text))
+        reference = signal.against or "inertial"
+        total += factor * _weigh(signal, reference, osems, key, noise_key)
+        motions.append((factor, signal))
+    return LoopEnd(motions, total)
+
+
+def parse_actuator(loop: Loop, osems: Sequence[Osem], known: tuple[str, ...]) -> LoopEnd:
+    """Parse the actuator of a loop.
+
+    Raises `InputError` if it is no force, if the OSEMs of the stage do not resolve it, or if it
+    has noise of its own besides theirs.
+    """
+    key = f"control.loop.{loop.name}.actuator"
+    signal = signals.parse(loop.actuator, key, known)
+    if not signal.acts:
         remedy = "write for example upper.force_x"
-        raise InputError.of(key, "is not a force or torque", remedy, format_value(text))
+        raise InputError.of(key, "is not a force or torque", remedy, format_value(loop.actuator))
+    noise_key = f"{key}_noise" if loop.actuator_noise else ""
+    weights = _weigh(signal, signal.against or loop.reference, osems, key, noise_key)
+    return LoopEnd([(1.0, _relate(signal, loop))], weights)
+
+
+def _weigh(
+    signal: Signal, reference: str, osems: Sequence[Osem], key: str, noise_key: str
+) -> Float[np.ndarray, " osem"]:
+    """Compute the weights of all OSEMs in a signal; 0 without OSEMs of its stage and reference.
+
+    Raises `InputError` if they do not resolve it, or if it has noise (`noise_key`) besides theirs.
+    """
     weights = np.zeros(len(osems))
-    own = _of_stage(osems, signal.body, signal.against or loop.reference)
-    if own.any():
-        if getattr(loop, f"{end}_noise"):
-            problem = f"conflicts with the OSEMs of {signal.body}, whose noise enters the loop"
-            raise InputError.of(f"{key}_noise", problem, "give the noise of each OSEM alone")
-        some = [osem for osem, chosen in zip(osems, own, strict=True) if chosen]
-        form = np.eye(6)[signal.dof]
-        if signal.dof < 3:
-            form[3:] = np.cross(signal.point, form[:3])
-        weights[own], resolved = compute_weights(form, some)
-        if not resolved:
-            names = compute_matrices(some)[0].coordinate
-            remedy = f"add OSEMs: these resolve {', '.join(names) or 'no coordinate alone'}"
-            problem = f"is not resolved by the OSEMs of {signal.body}"
-            raise InputError.of(key, problem, remedy, format_value(text))
-    return _relate(signal, loop), weights
+    own = _of_stage(osems, signal.body, reference)
+    if not own.any():
+        return weights
+    if noise_key:
+        problem = f"conflicts with the OSEMs of {signal.body}, whose noise enters the loop"
+        raise InputError.of(noise_key, problem, "give the noise of each OSEM alone")
+    some = [osem for osem, chosen in zip(osems, own, strict=True) if chosen]
+    form = np.eye(6)[signal.dof]
+    if signal.dof < 3:
+        form[3:] = np.cross(signal.point, form[:3])
+    weights[own], resolved = compute_weights(form, some)
+    if not resolved:
+        names = compute_matrices(some)[0].coordinate
+        remedy = f"add OSEMs: these resolve {', '.join(names) or 'no coordinate alone'}"
+        problem = f"is not resolved by the OSEMs of {signal.body}"
+        raise InputError.of(key, problem, remedy, format_value(signal.text))
+    return weights
 
 
 @dataclass(frozen=True)
@@ -227,26 +346,10 @@ def compute_weights(
     return weights, (np.abs(weights @ sensing - form) <= TINY * size).all(-1)
 
 
-def evaluate_filter(
-    loop: Loop, frequency: Inexact[np.ndarray, "*frequency"] | complex
-) -> Complex[np.ndarray, "*frequency"]:
-    """Evaluate H of a loop (filter, sensor, delay) at frequencies in Hz; N/m or N m/rad."""
-    f = np.asarray(frequency)
-    return loop.controller_and_sensor.at(f) * np.exp(-2j * np.pi * loop.delay * f)
-
-
-def evaluate_filters(
-    plant: Plant, frequency: Float[np.ndarray, " frequency"]
-) -> Inexact[np.ndarray, "frequency loop"]:
-    """Evaluate H of all loops at frequencies in Hz."""
-    found = [evaluate_filter(loop, frequency) for loop in plant.loops]
-    return np.array(found).reshape(len(plant.loops), len(frequency)).T
-
-
 def evaluate_noise(
-    part: Loop | Osem, frequency: Float[np.ndarray, " frequency"]
+    part: Channel | Osem, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
-    """Evaluate the sensor noise of a loop or OSEM, as motion, at frequencies in Hz."""
+    """Evaluate the noise of a sensor, as motion, at frequencies in Hz."""
     own = part.noise_of_sensor if isinstance(part, Osem) else part.sensor_noise
     return noise_spectra.density(own, frequency)
 
@@ -269,37 +372,38 @@ class LoopResponses:
     external
         Outputs over external inputs.
     sensing
-        Outputs over noise of the sensor of each loop.
+        Outputs over noise of the sensor of each of `Plant.channels`.
     pushing
-        Outputs over noise forces at the actuator of each of `Plant.parts`.
+        Outputs over noise forces at each of `Plant.actuators`.
     """
 
     plant: Plant
     frequency: Float[np.ndarray, " frequency"]
     external: Complex[np.ndarray, "frequency output input"]
-    sensing: Complex[np.ndarray, "frequency output loop"]
-    pushing: Complex[np.ndarray, "frequency output part"]
+    sensing: Complex[np.ndarray, "frequency output channel"]
+    pushing: Complex[np.ndarray, "frequency output actuator"]
 
     @property
-    def sensor_noise(self) -> Float[np.ndarray, "frequency output part"]:
-        """Amplitude spectral density at each output from the sensor of each of `Plant.parts`.
+    def sensor_noise(self) -> Float[np.ndarray, "frequency output sensor"]:
+        """Amplitude spectral density at each output from each of `Plant.sensors`.
 
         Unit of the output over sqrt(Hz).
         """
-        of_parts = np.hstack([np.eye(len(self.plant.loops)), self.plant.reading])
-        return np.abs(self.sensing @ of_parts) * self._of_parts(evaluate_noise)[:, None]
+        plant = self.plant
+        to_channels = np.hstack([np.eye(len(plant.channels)), plant.reading])
+        noise = [evaluate_noise(part, self.frequency) for part in plant.sensors]
+        return np.abs(self.sensing @ to_channels) * self._by_frequency(noise)
 
     @property
-    def actuator_noise(self) -> Float[np.ndarray, "frequency output part"]:
-        """Amplitude spectral density at each output from the actuator of each of `Plant.parts`."""
-        return np.abs(self.pushing) * self._of_parts(evaluate_actuator_noise)[:, None]
+    def actuator_noise(self) -> Float[np.ndarray, "frequency output actuator"]:
+        """Amplitude spectral density at each output from each of `Plant.actuators`."""
+        noise = [evaluate_actuator_noise(part, self.frequency) for part in self.plant.actuators]
+        return np.abs(self.pushing) * self._by_frequency(noise)
 
-    def _of_parts(
-        self, evaluate: Callable[[Loop | Osem, Float[np.ndarray, " frequency"]], np.ndarray]
-    ) -> Float[np.ndarray, "frequency part"]:
-        parts = self.plant.parts
-        found = np.array([evaluate(part, self.frequency) for part in parts])
-        return found.reshape(len(parts), len(self.frequency)).T
+    def _by_frequency(
+        self, noise: list[Float[np.ndarray, " frequency"]]
+    ) -> Float[np.ndarray, "frequency 1 part"]:
+        return np.array(noise).reshape(len(noise), len(self.frequency)).T[:, None]
 
 
 def solve_responses(
@@ -315,8 +419,8 @@ def solve_responses(
 
 def solve_sensor_noise(
     plant: Plant, frequency: Float[np.ndarray, " frequency"], output: Signal
-) -> Float[np.ndarray, "frequency part"]:
-    """Solve for the noise of a motion from the sensor of each of `Plant.parts`.
+) -> Float[np.ndarray, "frequency sensor"]:
+    """Solve for the noise of a motion from each of `Plant.sensors`.
 
     It is an amplitude spectral density, m/sqrt(Hz) or rad/sqrt(Hz), at frequencies in Hz.
     """
@@ -337,22 +441,25 @@ def solve_loops(
     model = plant.model
     driven = np.array([signals.linear_form(signal, model) for signal in inputs])
     observed = np.array([signals.linear_form(signal, model) for signal in outputs])
-    parts = len(plant.parts)
+    actuators = len(plant.actuators)
     opened, _ = response.transfer(
         plant.solver,
         2 * np.pi * frequency,
         np.concatenate([driven.reshape(-1, model.size), plant.pushed, plant.coils]),
-        [*(signal.acts for signal in inputs), *[True] * parts],
+        [*(signal.acts for signal in inputs), *[True] * actuators],
         np.concatenate([observed.reshape(-1, model.size), plant.sensed]),
-        ground=[*(signal.is_ground for signal in inputs), *[False] * parts],
+        ground=[*(signal.is_ground for signal in inputs), *[False] * actuators],
     )
     moved = opened[:, : len(outputs)]
     read = opened[:, len(outputs) :]
     forces = slice(len(inputs), len(inputs) + len(plant.loops))
+    for n, signal in enumerate(inputs):
+        if signal.is_ground:
+            read[:, :, n] += [channel.on_ground[signal.dof] for channel in plant.channels]
     # u = U (y_open + n), see the start of this module
-    h = evaluate_filters(plant, frequency)[:, :, None]
+    k = plant.network.controllers(frequency)
     one = np.eye(len(plant.loops))
-    controller = -np.linalg.solve(one + h * read[:, :, forces], h * one)
+    controller = -np.linalg.solve(one + k @ read[:, :, forces], k)
     results = []
     for direct, through in ((moved, moved[:, :, forces]), (0.0, plant.driving[None])):
         sensing = through @ controller
@@ -369,7 +476,8 @@ def compute_loop_gains(
     """Compute the gain of each loop, broken at its actuator with the others closed.
 
     It is -1 at a closed-loop pole on the imaginary axis. Frequencies are in Hz; at a resonance
-    without loss the gain is taken beside it. With S = (1 + H G)^-1 it is (S H G)_kk / S_kk.
+    without loss the gain is taken beside it. With S = (1 + K G)^-1 it is (S K G)_kk / S_kk. Sensors
+    that read the force of a loop read what it demands.
     """
     gain = compute_open_loop(plant, frequency)
     one = np.broadcast_to(np.eye(gain.shape[-1]), gain.shape)
@@ -381,14 +489,14 @@ def compute_loop_gains(
 def compute_sensitivity(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop loop"]:
-    """Compute the sensitivity S = (1 + H G)^-1 from disturbances at actuators to total forces."""
+    """Compute the sensitivity S = (1 + K G)^-1 from disturbances at actuators to total forces."""
     return np.linalg.inv(np.eye(len(plant.loops)) + compute_open_loop(plant, frequency))
 
 
 def compute_open_loop(
     plant: Plant, frequency: Float[np.ndarray, " frequency"]
 ) -> Complex[np.ndarray, "frequency loop loop"]:
-    """Compute H G at frequencies in Hz, beside resonances without loss, of open or closed loops."""
+    """Compute K G at frequencies in Hz, beside resonances without loss, of open or closed loops."""
     acts = [True] * len(plant.loops)
 
     def solve(at: Float[np.ndarray, " point"]) -> Complex[np.ndarray, "point loop loop"]:
@@ -396,7 +504,7 @@ def compute_open_loop(
         g, _ = response.transfer(
             plant.solver, omega, plant.pushed, acts, plant.sensed, finite=False
         )
-        return evaluate_filters(plant, at)[:, :, None] * g
+        return plant.network.controllers(at) @ g
 
     with np.errstate(all="ignore"):
         result = solve(frequency)

@@ -91,8 +91,8 @@ class Noises:
         sensing, pushing = self._noisy
         return (
             *(f"ground.{dof}" for dof in self.motion),
-            *(f"sensor.{self.plant.parts[n].name}" for n in sensing),
-            *(f"actuator.{self.plant.parts[n].name}" for n in pushing),
+            *(f"sensor.{self.plant.sensors[n].name}" for n in sensing),
+            *(f"actuator.{self.plant.actuators[n].name}" for n in pushing),
             *(["thermal"] if self.temperature is not None else []),
         )
 
@@ -105,11 +105,11 @@ class Noises:
     @property
     def _noisy(self) -> tuple[list[int], list[int]]:
         """Numbers of the sensors and actuators with noise."""
-        parts = [*enumerate(self.plant.parts)]
+        plant = self.plant
         at = np.ones(1)
-        sensing = [n for n, part in parts if local_control.evaluate_noise(part, at).any()]
-        pushing = [n for n, part in parts if local_control.evaluate_actuator_noise(part, at).any()]
-        return sensing, pushing
+        sensing = [local_control.evaluate_noise(one, at).any() for one in plant.sensors]
+        pushing = [local_control.evaluate_actuator_noise(one, at).any() for one in plant.actuators]
+        return np.flatnonzero(sensing).tolist(), np.flatnonzero(pushing).tolist()
 
     def density(
         self, frequency: Float[np.ndarray, " frequency"]

@@ -120,12 +120,18 @@ class DampAnalysis(Analysis):
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
     ) -> Iterator[Callable[[], object]]:
         """Parse the sensors and actuators of the loops."""
-        from suspension_cli.physics.local_control import parse_end
+        from suspension_cli.physics.local_control import parse_actuator, parse_sensor
 
-        loops, osems = (c.loop, c.osem) if (c := design.control) is not None else ((), ())
-        for loop in loops:
-            yield lambda one=loop: parse_end(one, "sensor", osems, stages, known)
-            yield lambda one=loop: parse_end(one, "actuator", osems, stages, known)
+        control = design.control
+        if control is None:
+            return
+        osems = control.osem
+        for sensor in control.sensor:
+            yield lambda one=sensor: parse_sensor(one, osems, stages, known)
+        for loop in control.loop:
+            if control.named_sensor(loop) is None:
+                yield lambda one=loop: parse_sensor(one, osems, stages, known)
+            yield lambda one=loop: parse_actuator(one, osems, known)
 
     def document(self, result: Damped) -> Document:
         """Add the noise of all sensors; a pole that grows has no Q, an unstable loop no margins."""

@@ -196,7 +196,7 @@ def solve(
     """
     local_control.demand_loops(design)
     plant = local_control.build_plant(design, model)
-    closed, opened = (closed_loop.find_poles(one) for one in (plant, plant.with_loops([])))
+    closed, opened = (closed_loop.find_poles(one) for one in (plant, plant.without_loops()))
     known = signals.bodies_with_signals(model)
     observed = signals.parse_output(output, known)
     driven = signals.parse_input(drive, known, "--impulse")
@@ -207,7 +207,7 @@ def solve(
         statespace.impulse(closed_loop.build_closed_loop(fixed, [driven], [observed]), time)[
             :, 0, 0
         ]
-        for fixed in (constant, constant.with_loops([]))
+        for fixed in (constant, constant.without_loops())
     )
     return LocalControl(
         loop=tuple(loop.name for loop in plant.loops),
@@ -220,7 +220,7 @@ def solve(
         impulse=impulse,
         undamped=undamped,
         frequency=frequency,
-        sensor=tuple(one.name for one in plant.parts),
+        sensor=tuple(one.name for one in plant.sensors),
         noise=local_control.solve_sensor_noise(plant, frequency, observed),
         gain=local_control.compute_loop_gains(plant, frequency),
         sensitivity=peak,

@@ -61,7 +61,7 @@ def cross_spectra(closed, rows, temperature):
     open_loop = -4 * BOLTZMANN * temperature / OMEGA[:, None, None] * g.imag
     count, loops = len(rows), len(closed.loops)
     push, _ = response.transfer(closed.model, OMEGA, closed.pushed, [True] * loops, both)
-    h = local_control.evaluate_filters(closed, GRID)[:, :, None] * np.eye(loops)
+    h = closed.network.controllers(GRID)
     back = push[:, :count] @ np.linalg.solve(np.eye(loops) + h @ push[:, count:], h)
     whole = np.concatenate([np.broadcast_to(np.eye(count), (len(GRID), count, count)), -back], 2)
     return np.einsum("fai,fij,faj->af", whole, open_loop, whole.conj()).real
@@ -122,7 +122,7 @@ def test_rms_under_a_white_force(damper):
 
 
 def test_a_resonance_without_loss_has_no_rms():
-    closed = pendulum(damper=0.0).with_loops([])
+    closed = pendulum(damper=0.0).without_loops()
     closed = closed.with_model(replace(closed.model, damping=0 * closed.model.damping))
     outputs = plants.motions(closed.model, "test.x", "test.y")
     found = solve.solve(

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.design.control import Control
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
-from suspension_cli.physics import closed_loop, local_control, margins
+from suspension_cli.physics import closed_loop, local_control, loop_network, margins
 from tests.support import plants, scenes
 from tests.support.paths import CONFIGS
 
@@ -84,8 +85,8 @@ def test_filters(how):
                 [complex(*root), complex(*root).conjugate()] if isinstance(root, list) else [root]
             ):
                 expected *= (1j * GRID + value) ** power
-    np.testing.assert_allclose(local_control.evaluate_filter(one, GRID), expected, rtol=1e-14)
-    made = closed_loop.realise(one)
+    np.testing.assert_allclose(loop_network.make_node(one).at(GRID), expected, rtol=1e-14)
+    made = closed_loop.realise(loop_network.make_node(one))
     a, b, c, d = made.A, made.B, made.C, made.D
     assert all(np.isrealobj(matrix) for matrix in (a, b, c, d))
     s = 2j * np.pi * GRID
@@ -197,7 +198,8 @@ def scaled(plant, n, factor):
     key = "gain" if plant.loops[n].damper is None else "damper"
     loops = list(plant.loops)
     loops[n] = msgspec.structs.replace(loops[n], **{key: getattr(loops[n], key) * factor})
-    return replace(plant, loops=tuple(loops))
+    network, _ = loop_network.build(Control(loop=loops))
+    return replace(plant, loops=tuple(loops), network=network)
 
 
 def growing(plant, n=0, factor=1.0):

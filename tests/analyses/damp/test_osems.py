@@ -167,7 +167,7 @@ def test_thermal_noise_of_drives():
     y, _ = response.transfer(closed.model, omega, closed.sensed, [True] * 2, closed.sensed)
     push, _ = response.transfer(closed.model, omega, closed.pushed, [True] * 2, closed.sensed)
     open_loop = -4 * BOLTZMANN * 290.0 / omega[:, None, None] * y.imag
-    h = local_control.evaluate_filters(closed, GRID)[:, :, None] * np.eye(2)
+    h = closed.network.controllers(GRID)
     up = np.sign(CORNERS)[:, 2]
     to_coil = np.stack([np.full(4, 0.25), up / (4 * HIGH)], axis=1)
     whole = to_coil @ h @ np.linalg.inv(np.eye(2) + push @ h)

@@ -3,9 +3,9 @@ filters: by hand, from responses, by Lambert's W, characteristic equations and s
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache, partial
 
-import msgspec
 import numpy as np
 import pytest
 import tomli_w
@@ -19,7 +19,7 @@ from suspension_cli.design.noise_spectra import NoiseSpectrum
 from suspension_cli.design.reader import read
 from suspension_cli.linear import response, statespace
 from suspension_cli.models import registry
-from suspension_cli.physics import closed_loop, local_control, margins
+from suspension_cli.physics import closed_loop, local_control, loop_network, margins
 from tests.analyses.damp.test_control import LEAD, loop, plant, simple
 from tests.support import plants, scenes, terms
 from tests.support.foton import sections
@@ -88,7 +88,7 @@ def test_gains_and_noise_are_those_of_responses(made):
     found = response.solve(model, GRID, drives, watched).value
     for n, frequency in enumerate(GRID):
         g, out = found[n, :count], found[n, count]
-        h = np.diag([local_control.evaluate_filter(one, np.array(frequency)) for one in loops])
+        h = np.diag([loop_network.make_node(one).at(frequency) for one in loops])
         whole = np.eye(count) + h @ g
         for k in range(count):
             rest = np.delete(np.delete(whole, k, 0), k, 1)
@@ -126,9 +126,8 @@ def smallest(closed, s):
         at = np.ix_(term.columns, term.columns)
         dynamic[at] += terms.stiffness(term, s.imag)
     for one, pushed, sensed in zip(closed.loops, closed.pushed, closed.sensed, strict=True):
-        dynamic = dynamic + local_control.evaluate_filter(
-            one, np.array(s / (2j * np.pi))
-        ) * np.outer(pushed, sensed)
+        h = loop_network.make_node(one).at(s / (2j * np.pi))
+        dynamic = dynamic + h * np.outer(pushed, sensed)
     dynamic = dynamic[free, free]
     scale = np.sqrt(
         np.abs(model.stiffness.diagonal()[free]) + abs(s) ** 2 * model.mass.diagonal()[free]
@@ -258,12 +257,10 @@ def test_sensitivity_peak_of_two_coupled_loops():
 def test_noise_of_sensors():
     one = plant(
         scenes.raw_of(STAGE), [loop("test.x", damper=1.0, sensor_noise=2e-9)], "string"
-    ).loops[0]
+    ).channels[0]
     f = np.array([0.01, 1.0, 100.0])
-    cornered = msgspec.structs.replace(one, sensor_noise=NoiseSpectrum(asd=2e-9, corner=3.0))
-    listed = msgspec.structs.replace(
-        one, sensor_noise=NoiseSpectrum(frequency=[0.1, 10.0], asd=[1e-8, 1e-10])
-    )
+    cornered = replace(one, sensor_noise=NoiseSpectrum(asd=2e-9, corner=3.0))
+    listed = replace(one, sensor_noise=NoiseSpectrum(frequency=[0.1, 10.0], asd=[1e-8, 1e-10]))
     np.testing.assert_array_equal(local_control.evaluate_noise(one, f), [2e-9] * 3)
     np.testing.assert_allclose(local_control.evaluate_noise(cornered, f), 2e-9 * np.sqrt(1 + 3 / f))
     np.testing.assert_allclose(local_control.evaluate_noise(listed, f), [1e-8, 1e-9, 1e-10])
