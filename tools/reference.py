@@ -31,6 +31,8 @@ from suspension_cli.design import (
     heat,
     imperfections,
     links,
+    loop_filters,
+    loop_sensors,
     materials,
     noise_spectra,
     required_quantities,
@@ -55,6 +57,8 @@ MODULES = (
     required_quantities,
     wires,
     links,
+    loop_filters,
+    loop_sensors,
     towers,
     materials,
 )

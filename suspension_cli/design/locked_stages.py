@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from msgspec.structs import replace
 
 from suspension_cli.conventions import BETWEEN, GROUND, SUPPORT
-from suspension_cli.design.control import Loop
+from suspension_cli.design.control import Control, Loop
 from suspension_cli.design.derive import (
     Point,
     add_keystones,
@@ -24,6 +24,7 @@ from suspension_cli.design.derive import (
 )
 from suspension_cli.design.heat_flow import complete, reduce_to_file
 from suspension_cli.design.links import Cavity, Damper, Link, Strands
+from suspension_cli.design.loop_sensors import Sensor
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.typed_tables import Problems
 from suspension_cli.errors import Fault, InputError, format_value
@@ -102,10 +103,7 @@ def check_locked(design: Design) -> Problems:
         problem = "leaves nothing that moves: the stages above a locked one are held too"
         yield f"stage.{lowest}.locked", problem, "remove it, or lock a stage above"
         return
-    for loop in design.control.loop if design.control is not None else ():
-        if _part_of(held, loop.sensor) and loop.reference == "inertial":
-            problem = "senses a locked stage against inertial space: the support"
-            yield f"control.loop.{loop.name}.sensor", problem, "remove the loop"
+    yield from _check_control(design.control, held)
     for stage, above in with_bodies_above(whole):
         if above not in held or stage.name in held:
             continue
@@ -120,6 +118,21 @@ def check_locked(design: Design) -> Problems:
             problem = f"stands on {above}, which is locked"
             remedy = f"remove {above}, so that it stands on the support"
             yield f"stage.{stage.name}.inverted_pendulum", problem, remedy
+
+
+def _check_control(control: Control | None, held: Sequence[str]) -> Problems:
+    """Refuse inertial sensors of locked stages, which move with the support."""
+    if control is None:
+        return
+    problem = "senses a locked stage against inertial space: the support"
+    for loop in control.loop:
+        own = control.named_sensor(loop) is None and _part_of(held, loop.sensor)
+        if own and loop.reference == "inertial":
+            yield f"control.loop.{loop.name}.sensor", problem, "remove the loop"
+    for sensor in control.sensor:
+        for text in sensor.motions:
+            if _part_of(held, text) and not _against(text):
+                yield f"control.sensor.{sensor.name}.motion", problem, "write support there"
 
 
 def refuse_locked(design: Design, given: Mapping[str, Sequence[str]]) -> None:
@@ -174,11 +187,6 @@ def _without(whole: Design, held: Sequence[str]) -> PartlyLocked:
             )
         }
         tolerance = replace(tolerance, **scattered)
-    control = whole.control
-    if control is not None:
-        loops = [_against_support(loop, held) for loop in free(control.loop, "sensor", "actuator")]
-        control = replace(control, loop=loops, osem=free(control.osem, "stage"))
-        control = control if loops else None
     parts: dict[str, Any] = {name: getattr(whole, name) for name in whole.__struct_fields__}
     parts |= {
         "stage": stages,
@@ -187,7 +195,7 @@ def _without(whole: Design, held: Sequence[str]) -> PartlyLocked:
         "cavity": _between_free(whole.cavity, held, place),
         "perturbation": free(whole.perturbation, "wire", "body", "blade", "leg"),
         "tolerance": tolerance,
-        "control": control,
+        "control": _control_of_free(whole.control, held),
         "requirement": [row for row in whole.requirement if not _named(held, row.quantity)],
     }
     return PartlyLocked(**parts, in_file=whole)
@@ -198,14 +206,55 @@ def _part_of(held: Sequence[str], name: str | None) -> bool:
     return name is not None and name.partition(".")[0].partition(BETWEEN)[0] in held
 
 
+def _control_of_free(control: Control | None, held: Sequence[str]) -> Control | None:
+    """Local control without the loops that sense or push held stages; None if no loop is left.
+
+    Sensors of held stages read 0, and so do those of the forces of loops that are left out.
+    """
+    if control is None:
+        return None
+    loops = []
+    for loop in control.loop:
+        senses_held = control.named_sensor(loop) is None and _part_of(held, loop.sensor)
+        if not senses_held and not _part_of(held, loop.actuator):
+            loops.append(_against_support(loop, held))
+    if not loops:
+        return None
+    names = [loop.name for loop in loops]
+    return replace(
+        control,
+        loop=loops,
+        osem=[osem for osem in control.osem if osem.stage not in held],
+        sensor=[_sensor_of_free(sensor, held, names) for sensor in control.sensor],
+    )
+
+
+def _sensor_of_free(sensor: Sensor, held: Sequence[str], loops: Sequence[str]) -> Sensor:
+    """Relate a sensor to the support instead of held stages, whose own motions are 0."""
+    motions: dict[str, float] = {}
+    for text, factor in sensor.motions.items():
+        at_rest = _part_of(held, text)
+        name = f"{SUPPORT}.x" if at_rest else _end_against_support(text, held)
+        motions[name] = motions.get(name, 0.0) + (0.0 if at_rest else factor)
+    inputs = [one for one in sensor.inputs if one.drive is None or one.drive in loops]
+    return replace(sensor, motion=motions or None, inputs=inputs)
+
+
+def _against(text: str) -> str:
+    """Name of the second body of a signal between two, or ""."""
+    return text.partition(".")[0].partition(BETWEEN)[2]
+
+
+def _end_against_support(text: str, held: Sequence[str]) -> str:
+    """Relate a signal to the support instead of a held stage: ``test~upper.x``."""
+    body, _, motion = text.partition(".")
+    own = body.partition(BETWEEN)[0]
+    return f"{own}{BETWEEN}{SUPPORT}.{motion}" if _against(text) in held else text
+
+
 def _against_support(loop: Loop, held: Sequence[str]) -> Loop:
-    """Relate the ends of a loop to the support instead of a held stage: ``test~upper.x``."""
-    ends = {}
-    for end in ("sensor", "actuator"):
-        body, _, motion = getattr(loop, end).partition(".")
-        own, _, against = body.partition(BETWEEN)
-        if against in held:
-            ends[end] = f"{own}{BETWEEN}{SUPPORT}.{motion}"
+    """Relate the ends of a loop to the support instead of a held stage."""
+    ends = {end: _end_against_support(getattr(loop, end), held) for end in ("sensor", "actuator")}
     return replace(loop, **ends)
 
 

@@ -1,7 +1,7 @@
 """Filters of local control: continuous ones as Foton strings, and digital ones of front ends.
 
->>> make_response('zpk([0],[10;10],1,"n")').at(1.0)
-(0.6119...+0.7720...j)
+>>> abs(make_response('zpk([],[1],5,"n")').at(0.0))
+5.0
 """
 
 from __future__ import annotations

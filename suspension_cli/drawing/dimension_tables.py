@@ -175,6 +175,10 @@ def _wires(design: Design, scene: Scene) -> Table:
 def _loops(design: Design) -> Table:
     """Table of the control loops of a design."""
     rows = []
+    for sensor in design.control.sensor if design.control else ():
+        read = sensor.motions or [one.sensor or f"force of {one.drive}" for one in sensor.inputs]
+        law = "blend" if sensor.blend else "sum of filters" if sensor.inputs else "sensor"
+        rows.append((single_line(sensor.name, 20), single_line(", ".join(read), 30), "", law))
     for loop in design.control.loop if design.control else ():
         unit = "N m s/rad" if "torque" in loop.actuator else "N s/m"
         law = "filter" if loop.damper is None else f"damper, {loop.damper:.4g} {unit}"

@@ -26,6 +26,8 @@ from suspension_cli.design import (
     goals,
     heat,
     imperfections,
+    loop_filters,
+    loop_sensors,
     materials,
     measured,
     required_quantities,
@@ -69,7 +71,8 @@ TABLES = {
     "[[stage.spring]]": [schema.Spring],
     "[stage.damping]": [schema.Damping],
     "[support]": [schema.Support],
-    "[[control.loop]]": [control.Loop, control.DigitalFilter],
+    "[[control.loop]]": [control.Loop, loop_filters.DigitalFilter],
+    "[[control.sensor]]": [loop_sensors.Sensor, loop_sensors.SensorInput],
     "[[control.osem]]": [control.Osem],
     "[[perturbation]]": [imperfections.Perturbation],
     "[[tolerance.wire]]": [

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from suspension_cli.analyses.damp.solve import Damped, LocalControl
+    from suspension_cli.design.loop_sensors import Sensor
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.statespace import Poles
 
@@ -230,6 +231,23 @@ def _factor(gain: float) -> str:
     return f"x {gain:.3g} ({20 * math.log10(gain):.1f} dB)"
 
 
+def _foton_of_sensor(sensor: Sensor) -> list[str]:
+    """Write the filters of the inputs of a computed sensor, with comments."""
+    from suspension_cli.design.foton import format_filter
+
+    if not sensor.inputs:
+        return []
+    lines = ["", f"# sensor {sensor.name}: the sum of"]
+    for one in sensor.inputs:
+        source = one.sensor or f"the force demanded by loop {one.drive}"
+        if one.is_rest:
+            lines.append(f"# {source}, through 1 less the filters of the others")
+        else:
+            rate = f", digital, at {one.made.rate:g} Hz" if one.made.rate else ""
+            lines += [f"# {source}{rate}, through", format_filter(one.made)]
+    return lines
+
+
 def write_foton(design: Design) -> str:
     """Write the filters of all loops, one design string per loop, with comments."""
     from suspension_cli.design.foton import format_filter
@@ -238,7 +256,12 @@ def write_foton(design: Design) -> str:
         f"# filters of {design.design.name}, plane n (roots in Hz)",
         "# actuator (N or N m) = - filter * sensor (m or rad)",
     ]
-    for loop in design.control.loop if design.control is not None else ():
+    control = design.control
+    if control is None:
+        return "\n".join(lines) + "\n"
+    for sensor in control.sensor:
+        lines += _foton_of_sensor(sensor)
+    for loop in control.loop:
         ends = f"{loop.sensor} -> {loop.actuator}, reference {loop.reference}"
         lines += ["", f"# {loop.name}: {ends}"]
         if loop.damper is not None:
