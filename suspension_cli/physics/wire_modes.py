@@ -72,6 +72,8 @@ FOLLOWED = 0.1
 one that changes more is among those of wires."""
 RECOIL = 0.02
 """Largest relative distance of a violin mode from the resonance between fixed ends."""
+HALVINGS = 50
+"""About as many steps of a bisection to the last bit."""
 PRECISE = 1e-11
 """Relative error of a violin mode that is found by counting."""
 DIVIDED = 15
@@ -414,6 +416,16 @@ def count_modes(system: Solvable, highest: float) -> int:
     lowest = _lowest_frequency(solver.constant.modes)
     low, high = roots.modes_below(solver, np.array([lowest, max(2 * np.pi * highest, lowest)]))
     return int(high - low)
+
+
+def search_work(system: Solvable, number: int) -> float:
+    """Estimate the work of finding some number of modes by counting, in multiplications.
+
+    For each step of the bisection of each mode all eigenvalues of all blocks are computed, which
+    grows with the third power of their size.
+    """
+    sizes = np.array([len(block.owner) for block in Solver.of(system).blocks], dtype=float)
+    return HALVINGS * number * float((sizes**3).sum())
 
 
 def no_mode_error(highest: float) -> InputError:

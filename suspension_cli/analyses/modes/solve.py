@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
 
+MOST_WORK = 1e10
+"""Work (`wire_modes.search_work`) beyond which a search for modes of wires takes minutes: chains of
+20 stages on four wires each are below, those of 30 above."""
 HIGHEST = 1000.0
 """Hz, up to which the violin model lists modes."""
 
@@ -130,11 +133,20 @@ def _solve(run: Run, most: int) -> tuple[Choice, LinearSystem, eigenmodes.Modes,
             listed = wire_modes.solve(model, top, damping=True, progress=bar)
         return choice, model, listed, listed
 
+    solver = Solver(model)
+
     def admit(number: int, top: float) -> None:
         _admit(run, most, number, top, "that of the highest mode")
+        large = wire_modes.search_work(solver, number) > MOST_WORK
+        if large and auto and not run.setting["every"]:
+            bodies = len(model.body)
+            problem = (
+                f"wires with mass have {number:,} modes up to {top:.4g} Hz, which take minutes to"
+                f" find among {bodies} bodies"
+            )
+            raise TooManyModes([Fault("", problem, "give --all to compute all")])
 
     try:
-        solver = Solver(model)
         with run.log.progress() as bar:
             listed = wire_modes.solve_bodies(solver, admit, bar)
     except TooManyModes as many:

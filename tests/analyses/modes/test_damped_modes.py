@@ -18,6 +18,7 @@ from suspension_cli.physics import wire_modes
 from tests.support import scenes
 from tests.support.commandline import modes_json, run, written
 from tests.support.paths import CONFIGS
+from tools import many_designs
 
 MP = mpmath.mp.clone()
 MP.dps = 50
@@ -302,6 +303,17 @@ def test_towers_with_too_many_modes_of_wires_neglect_their_mass(tmp_path):
     assert len(document["modes"]) == 66
     refused = run(*options, "--fidelity", "violin", "--max-frequency", "1e6")
     assert refused.exit_code == 2 and "take minutes" in refused.stderr
+
+
+def test_long_chains_neglect_the_mass_of_wires_if_a_search_takes_minutes():
+    """Thirty bodies among 420 modes of wires: 250 eigenvalues of each of 20,000 matrices."""
+    design = sus.parse(many_designs.chain(30))
+    found = sus.modes(design)
+    assert found.run.choice.level == "beam"
+    assert "neglected: wire mass, 0.25 %" in found.run.choice.line
+    plain = sus.modes(design, fidelity="beam")
+    np.testing.assert_allclose(found.frequency, plain.frequency, rtol=1e-12)
+    assert len(found.frequency) == 6 * 30
 
 
 @pytest.mark.parametrize(
