@@ -38,6 +38,7 @@ def budget(
     ground: Names = ('nhnm',),
     isolation: Paths = (),
     requirements: Paths = (),
+    by: str = 'part',
     frequency: Grid = '0.01:100:2000',
     arm: float = 0.0,
     mirrors: float = 1.0,
@@ -61,6 +62,9 @@ def budget(
     requirements : path or sequence of paths
         CSV of the required spectrum of an output, by default the first; with arm also in
         strain/sqrt(Hz).
+    by : {"part", "stage"}
+        Lines of the table and the picture: each sensor and actuator, with equal OSEMs together, or
+        all sensors, and all actuators, of a stage.
     frequency : grid
         Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.
     arm : float

@@ -476,6 +476,8 @@ def _filter_strings(design: Design) -> Iterator[tuple[str, str]]:
             (f"sensor.{sensor.name}.inputs.{n}.filter", one.filter)
             for n, one in enumerate(sensor.inputs, 1)
         ]
+    for osem in control.osem:
+        tables.append((f"osem.{osem.name}.driver_response", osem.driver_response))
     for path, given in tables:
         text = given.design if isinstance(given, DigitalFilter) else given
         yield f"control.{path}", text or ""

@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from suspension_cli.design import foton, key_rules, loop_sensors, noise_spectra, units
 from suspension_cli.design.loop_filters import FOTON, DigitalFilter, make_response
-from suspension_cli.design.loop_sensors import Sensor
+from suspension_cli.design.loop_sensors import Sensor, check_filter
 from suspension_cli.design.noise_spectra import MotionNoise, Noise
 from suspension_cli.design.typed_tables import Problems, Table, doc, given, key
 
@@ -41,6 +41,9 @@ class Osem(Table, frozen=True):
     )
     coil: units.Positive | None = key("force per current, N/A", unit="N/A")
     transconductance: units.Positive | None = key("current per input voltage, A/V", unit="A/V")
+    driver_response: str | DigitalFilter | None = key(
+        f"of the driver, current over that of transconductance: {FOTON}; or a digital filter"
+    )
     counts_per_volt: units.Positive | None = key("counts per voltage, 1/V", unit="1/V")
     range: units.Positive | None = key("largest input, V; without transconductance current, A")
 
@@ -49,12 +52,15 @@ class Osem(Table, frozen=True):
         if not any(self.vector):
             yield "direction", "has no direction", "give x, y, z, not all zero"
         yield from noise_spectra.problems(self, "sensor_noise", "force_noise", "driver_noise")
+        if self.driver_response is not None:
+            yield from check_filter(self, "driver_response")
 
     rules = (
         key_rules.excludes("sensor", "sensor_noise"),
         key_rules.needs("transconductance", "coil"),
         key_rules.needs("counts_per_volt", "transconductance"),
         key_rules.needs("driver_noise", "transconductance"),
+        key_rules.needs("driver_response", "transconductance"),
         key_rules.needs("range", "coil"),
     )
 
@@ -72,12 +78,22 @@ class Osem(Table, frozen=True):
         """Noise of the sensor as motion."""
         return self.sensor or self.sensor_noise
 
+    def driver_size(self, frequency: ArrayLike) -> Float[np.ndarray, " frequency"]:
+        """Magnitude of the response of the driver at frequencies in Hz, 1 if it is not given."""
+        import numpy as np
+
+        at = np.asarray(frequency, dtype=float)
+        if self.driver_response is None:
+            return np.ones(at.shape)
+        return np.abs(make_response(self.driver_response).at(at))
+
     def actuator_density(self, frequency: ArrayLike) -> Float[np.ndarray, " frequency"]:
         """Amplitude spectral density of the force, N/sqrt(Hz), at frequencies in Hz."""
         import numpy as np
 
         force_per_input = (self.transconductance or 0.0) * (self.coil or 0.0)
         driven = force_per_input * noise_spectra.density(self.driver_noise, frequency)
+        driven = driven * self.driver_size(frequency)
         return np.hypot(noise_spectra.density(self.force_noise, frequency), driven)
 
 

@@ -349,6 +349,7 @@ FILES = {
     "control.sensor.*.response": _insert_sections,
     "control.sensor.*.noise": partial(_insert_noise, kind="motion"),
     "control.sensor.*.inputs.*.filter": _insert_sections,
+    "control.osem.*.driver_response": _insert_sections,
     "control.osem.*.sensor_noise": partial(_insert_noise, kind="motion"),
     "control.osem.*.force_noise": partial(_insert_noise, kind="force"),
     "control.osem.*.driver_noise": partial(_insert_noise, kind="voltage"),

@@ -343,8 +343,7 @@ def solve(
     if len(grid) == 1:
         square = np.full_like(square, np.nan)
         velocity = np.full_like(velocity, np.nan)
-    pairs = zip(noises.plant.osems, square[len(noises.output) :, :, 0], strict=True)
-    drive = tuple(_drive(osem, power, noises.cause) for osem, power in pairs)
+    drive = _find_drives(noises, frequency, density[len(noises.output) :])
     shown = slice(None) if added else np.isin(frequency, grid)
     met = {
         n: compare(frequency, np.sqrt(density[n].sum(0)), required, noises.output[n].unit)
@@ -367,11 +366,42 @@ def solve(
     ]
 
 
-def _drive(osem: Osem, power: Float[np.ndarray, " cause"], cause: tuple[str, ...]) -> Drive:
-    """Convert the mean square of the force of a coil by cause, N^2, to what drives it."""
+def _find_drives(
+    noises: Noises,
+    frequency: Float[np.ndarray, " frequency"],
+    density: Float[np.ndarray, "osem cause frequency"],
+) -> tuple[Drive, ...]:
+    """Find what drives each coil from the densities of its force by cause, N^2/Hz.
+
+    RMS values of a single frequency are not known: NaN.
+    """
+    found = []
+    for osem, force in zip(noises.plant.osems, density, strict=True):
+        power = np.full(len(force), np.nan)
+        input_power = power
+        if len(frequency) > 1:
+            power = integrate_down(frequency, force)[:, 0]
+            through = osem.driver_size(frequency)
+            with np.errstate(divide="ignore"):
+                input_power = integrate_down(frequency, force / through**2)[:, 0]
+        found.append(_drive(osem, power, input_power, noises.cause))
+    return tuple(found)
+
+
+def _drive(
+    osem: Osem,
+    power: Float[np.ndarray, " cause"],
+    input_power: Float[np.ndarray, " cause"],
+    cause: tuple[str, ...],
+) -> Drive:
+    """Convert the mean square of the force of a coil by cause, N^2, to what drives it.
+
+    `input_power` is that over the square of the driver's response.
+    """
     force = float(np.sqrt(power.sum()))
     current = force / (osem.coil or np.nan)
-    voltage = current / (osem.transconductance or np.nan)
+    of_input = float(np.sqrt(input_power.sum())) / (osem.coil or np.nan)
+    voltage = of_input / (osem.transconductance or np.nan)
     counts = voltage * (osem.counts_per_volt or np.nan)
     part = (voltage if osem.transconductance else current) / (osem.range or np.nan)
     return Drive(osem.name, force, current, voltage, counts, part, cause[int(power.argmax())])

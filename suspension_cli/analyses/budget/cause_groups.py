@@ -8,11 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.conventions import BETWEEN
+
 if TYPE_CHECKING:
     from suspension_cli.design.control import Osem
     from suspension_cli.design.schema import Design
     from suspension_cli.physics.noise_budget import MotionBudget
 
+PARTS = "part"
+STAGE = "stage"
+BY = (PARTS, STAGE)
+"""Ways to group causes."""
 MOST = 7
 """Lines of causes in a table or a panel."""
 
@@ -30,12 +36,15 @@ class Grouped:
         return [f"others: {', '.join(self.others)}"] if self.others else []
 
 
-def group(one: MotionBudget, design: Design) -> Grouped:
+def group(one: MotionBudget, design: Design, by: str = PARTS) -> Grouped:
     """Sum the powers of the sensors, and of the coils, of equal OSEMs of a stage, and of the rest.
+
+    `by` stage those of all sensors of a stage, and of all its actuators.
 
     The rest are those behind the first six, if there are more than `MOST` groups.
     """
-    merged = _merged(one, _equal(one.cause, design))
+    lines = _by_stage if by == STAGE else _equal
+    merged = _merged(one, lines(one.cause, design))
     size = _largest_fractions(merged)
     names = [merged.cause[n] for n in np.argsort(-size, kind="stable")]
     rest = names[MOST - 1 :] if int((size > 0).sum()) > MOST else []
@@ -73,11 +82,45 @@ def _equal(causes: Sequence[str], design: Design) -> dict[str, list[int]]:
     return found
 
 
+def _by_stage(causes: Sequence[str], design: Design) -> dict[str, list[int]]:
+    """Numbers of causes by line: sensors of a stage make one, its actuators another."""
+    stages = _stages(design)
+    found: dict[str, list[int]] = {}
+    for n, cause in enumerate(causes):
+        kind, _, _ = cause.partition(".")
+        name = f"{kind}s of {stages[cause]}" if cause in stages else cause
+        found.setdefault(name, []).append(n)
+    return found
+
+
+def _stages(design: Design) -> dict[str, str]:
+    """Stage (or support, or several) of each sensor and actuator, by the name of its cause."""
+    control = design.control
+    if control is None:
+        return {}
+    found = {}
+    for osem in control.osem:
+        found[f"sensor.{osem.name}"] = osem.stage
+        found[f"actuator.{osem.name}"] = osem.stage
+    for sensor in control.sensor:
+        bodies = dict.fromkeys(_body(text) for text in sensor.motions)
+        found[f"sensor.{sensor.name}"] = " and ".join(bodies)
+    for loop in control.loop:
+        found[f"sensor.{loop.name}"] = _body(loop.sensor)
+        found[f"actuator.{loop.name}"] = _body(loop.actuator)
+    return found
+
+
+def _body(signal: str) -> str:
+    """The (first) body that a signal names."""
+    return signal.partition(".")[0].partition(BETWEEN)[0]
+
+
 def _noise(osem: Osem, kind: str) -> str:
     """Noise of the sensor or the coil of an OSEM, for comparison."""
     if kind == "sensor":
         return repr(osem.noise_of_sensor)
-    gain = (osem.coil, osem.transconductance)
+    gain = (osem.coil, osem.transconductance, osem.driver_response)
     return repr((osem.force_noise, osem.driver_noise, gain))
 
 

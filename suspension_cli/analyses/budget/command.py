@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+
 from suspension_cli.analyses import options, tables
 from suspension_cli.analyses.analysis import Analysis, Run, Settings, name_mirrors
 from suspension_cli.analyses.options import option
@@ -88,6 +90,13 @@ class BudgetAnalysis(Analysis):
             help="CSV of the required spectrum of an output, by default the first; with --arm also"
             " in strain/sqrt(Hz) (repeatable).",
         ),
+        option(
+            "--by",
+            type=click.Choice(["part", "stage"]),
+            default="part",
+            help="Lines of the table and the picture: each sensor and actuator, with equal OSEMs"
+            " together, or all sensors, and all actuators, of a stage.",
+        ),
         options.frequencies("0.01:100:2000"),
         *options.BEAM,
         options.ACCURACY,
@@ -111,7 +120,7 @@ class BudgetAnalysis(Analysis):
         for n, one in enumerate(result.motions):
             tilt = 0.0 if result.tilt is None else float(result.tilt[n])
             title = f"{one.output}{name_mirrors(result.mirrors, tilt)}, {span}"
-            grouped = cause_groups.group(one, result.run.design.design)
+            grouped = cause_groups.group(one, result.run.design.design, result.by)
             lines += ["", title, *_tabulate(grouped.budget)]
             lines += [f"  {remark}" for remark in grouped.remarks]
         if result.drive is not None:
@@ -128,7 +137,7 @@ class BudgetAnalysis(Analysis):
 
         title = result.subtitle + name_mirrors(result.mirrors)
         design = result.run.design.design
-        shown = [cause_groups.group(one, design) for one in result.motions]
+        shown = [cause_groups.group(one, design, result.by) for one in result.motions]
         return {"": picture.draw(shown, title)}
 
 

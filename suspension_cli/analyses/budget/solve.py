@@ -22,7 +22,7 @@ from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import mirror
 from suspension_cli.errors import InputError, attribute_faults_to, format_value
-from suspension_cli.files.declared import ADDED, along, derived, in_unit
+from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit
 from suspension_cli.files.documents import Layout
 from suspension_cli.grids import decade_points, parse_frequencies
 from suspension_cli.linear import signals
@@ -78,6 +78,8 @@ class Budget(Record):
     tilt
         Angle by which the direction of each motion rises above x, rad; None in files of earlier
         versions.
+    by
+        Lines of its tables and pictures: ``part`` or ``stage``.
     """
 
     in_json: ClassVar = Layout(
@@ -101,6 +103,7 @@ class Budget(Record):
     requirement: tuple[Requirement | None, ...] = ()
     drive: tuple[Drive, ...] | None = field(default=None, metadata=along("coil"))
     mirrors: float = field(default=1.0, metadata=ADDED)
+    by: str = field(default="part", metadata=ATTRIBUTE | ADDED)
     tilt: Float[np.ndarray, " output"] | None = field(default=None, metadata=in_unit("rad"))
 
     @property
@@ -201,6 +204,7 @@ def solve(analysis: Analysis, run: Run) -> Budget:
         requirement=tuple(one.requirement for one in found),
         drive=first.drive,
         mirrors=setting["mirrors"],
+        by=setting["by"],
         tilt=np.array([signal.tilt for signal in parsed]),
         run=run.origin(analysis, choice),
     )

@@ -54,6 +54,17 @@ def test_powers_of_equal_osems_are_summed(budget):
     assert len(budget.document()["contributions"]) == len(parts) > 12
 
 
+def test_causes_by_stage(budget):
+    """One line for all sensors of a stage, one for all its actuators."""
+    design = budget.run.design.design
+    grouped = cause_groups.group(budget.first, design, "stage").budget
+    assert {"sensors of upper", "actuators of upper"} < {*grouped.cause}
+    assert not any(name.startswith(("sensor.", "actuator.")) for name in grouped.cause)
+    power = sum(budget.first.parts[f"actuator.{name}"] ** 2 for name in PLACES)
+    assert grouped.parts["actuators of upper"] ** 2 == pytest.approx(power, rel=1e-12)
+    assert grouped.amplitude == pytest.approx(budget.first.amplitude, rel=1e-12)
+
+
 def test_the_largest_is_in_front_and_the_rest_is_one_line(budget, monkeypatch):
     """What it sums is said."""
     monkeypatch.setattr(cause_groups, "MOST", 3)

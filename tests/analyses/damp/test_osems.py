@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -12,7 +13,7 @@ from suspension_cli.design.control import Osem
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response
 from suspension_cli.models import registry
-from suspension_cli.physics import local_control
+from suspension_cli.physics import closed_loop, local_control
 from suspension_cli.physics import noise_budget as solve
 from suspension_cli.physics.ground import Spectrum
 from suspension_cli.physics.local_control import compute_matrices
@@ -184,6 +185,30 @@ def test_noise_of_a_known_sensor():
     voltage = Osem(**osem("a", (0, 0, 0), driver_noise=2e-7, coil=1.5, transconductance=0.1))
     found = local_control.evaluate_actuator_noise(voltage, np.array([1.0, 100.0]))
     assert found == pytest.approx([3e-8, 3e-8])
+    through = msgspec.structs.replace(voltage, driver_response='pole(10,"n")')
+    found = local_control.evaluate_actuator_noise(through, np.array([1.0, 100.0]))
+    assert found == pytest.approx(3e-8 / np.sqrt(1 + np.array([0.01, 100.0])))
+
+
+def test_voltage_at_a_driver_that_rolls_off():
+    """A force F needs the voltage F / (coil transconductance) |1 + i f / f0|."""
+    loops = [loop("upper.x", damper=20.0)]
+    electronics = {"coil": 1.5, "transconductance": 0.1, "sensor": "bosem"}
+    drives = []
+    density = frequency = np.zeros(0)
+    for more in ({}, {"driver_response": 'pole(2,"n")'}):
+        closed = plant(plants.raw("triple", loss=True), loops, corners(**electronics, **more))
+        noises = Noises(closed, plants.motions(closed.model, "test.x"), {}, None)
+        poles = closed_loop.find_poles(closed).value
+        [found] = solve.solve(noises, np.geomspace(0.1, 10.0, 200), poles, {}, added=True)
+        drives.append(found.drive[0])
+        frequency = found.frequency
+        density = noises.density(frequency)[1].sum(0)
+    plain, rolled = drives
+    assert rolled.force == pytest.approx(plain.force, rel=1e-9)
+    expected = np.sqrt(np.trapezoid(density * (1 + (frequency / 2) ** 2), frequency)) / 0.15
+    assert rolled.voltage == pytest.approx(expected, rel=2e-3)
+    assert rolled.voltage > 1.2 * plain.voltage
 
 
 REFUSED = {
