@@ -188,6 +188,12 @@ def damp(
     duration: float = 60.0,
     frequency: Grid = '0.1:100:2000',
     loops: Names = (),
+    method: str | None = None,
+    redesigned: Names = (),
+    settling: float = 10.0,
+    sensitivity: float = 2.0,
+    quiet_at: float = 10.0,
+    highest: float = 10.0,
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
@@ -208,6 +214,20 @@ def damp(
         Frequencies of loop gains and noise, Hz.
     loops : str or sequence of str
         Draw the gain of this loop. Default: the three most critical.
+    method : {"lqg"}, optional
+        Find the filters of loops first: lqg damps all modes within settling, with the least noise
+        of the sensor. Writes the design with them to DIR/NAME-lqg.toml.
+    redesigned : str or sequence of str
+        Loop whose filter is found. Default: all, in their order.
+    settling : float
+        Longest time, s, in which the amplitude of a mode falls to 1/e, for method.
+    sensitivity : float
+        Largest magnitude of the sensitivity, for method.
+    quiet_at : float
+        Frequency in Hz at which the sensor's noise is to be least, at output or in the mirror's
+        motion along the force, for method.
+    highest : float
+        Frequency in Hz up to which modes are damped, for method.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float

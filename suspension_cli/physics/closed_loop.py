@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.control import Loop
+from suspension_cli.design.foton import Filter
+from suspension_cli.design.loop_filters import make_response
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
@@ -160,6 +162,21 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
     """Build the closed-loop state space: states of the mechanics, then of the filters.
 
     Without inputs it has all poles of the observed blocks.
+    """
+    model = plant.model
+    drives = np.array([signals.linear_form(one, model) for one in inputs])
+    rows = np.array([signals.linear_form(one, model) for one in outputs])
+    return close_loops(plant, inputs, drives, outputs, rows)
+
+
+def close_loops(
+    plant: Plant,
+    inputs: list[Signal],
+    drives: Float[np.ndarray, "input coordinate"],
+    outputs: list[Signal],
+    rows: Float[np.ndarray, "output coordinate"],
+) -> StateSpace:
+    """Build the closed-loop state space of signals with given linear forms.
 
     With the forces and inputs of filters w, and z = (sensed motions, outputs of filters), w = F z
     closes the loops of
@@ -180,8 +197,8 @@ def build_closed_loop(plant: Plant, inputs: list[Signal], outputs: list[Signal])
     viscous[: len(plant.loops)] = [_viscous(loop) for loop in plant.loops]
     model = replace(model, damping=model.damping + (pushed.T * viscous) @ sensed)
     drives, rows = (
-        np.array([*(signals.linear_form(s, model) for s in some), *own])
-        for some, own in ((inputs, pushed), (outputs, sensed))
+        np.concatenate([given.reshape(-1, model.size), own])
+        for given, own in ((drives, pushed), (rows, sensed))
     )
     within = [LOOP] * count
     bare = statespace.assemble(
@@ -238,7 +255,7 @@ def realise(node: Node, damper: float = 0.0) -> Any:
 
     Returns a `scipy.signal.StateSpace`.
     """
-    from scipy.signal import StateSpace, tf2ss, zpk2sos, zpk2ss
+    from scipy.signal import StateSpace, zpk2ss
 
     delay = _realise_delay(node.delay)
     if damper:
@@ -250,10 +267,42 @@ def realise(node: Node, damper: float = 0.0) -> Any:
     gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
     if len(poles) <= DIRECT:
         return StateSpace(*zpk2ss(zeros, poles, gain)) * delay if len(poles) else delay * gain
-    for section in zpk2sos(zeros, poles, gain, analog=True):
-        halves = (np.trim_zeros(half, "f") for half in np.split(section, 2))
-        delay = StateSpace(*tf2ss(*halves)) * delay
-    return delay
+    for own_zeros, own_poles in _pair_roots(zeros, poles):
+        delay = StateSpace(*zpk2ss(own_zeros, own_poles, 1.0)) * delay
+    return delay * gain
+
+
+def _pair_roots(
+    zeros: Complex[np.ndarray, " zero"], poles: Complex[np.ndarray, " pole"]
+) -> list[tuple[list[complex], list[complex]]]:
+    """Share the zeros and poles of a proper filter among sections of second order, one of first.
+
+    Each pair of poles gets the pair of zeros nearest to it, else real zeros. (zpk2sos of
+    `scipy.signal` fails for some analogue filters with fewer zeros than poles.)
+    """
+    real = sorted(poles[np.imag(poles) == 0], key=abs)
+    sections = [[pole, pole.conjugate()] for pole in poles[np.imag(poles) > 0]]
+    sections += [real[n : n + 2] for n in range(0, len(real), 2)]
+    pairs = [*zeros[np.imag(zeros) > 0]]
+    single = sorted(zeros[np.imag(zeros) == 0], key=abs)
+    result = []
+    for own in sections:
+        chosen: list[complex] = []
+        if pairs and len(own) == 2:
+            nearest = int(np.argmin([abs(zero - own[0]) for zero in pairs]))
+            zero = pairs.pop(nearest)
+            chosen = [zero, zero.conjugate()]
+        else:
+            while single and len(chosen) < len(own):
+                chosen.append(single.pop(0))
+        result.append((chosen, own))
+    return result
+
+
+def realise_reading(loop: Loop) -> Any:
+    """Realise the response of the sensor and the delay of a loop (rad/s)."""
+    made = Filter(1.0) if loop.sensor_response is None else make_response(loop.sensor_response)
+    return realise(Node("", made, loop.delay))
 
 
 def _realise_delay(delay: float) -> Any:

@@ -33,6 +33,49 @@ LOOPS = option(
 )
 
 
+DESIGNING = (
+    option(
+        "--design",
+        "method",
+        type=click.Choice(["lqg"]),
+        help="Find the filters of loops first: lqg damps all modes within --settling, with the"
+        " least noise of the sensor. Writes the design with them to DIR/NAME-lqg.toml.",
+    ),
+    option(
+        "--redesign",
+        "redesigned",
+        multiple=True,
+        metavar="NAME",
+        help="Loop whose filter is found (repeatable).  [default: all, in their order]",
+    ),
+    option(
+        "--settling",
+        type=click.FloatRange(1e-3, 1e6),
+        default=10.0,
+        help="Longest time, s, in which the amplitude of a mode falls to 1/e, for --design.",
+    ),
+    option(
+        "--sensitivity",
+        type=click.FloatRange(1.0, 100.0, min_open=True),
+        default=2.0,
+        help="Largest magnitude of the sensitivity, for --design.",
+    ),
+    option(
+        "--quiet-at",
+        type=click.FloatRange(1e-3, 1e5),
+        default=10.0,
+        help="Frequency in Hz at which the sensor's noise is to be least, at --output or in the"
+        " mirror's motion along the force, for --design.",
+    ),
+    option(
+        "--highest",
+        type=click.FloatRange(1e-3, 1e5),
+        default=10.0,
+        help="Frequency in Hz up to which modes are damped, for --design.",
+    ),
+)
+
+
 class DampAnalysis(Analysis):
     """Close the loops of the design's [control] table.
 
@@ -92,6 +135,7 @@ class DampAnalysis(Analysis):
             help="Also write the filters as Foton strings, to DIR/NAME-foton.txt.",
             group=options.FILES,
         ),
+        *DESIGNING,
         options.ALLOW_UNSTABLE,
         options.ACCURACY,
         *options.WRITING,
@@ -103,19 +147,24 @@ class DampAnalysis(Analysis):
         from suspension_cli.analyses.damp import solve
 
         if run.design.control is not None:
-            _chosen(run.setting["loops"], [loop.name for loop in run.design.control.loop])
+            known = [loop.name for loop in run.design.control.loop]
+            _chosen(run.setting["loops"], known)
+            _chosen(run.setting["redesigned"], known, "--redesign")
         return solve.close_loops(self, run)
 
     def others(self, result: Damped, path: Path) -> list[Path]:
-        """Write the filters as Foton strings."""
-        if not result.run.options.get("foton"):
-            return []
+        """Write the filters as Foton strings, and the design with filters that were found."""
         from suspension_cli.files import whole_files
 
         design = result.run.design
-        made = path.with_name(f"{design.stem()}-foton.txt")
-        whole_files.write_bytes(made, write_foton(design.design).encode())
-        return [made]
+        written = []
+        if result.designed:
+            written.append(path.with_name(f"{design.stem()}-lqg.toml"))
+            whole_files.write_bytes(written[-1], design.text.encode())
+        if result.run.options.get("foton"):
+            written.append(path.with_name(f"{design.stem()}-foton.txt"))
+            whole_files.write_bytes(written[-1], write_foton(design.design).encode())
+        return written
 
     def parse_names(
         self, design: Design, stages: tuple[str, ...], known: tuple[str, ...]
@@ -153,7 +202,8 @@ class DampAnalysis(Analysis):
                 size = "grows"
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
-        lines += [result.run.choice.line, "", tables.render(columns, rows), ""]
+        lines += [result.run.choice.line, "", *_designed(result)]
+        lines += [tables.render(columns, rows), ""]
         lines += _matrices(result)
         if result.margin is None:
             return "\n".join([*lines, "  An unstable closed loop has no margins."])
@@ -215,15 +265,47 @@ def _matrices(answer: LocalControl) -> Iterator[str]:
             yield tables.render({"": ""} | dict.fromkeys(columns, ".4g"), table) + "\n"
 
 
-def _chosen(names: Sequence[str], known: Sequence[str]) -> list[int]:
-    """Numbers of the loops that --loop names."""
+def _designed(result: Damped) -> Iterator[str]:
+    """Tabulate filters that were found, and what they do."""
+    if not result.designed:
+        return
+    at = result.designed[0].quiet_at
+    columns = {
+        "loop found": "",
+        "settles in\ns": ".3g",
+        "largest\nsensitivity": ".3g",
+        "output": "",
+        f"over sensor noise\nat {at:g} Hz": ".3g",
+        "roll-off\nHz": ".3g",
+        "poles": "",
+        "hardly reached\nHz": "",
+    }
+    rows = [
+        (
+            one.redesigned,
+            one.settling,
+            one.sensitivity,
+            one.output,
+            one.noise,
+            one.roll_off,
+            one.poles,
+            one.left_out,
+        )
+        for one in result.designed
+    ]
+    yield tables.render(columns, rows)
+    yield ""
+
+
+def _chosen(names: Sequence[str], known: Sequence[str], key: str = "--loop") -> list[int]:
+    """Numbers of the loops that an option names."""
     from suspension_cli.design.faults import suggest
 
     for name in names:
         if name not in known:
             problem = "names no loop"
             remedy = suggest(name, list(known))
-            raise InputError.of("--loop", problem, remedy, format_value(name))
+            raise InputError.of(key, problem, remedy, format_value(name))
     return [n for n, name in enumerate(known) if name in names]
 
 

@@ -20,11 +20,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from suspension_cli.analyses.damp import designed_loops
+from suspension_cli.analyses.damp.designed_loops import DesignedLoop
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import mirror
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing.added_points import add_from_model
+from suspension_cli.errors import InputError
 from suspension_cli.files.declared import along, derived, in_unit
 from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_frequencies
@@ -130,12 +133,15 @@ class Damped(Record, LocalControl):
     ----------
     fine_frequency, fine
         Loop gains at more frequencies, which resolve resonances, for the picture.
+    designed
+        What filters that were found do; None if none was asked for.
     """
 
     fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
         default=None, metadata=in_unit("Hz")
     )
     fine: Complex[np.ndarray, "fine_frequency loop"] | None = None
+    designed: tuple[DesignedLoop, ...] | None = field(default=None, metadata=along("redesigned"))
 
     @property
     def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency l"]]:
@@ -148,6 +154,9 @@ class Damped(Record, LocalControl):
 def close_loops(analysis: Analysis, run: Run) -> Damped:
     """Close all loops of a design, and add what its picture needs."""
     setting = run.setting
+    designed = None
+    if setting["method"]:
+        run, designed = designed_loops.solve(run)
     choice, model = model_choice.for_modes(
         run.source, setting["fidelity"], setting["tolerance"], massless=True
     )
@@ -158,6 +167,10 @@ def close_loops(analysis: Analysis, run: Run) -> Damped:
     drive = setting["impulse"] or _push_along(output, model)
     frequency = np.array(parse_frequencies(setting["frequency"]))
     found = solve(run.design, model, output, drive, frequency, setting["duration"])
+    if not found.stable and designed:
+        problem = f"the loops that were found are unstable in the {choice.level} model"
+        remedy = "find them one by one (--redesign), or allow a longer --settling"
+        raise InputError.of("--design", f"{problem}: {found.growth}", remedy, "lqg")
     if not found.stable:
         run.log.warn(f"the closed loop is unstable: {found.growth}")
     plant = local_control.build_plant(run.design, model)
@@ -168,7 +181,8 @@ def close_loops(analysis: Analysis, run: Run) -> Damped:
     no_modes = np.empty(0)
     curve = add_from_model(lambda: (gains, no_modes), frequency, found.gain[:, None])
     origin = run.origin(analysis, choice)
-    return Damped.extending(found, fine_frequency=curve[0], fine=curve[1][:, 0], run=origin)
+    curves = {"fine_frequency": curve[0], "fine": curve[1][:, 0]}
+    return Damped.extending(found, **curves, designed=designed, run=origin)
 
 
 def _push_along(output: str, model: LinearSystem) -> str:

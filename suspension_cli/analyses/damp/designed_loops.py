@@ -1,0 +1,134 @@
+"""Loops of a design whose filters are found, one after the other.
+
+>>> import suspension_cli as sus
+>>> wanted = {"method": "lqg", "redesigned": ["yaw"], "settling": 20.0, "fidelity": "string"}
+>>> found = sus.damp(sus.example("triple-damped"), **wanted, frequency=[1.0], duration=1.0)
+>>> found.designed[0].settling < 20
+True
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from suspension_cli.conventions import DOFS
+from suspension_cli.design import reader
+from suspension_cli.design.derive import mirror
+from suspension_cli.files.declared import in_unit
+from suspension_cli.linear import signals
+from suspension_cli.physics import local_control, model_choice, optimal_loops
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from suspension_cli.analyses.analysis import Run
+    from suspension_cli.design.foton import Filter
+    from suspension_cli.design.reader import Source
+    from suspension_cli.design.schema import Design
+
+
+@dataclass(frozen=True)
+class DesignedLoop:
+    """What a filter that was found does, with the loops that were found before it closed.
+
+    Attributes
+    ----------
+    redesigned
+        Name of the loop.
+    settling
+        Longest time in which the amplitude of a mode falls to 1/e, s.
+    sensitivity
+        Largest magnitude of the loop's sensitivity.
+    output, noise
+        A motion, and how much of it noise of the sensor makes at `quiet_at` (Hz), SI.
+    roll_off
+        Frequency of its roll-off, Hz.
+    poles
+        Number of its poles.
+    left_out
+        Frequencies of modes that its actuator hardly reaches, Hz, as a text.
+    """
+
+    redesigned: str
+    settling: float = field(metadata=in_unit("s"))
+    sensitivity: float
+    output: str
+    noise: float = field(metadata=in_unit("SI"))
+    quiet_at: float = field(metadata=in_unit("Hz"))
+    roll_off: float = field(metadata=in_unit("Hz"))
+    poles: int
+    left_out: str
+
+
+def solve(run: Run) -> tuple[Run, tuple[DesignedLoop, ...]]:
+    """Find filters of some loops, one after the other; return the run of the design with them."""
+    setting = run.setting
+    local_control.demand_loops(run.design)
+    choice, model = model_choice.for_modes(
+        run.source, setting["fidelity"], setting["tolerance"], massless=True
+    )
+    growing = setting["allow_unstable"]
+    model = model_choice.stable_system(run.source, choice, growing, run.log, model, bends=True)
+    control = run.design.control
+    assert control is not None
+    names = [loop.name for loop in control.loop]
+    source = run.source
+    done = []
+    for name in setting["redesigned"] or names:
+        number = names.index(name)
+        output = setting["output"] or _motion_along(source.design, number)
+        wanted = optimal_loops.Wanted(
+            settling=setting["settling"],
+            sensitivity=setting["sensitivity"],
+            output=output,
+            quiet_at=setting["quiet_at"],
+            highest=setting["highest"],
+        )
+        found = optimal_loops.solve(source.design, model, number, wanted)
+        source = with_filter(source, number, found.filter)
+        done.append(
+            DesignedLoop(
+                redesigned=name,
+                settling=found.settling,
+                sensitivity=found.sensitivity,
+                output=output,
+                noise=found.noise,
+                quiet_at=wanted.quiet_at,
+                roll_off=found.roll_off,
+                poles=len(found.filter.poles),
+                left_out=", ".join(f"{one:.4g}" for one in found.left_out),
+            )
+        )
+    return replace(run, source=source), tuple(done)
+
+
+def _motion_along(design: Design, number: int) -> str:
+    """The motion of the mirror along the force of a loop."""
+    assert design.control is not None
+    force = design.control.loop[number].actuator.partition("@")[0].rpartition(".")[2]
+    return f"{mirror(design)}.{DOFS[signals.FORCES.index(force)]}"
+
+
+def _as_keys(roots: Sequence[complex]) -> list[float | list[float]]:
+    """Write roots in Hz as in a design: numbers, and [re, im] for conjugate pairs."""
+    upper = [root for root in roots if root.imag >= 0]
+    return [[root.real, root.imag] if root.imag else root.real for root in upper]
+
+
+def with_filter(source: Source, number: int, made: Filter) -> Source:
+    """Replace the filter of a loop of a design.
+
+    The keys of the filter before go first, and with them their comments, which are not true of the
+    new one.
+    """
+    loops = tomllib.loads(source.text)["control"]["loop"]
+    of_filter = ("damper", "gain", "zeros", "poles", "filter", "gain_at")
+    loops[number] = {key: value for key, value in loops[number].items() if key not in of_filter}
+    loops[number] |= {"damper": 1.0}
+    bare = reader.replaced(source, {"control.loop": loops})
+    del loops[number]["damper"]
+    roots = {"zeros": _as_keys(made.zeros), "poles": _as_keys(made.poles)}
+    loops[number] |= {"gain": made.gain} | roots
+    return reader.replaced(bare, {"control.loop": loops})

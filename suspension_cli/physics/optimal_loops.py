@@ -1,0 +1,553 @@
+"""Filters of control loops that damp all modes within a given time, with the least sensor noise.
+
+One loop is designed at a time, with the others closed. Its plant is what lies between the force of
+its actuator and the reading of its sensor, in modal coordinates, with a roll-off of second order at
+the actuator. The filter is that of a linear quadratic regulator on a Kalman filter (LQG), both with
+a prescribed degree of stability: with A + a 1 in place of A in both Riccati equations all poles
+decay at least as exp(-a t) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990,
+section 3.5). A search over the roll-off, the rates a, and the weights of force and of sensor noise
+finds the filter with the least noise of one motion at one frequency, of those whose sensitivity
+stays below a limit.
+
+Riccati solvers fail or err on unscaled equations of a pendulum. So time is in units of the mean
+frequency of the modes, each mode has coordinates in which it is driven as much as it is sensed, and
+force and reading have a unit gain. Modes above a frequency, and modes that the actuator hardly
+reaches, are left out and counted only by their compliance; the closed loop is judged with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from suspension_cli.design.foton import Filter
+from suspension_cli.errors import InputError
+from suspension_cli.linear import signals
+from suspension_cli.linear.statespace import StateSpace, with_constant_loss
+from suspension_cli.physics import closed_loop, local_control
+from suspension_cli.physics.local_control import Plant
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Complex, Float
+
+    from suspension_cli.design.schema import Design
+    from suspension_cli.linear.solver import Solvable
+
+ROLL_OFFS = np.geomspace(0.2, 4.0, 9)
+"""Roll-off frequencies that are tried, over that of the highest mode that is damped."""
+RATES = (1.05, 1.3, 1.7, 2.2, 3.0)
+"""Decay rates that are tried, over the slowest that is allowed."""
+WEIGHTS = (1e4, 1e2, 1.0)
+"""Weights of the force, and of sensor noise, that are tried, over those of the coordinates."""
+RIGHT = 1e-8
+"""Largest relative residual of a solution of a Riccati equation."""
+REACHED = 1e-4
+"""Strength of a mode between force and reading, over that of the strongest, below which it is left
+out."""
+UNTOUCHED = 1e-12
+"""The same of a mode of another symmetry, by rounding errors."""
+POINTS = 600
+"""Frequencies of a logarithmic grid for the sensitivity; others are around the modes."""
+WIDTHS = (-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0)
+"""Distances from modes, in widths of these."""
+CANDIDATES = 40
+"""Filters, the quietest first, whose closed loop is computed with all modes."""
+BESIDE = 0.5
+"""Distance of a zero from a pole, over the decay of either, up to which both may go."""
+LOUDER = 1.1
+"""Factor by which the noise may rise where they go."""
+DIGITS = 9
+"""Significant digits of zeros and poles."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a loop has to do.
+
+    Attributes
+    ----------
+    settling
+        Longest time in which the amplitude of a mode falls to 1/e, s.
+    sensitivity
+        Largest magnitude of the sensitivity.
+    output
+        Motion whose noise from the sensor is to be least.
+    quiet_at
+        Frequency of that noise, Hz.
+    highest
+        Frequency up to which modes are damped, Hz.
+    """
+
+    settling: float
+    sensitivity: float
+    output: str
+    quiet_at: float
+    highest: float
+
+
+@dataclass(frozen=True)
+class OptimalLoop:
+    """A filter that was found, and its closed loop with all modes and constant losses.
+
+    Attributes
+    ----------
+    loop
+        Name of the loop.
+    filter
+        H from reading to force, u = -H y.
+    settling
+        Longest time of a mode that is damped, s.
+    sensitivity
+        Largest magnitude of the sensitivity.
+    noise
+        Motion of the output over motion that the sensor reports falsely, at the frequency wanted.
+    roll_off
+        Frequency of its roll-off, Hz.
+    left_out
+        Frequencies of modes below the highest that the actuator hardly reaches, Hz.
+    """
+
+    loop: str
+    filter: Filter
+    settling: float
+    sensitivity: float
+    noise: float
+    roll_off: float
+    left_out: tuple[float, ...]
+
+
+def solve(design: Design, system: Solvable, number: int, wanted: Wanted) -> OptimalLoop:
+    """Find the filter of one loop of a design, by its number, with the other loops closed.
+
+    Raises `InputError` if the loop reads or feeds a computed sensor, if the other loops are
+    unstable, or if no filter that was tried does what is wanted.
+    """
+    plant = local_control.build_plant(design, system)
+    name = plant.loops[number].name
+    _demand_alone(plant, number)
+    opened = _open(plant, number, wanted.output)
+    modes = _Modes.of(opened, wanted.highest)
+    if not modes.kept.any():
+        problem = f"reaches no mode below {wanted.highest:g} Hz"
+        raise InputError.of(f"control.loop.{name}", problem, "raise --highest, or move the loop")
+    judge = _Judge.of(opened, modes, wanted)
+    scaled = _Scaled.of(modes)
+    tried = sorted(_try_all(scaled, judge, wanted), key=lambda one: one.noise)
+    nearest = None
+    for one in tried[:CANDIDATES]:
+        made = judge.close(one)
+        if made is None:
+            continue
+        if judge.is_good(made, wanted):
+            one = _without_pairs(one, judge, wanted)
+            settling, sensitivity = judge.close(one) or made
+            left_out = tuple(np.sort(modes.frequency[modes.weak]).tolist())
+            return OptimalLoop(
+                name, one.filter, settling, sensitivity, one.noise, one.roll_off, left_out
+            )
+        nearest = nearest or made
+    problem = (
+        f"no filter was found that settles within {wanted.settling:g} s with a sensitivity below"
+        f" {wanted.sensitivity:g}"
+    )
+    if nearest is not None:
+        problem += f" (the quietest: {nearest[0]:.3g} s, {nearest[1]:.3g})"
+    else:
+        problem += f"; the mode at {modes.least_reached:.4g} Hz is reached least"
+    remedy = "allow a longer --settling or a larger --sensitivity, or a lower --highest"
+    raise InputError.of(f"control.loop.{name}", problem, remedy)
+
+
+def _demand_alone(plant: Plant, number: int) -> None:
+    """Raise `InputError` for a loop that reads or feeds a computed sensor."""
+    reads = plant.network.of_nodes
+    if reads[number].any() or reads[:, number].any():
+        name = plant.loops[number].name
+        problem = "reads or feeds a sensor that is computed"
+        remedy = "design a loop that reads a motion, or a [[control.sensor]] of motions"
+        raise InputError.of(f"control.loop.{name}", problem, remedy)
+
+
+def _open(plant: Plant, number: int, output: str) -> StateSpace:
+    """Build the system from the force of a loop to its reading and to the output.
+
+    The other loops are closed; the reading is that behind the loop's delay and sensor response.
+    """
+    model = with_constant_loss(plant.model)
+    known = signals.bodies_with_signals(model)
+    observed = signals.parse_output(output, known)
+    others = [n for n in range(len(plant.network.nodes)) if n != number]
+    rows = np.array([plant.node_sensed[number], signals.linear_form(observed, model)])
+    rest = plant.with_model(model).select(others)
+    pushed = plant.pushed[number][None]
+    made = closed_loop.close_loops(rest, [closed_loop.LOOP], pushed, [closed_loop.LOOP] * 2, rows)
+    loop = plant.loops[number]
+    before = closed_loop.realise_reading(loop)
+    own, states = len(made.a), len(before.A)
+    a = np.zeros((own + states, own + states))
+    a[:own, :own] = made.a
+    a[own:, :own] = before.B @ made.c[:1]
+    a[own:, own:] = before.A
+    b = np.concatenate([made.b, before.B @ made.d[:1]])
+    reading = np.concatenate([before.D @ made.c[:1], before.C], axis=1)
+    moved = np.concatenate([made.c[1:], np.zeros((1, states))], axis=1)
+    through = np.concatenate([before.D @ made.d[:1], made.d[1:]])
+    names = (*made.state, *(f"loop {loop.name} {n}" for n in range(states)))
+    units = (*made.state_unit, *["1"] * states)
+    c = np.concatenate([reading, moved])
+    return replace(made, a=a, b=b, c=c, d=through, state=names, state_unit=units)
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """Poles of a plant, one of each pair, with what drives each and what it adds to the reading.
+
+    Attributes
+    ----------
+    value
+        Poles, rad/s.
+    driven, sensed
+        In the coordinate z of each, z' = value z + driven u; the reading is 2 Re(sensed z) of a
+        pair, sensed z of a real pole.
+    kept, weak
+        Modes that are damped, and those below the highest that are hardly reached.
+    """
+
+    value: Complex[np.ndarray, " mode"]
+    driven: Complex[np.ndarray, " mode"]
+    sensed: Complex[np.ndarray, " mode"]
+    kept: Bool[np.ndarray, " mode"]
+    weak: Bool[np.ndarray, " mode"]
+
+    @staticmethod
+    def of(opened: StateSpace, highest: float) -> _Modes:
+        """Find the modes of a plant; those up to a frequency (Hz) that are reached are kept."""
+        own = opened.balanced()
+        every, shapes = np.linalg.eig(own.a)
+        driven = np.linalg.solve(shapes, own.b.astype(complex))[:, 0]
+        sensed = own.c[0] @ shapes
+        one = np.imag(every) >= 0
+        value = every[one]
+        size = np.abs(driven[one] * sensed[one]) / np.maximum(np.abs(value), 1e-300)
+        low = np.abs(value) <= 2 * np.pi * highest
+        reached = size > REACHED * size.max(initial=0.0)
+        weak = low & ~reached & (size > UNTOUCHED * size.max(initial=0.0))
+        return _Modes(value, driven[one], sensed[one], low & reached, weak)
+
+    @property
+    def frequency(self) -> Float[np.ndarray, " mode"]:
+        """Frequencies, Hz."""
+        return np.abs(self.value) / (2 * np.pi)
+
+    @property
+    def least_reached(self) -> float:
+        """Frequency of the mode that is reached least of those that are damped, Hz."""
+        size = np.abs(self.driven * self.sensed / self.value)
+        return float(self.frequency[np.where(self.kept, size, np.inf).argmin()])
+
+    @property
+    def compliance_left(self) -> float:
+        """Static response of the modes that are left out."""
+        left = -self.driven * self.sensed / self.value
+        twice = np.where(np.imag(self.value) > 0, 2.0, 1.0)
+        return float(np.real(left * twice)[~self.kept].sum())
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """The modes that are damped, as a scaled system: real blocks, unit time, force and reading.
+
+    `unit` is its unit of time, s; `gain` the response that 1 stands for; `through` what the modes
+    that are left out add.
+    """
+
+    a: Float[np.ndarray, "state state"]
+    b: Float[np.ndarray, " state"]
+    c: Float[np.ndarray, " state"]
+    through: float
+    unit: float
+    gain: float
+
+    @staticmethod
+    def of(modes: _Modes) -> _Scaled:
+        """Scale the modes that are kept."""
+        value = modes.value[modes.kept]
+        driven = modes.driven[modes.kept]
+        sensed = modes.sensed[modes.kept]
+        unit = float(1 / np.exp(np.log(np.abs(value)).mean()))
+        blocks = []
+        forces = []
+        readings = []
+        for pole, force, reading in zip(value * unit, driven * unit, sensed, strict=True):
+            # as strongly driven as sensed
+            size = np.sqrt(np.abs(reading) / np.abs(force))
+            drive = force * size
+            sense = reading / size
+            if pole.imag:
+                blocks.append([[pole.real, -pole.imag], [pole.imag, pole.real]])
+                forces += [drive.real, drive.imag]
+                readings += [2 * sense.real, -2 * sense.imag]
+            else:
+                blocks.append([[pole.real]])
+                forces.append(drive.real)
+                readings.append(sense.real)
+        from scipy.linalg import block_diag
+
+        b = np.array(forces)
+        c = np.array(readings)
+        of_force = np.abs(b).max()
+        of_reading = np.abs(c).max()
+        gain = float(of_force * of_reading)
+        a = np.asarray(block_diag(*blocks))
+        return _Scaled(a, b / of_force, c / of_reading, modes.compliance_left / gain, unit, gain)
+
+    def with_roll_off(self, frequency: float) -> _Scaled:
+        """Put a Butterworth low-pass of second order, at a frequency in Hz, before the force."""
+        corner = 2 * np.pi * frequency * self.unit
+        count = len(self.a)
+        a = np.zeros((count + 2, count + 2))
+        a[:count, :count] = self.a
+        a[:count, count] = self.b
+        a[count, count + 1] = corner
+        a[count + 1, count] = -corner
+        a[count + 1, count + 1] = -np.sqrt(2) * corner
+        b = np.zeros(count + 2)
+        b[-1] = corner
+        c = np.append(self.c, [self.through, 0.0])
+        return replace(self, a=a, b=b, c=c, through=0.0)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A filter, the frequency of its roll-off (Hz), and its noise (see `OptimalLoop`)."""
+
+    filter: Filter
+    roll_off: float
+    noise: float
+
+
+def _without_pairs(one: _Tried, judge: _Judge, wanted: Wanted) -> _Tried:
+    """Remove poles that have a zero beside them, while the closed loop does what is wanted.
+
+    The noise may rise by the factor `LOUDER`.
+    """
+    best = one
+    for pole in sorted(_upper(one.filter.poles), key=lambda root: _distance(root, one.filter)):
+        zeros = _upper(best.filter.zeros)
+        alike = [zero for zero in zeros if bool(zero.imag) == bool(pole.imag)]
+        if not alike:
+            continue
+        zero = min(alike, key=lambda root: abs(root - pole))
+        if abs(zero - pole) > BESIDE * max(abs(pole.real), abs(zero.real)):
+            continue
+        poles = [root for root in _upper(best.filter.poles) if root != pole]
+        zeros.remove(zero)
+        shorter = Filter(best.filter.gain, _both(zeros), _both(poles))
+        peak, noise = judge.rate(shorter)
+        tried = _Tried(shorter, best.roll_off, noise)
+        closed = judge.close(tried)
+        quiet = noise <= LOUDER * one.noise and peak <= wanted.sensitivity
+        if quiet and closed is not None and judge.is_good(closed, wanted):
+            best = tried
+    return best
+
+
+def _upper(roots: tuple[complex, ...]) -> list[complex]:
+    """One root of each pair."""
+    return [root for root in roots if root.imag >= 0]
+
+
+def _both(roots: list[complex]) -> tuple[complex, ...]:
+    """Both roots of each pair."""
+    pairs = ((root, root.conjugate()) if root.imag else (root,) for root in roots)
+    return tuple(root for pair in pairs for root in pair)
+
+
+def _distance(pole: complex, made: Filter) -> float:
+    """Distance of a pole from the zero nearest to it, over its decay."""
+    nearest = min((abs(zero - pole) for zero in made.zeros), default=np.inf)
+    return nearest / max(abs(pole.real), 1e-300)
+
+
+def _try_all(scaled: _Scaled, judge: _Judge, wanted: Wanted) -> Iterator[_Tried]:
+    """Find filters with all roll-offs, rates and weights, that may do what is wanted."""
+    top = judge.highest_mode
+    for ratio in ROLL_OFFS:
+        roll_off = float(ratio * top)
+        plant = scaled.with_roll_off(roll_off)
+        for rate in RATES:
+            shift = rate / wanted.settling * scaled.unit
+            regulators = [_regulate(plant.a, plant.b, shift, weight) for weight in WEIGHTS]
+            filters = [_regulate(plant.a.T, plant.c, shift, weight) for weight in WEIGHTS]
+            for feedback, gain in product(regulators, filters):
+                if feedback is None or gain is None:
+                    continue
+                made = _make_filter(plant, feedback, gain, roll_off)
+                if made is None:
+                    continue
+                peak, noise = judge.rate(made)
+                if peak <= wanted.sensitivity:
+                    yield _Tried(made, roll_off, noise)
+
+
+def _regulate(
+    a: Float[np.ndarray, "state state"], b: Float[np.ndarray, " state"], shift: float, weight: float
+) -> Float[np.ndarray, " state"] | None:
+    """Solve for the feedback of a regulator whose poles decay at least at the rate `shift`.
+
+    Of a Kalman filter, with the transposed matrices. None if the solution is not accurate.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    own = a + shift * np.eye(len(a))
+    one = np.eye(len(a))
+    column = b[:, None]
+    try:
+        found = solve_continuous_are(own, column, one, [[weight]])
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    quadratic = found @ column @ column.T @ found / weight
+    residual = own.T @ found + found @ own - quadratic + one
+    if not np.abs(residual).max() <= RIGHT * np.abs(quadratic).max():
+        return None
+    return (found @ b) / weight
+
+
+def _make_filter(
+    plant: _Scaled,
+    feedback: Float[np.ndarray, " state"],
+    gain: Float[np.ndarray, " state"],
+    roll_off: float,
+) -> Filter | None:
+    """Make the filter of a regulator on a Kalman filter; None if it is unstable itself."""
+    a = plant.a - np.outer(plant.b, feedback) - np.outer(gain, plant.c)
+    poles = np.linalg.eigvals(a)
+    if not (np.real(poles) < 0).all():
+        return None
+    # the poles of the roll-off, which the filter has in series, are zeros of the rest
+    hertz = 1 / (2 * np.pi * plant.unit)
+    corner = roll_off * np.exp(0.25j * np.pi)
+    zeros = -_find_zeros(a, gain, feedback) * hertz
+    off = np.minimum(np.abs(zeros - corner), np.abs(zeros - corner.conjugate()))
+    zeros = zeros[np.argsort(off)[2:]]
+    bare = Filter(1.0, _rounded(zeros), _rounded(-poles * hertz))
+    # the gain is that of the matrices, at a frequency amid the modes
+    at = hertz
+    value = feedback @ np.linalg.solve(1j * np.eye(len(a)) - a, gain.astype(complex))
+    low_pass = 1 / (1 + np.sqrt(2) * 1j * at / roll_off - (at / roll_off) ** 2)
+    size = value * low_pass / plant.gain / bare.at(at)
+    return replace(bare, gain=float(np.real(size)))
+
+
+def _find_zeros(
+    a: Float[np.ndarray, "state state"],
+    b: Float[np.ndarray, " state"],
+    c: Float[np.ndarray, " state"],
+) -> Complex[np.ndarray, " zero"]:
+    """Find the finite zeros of c (s - a)^-1 b: eigenvalues of a pencil."""
+    from scipy.linalg import eig
+
+    count = len(a)
+    pencil = np.zeros((count + 1, count + 1))
+    pencil[:count, :count] = a
+    pencil[:count, count] = b
+    pencil[count, :count] = c
+    mass = np.diag([*np.ones(count), 0.0])
+    found: Any = eig(pencil, mass, right=False, homogeneous_eigvals=True)
+    over, under = found
+    finite = np.argsort(-np.abs(under) / np.hypot(np.abs(over), np.abs(under)))[: count - 1]
+    return over[finite] / under[finite]
+
+
+def _rounded(roots: Complex[np.ndarray, " root"]) -> tuple[complex, ...]:
+    """Round roots in Hz, conjugate pairs exactly conjugate."""
+    rounded = [
+        complex(*(float(f"{part:.{DIGITS}g}") for part in (root.real, root.imag)))
+        for root in roots
+        if root.imag >= 0
+    ]
+    return _both(rounded)
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """The plant with all modes, for the sensitivity and the noise of a filter.
+
+    Attributes
+    ----------
+    frequency
+        Hz, with points around all modes; the last is that of the noise.
+    reading, moved
+        Responses of reading and output to the force, there.
+    """
+
+    opened: StateSpace
+    frequency: Float[np.ndarray, " frequency"]
+    reading: Complex[np.ndarray, " frequency"]
+    moved: complex
+    highest: float
+    highest_mode: float
+    weak: Complex[np.ndarray, " pole"]
+    unmoved: Complex[np.ndarray, " pole"]
+
+    @staticmethod
+    def of(opened: StateSpace, modes: _Modes, wanted: Wanted) -> _Judge:
+        """Prepare the judgement of filters."""
+        own = modes.frequency[modes.kept]
+        centre = np.abs(np.imag(modes.value)) / (2 * np.pi)
+        width = np.abs(np.real(modes.value)) / (2 * np.pi)
+        around = np.concatenate([centre + side * width for side in WIDTHS])
+        grid = np.geomspace(own.min() / 30, 30 * own.max(), POINTS)
+        some = np.append(np.union1d(grid, around[around > 0]), wanted.quiet_at)
+        value = opened.at(some)[:, :, 0]
+        return _Judge(
+            opened,
+            some,
+            value[:, 0],
+            complex(value[-1, 1]),
+            wanted.highest,
+            float(own.max()),
+            modes.value[modes.weak],
+            modes.value[~modes.kept & ~modes.weak],
+        )
+
+    def rate(self, made: Filter) -> tuple[float, float]:
+        """Compute the largest sensitivity, and the noise, of a filter."""
+        through = made.at(self.frequency)
+        sensitivity = 1 / (1 + through * self.reading)
+        noise = abs(self.moved * through[-1] * sensitivity[-1])
+        return float(np.abs(sensitivity).max()), float(noise)
+
+    def is_good(self, closed: tuple[float, float], wanted: Wanted) -> bool:
+        """Whether settling (s) and sensitivity of a closed loop are as wanted."""
+        settling, sensitivity = closed
+        return settling <= wanted.settling and sensitivity <= wanted.sensitivity
+
+    def close(self, one: _Tried) -> tuple[float, float] | None:
+        """Close the loop with all modes: settling (s) and sensitivity; None if it is unstable."""
+        node = closed_loop.Node("", one.filter)
+        made = closed_loop.realise(node)
+        plant = self.opened
+        forward = -made.C
+        a = np.block([[plant.a, plant.b @ forward], [made.B @ plant.c[:1], made.A]])
+        count = len(plant.a)
+        a[count:, count:] += made.B @ plant.d[:1] @ forward
+        poles = np.linalg.eigvals(a)
+        left = _near(poles, self.weak, 1e-2) | _near(poles, self.unmoved, 1e-6)
+        low = (np.abs(poles) <= 2 * np.pi * self.highest) & ~left
+        if not (np.real(poles) < 0).all():
+            return None
+        settling = float(-1 / np.real(poles[low]).max())
+        return settling, self.rate(one.filter)[0]
+
+
+def _near(
+    poles: Complex[np.ndarray, " pole"], others: Complex[np.ndarray, " other"], within: float
+) -> Bool[np.ndarray, " pole"]:
+    """Which poles, of either sign of the frequency, are others, within a relative distance."""
+    upper = np.real(poles) + 1j * np.abs(np.imag(poles))
+    return np.abs(upper[:, None] - others).min(1, initial=np.inf) < within * np.abs(poles)

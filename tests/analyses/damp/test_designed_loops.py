@@ -1,0 +1,83 @@
+"""`pendsus damp --design lqg`: filters that are found for the loops of a design."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import suspension_cli as sus
+from suspension_cli.errors import InputError
+from tests.support.commandline import run, strict_json
+from tests.support.paths import CONFIGS
+
+DESIGN = CONFIGS / "triple-damped.toml"
+LIGHT = ("--fidelity", "string", "--frequency", "1,10", "--duration", "1")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return sus.damp(
+        DESIGN,
+        method="lqg",
+        redesigned=["y", "roll", "yaw"],
+        settling=12.0,
+        sensitivity=2.5,
+        fidelity="string",
+        frequency=[1.0, 10.0],
+        duration=1.0,
+    )
+
+
+def test_modes_settle_and_margins_are_kept(found):
+    """By the poles and margins of the whole design, not by those of the search."""
+    assert found.stable
+    moved = np.array([not name.startswith("loop") for name in found.closed.state])
+    low = moved & (found.closed.frequency < 10)
+    sideways = np.array([".yaw" in name or ".y" in name for name in found.closed.state])
+    assert (-1 / np.real(found.closed.value[low & sideways])).max() < 12 * (1 + 1e-6)
+    names = list(found.loop)
+    for one in found.designed:
+        margin = found.margin[names.index(one.redesigned)]
+        assert margin.distance > 1 / 2.5 * (1 - 1e-3)
+        assert one.poles <= 20
+
+
+def test_noise_of_one_loop_is_that_of_its_table(found):
+    """The noise of the loop found last, over that of its sensor."""
+    last = found.designed[-1]
+    again = sus.damp(
+        found.run.design, output=last.output, frequency=[10.0], duration=1.0, fidelity="string"
+    )
+    noise = again.noise[0, again.sensor.index(last.redesigned)]
+    assert noise == pytest.approx(1e-9 * last.noise, rel=1e-3)
+
+
+def test_the_design_with_the_loops_is_written(tmp_path):
+    how = ("--design", "lqg", "--redesign", "yaw", "--settling", "12", "--json")
+    result = run("damp", DESIGN, *LIGHT, *how, "--out", tmp_path)
+    assert result.exit_code == 0
+    [row] = strict_json(result.stdout)["designed"]
+    assert row["redesigned"] == "yaw"
+    text = (tmp_path / "triple-damped-lqg.toml").read_text()
+    assert "# docs/control.md explains this file." in text
+    written = sus.read(tmp_path / "triple-damped-lqg.toml")
+    loop = written.control.loop[-1]
+    assert loop.name == "yaw"
+    assert sum(2 if isinstance(root, list) else 1 for root in loop.poles) == row["poles"]
+    plain = sus.read(DESIGN)
+    assert written.control.loop[:-1] == plain.control.loop[:-1]
+    again = run("damp", tmp_path / "triple-damped-lqg.toml", *LIGHT, "--json", "--out", tmp_path)
+    first, second = (strict_json(one.stdout)["poles"] for one in (result, again))
+    assert first == second
+
+
+def test_a_computed_sensor_is_refused():
+    with pytest.raises(InputError, match="reads or feeds a sensor that is computed"):
+        sus.damp(
+            CONFIGS / "triple-estimator.toml",
+            method="lqg",
+            redesigned=["yaw"],
+            fidelity="string",
+            frequency=[1.0],
+            duration=1.0,
+        )
