@@ -111,7 +111,8 @@ def numbers(path: str, value: object, skip: Collection[str] = ()) -> Iterator[tu
             if key not in skip:
                 yield from numbers(f"{path}.{key}", item, skip)
     elif isinstance(value, list):
-        square = len(value) in (3, 6) and all(isinstance(row, list) for row in value)
+        sizes = {len(row) if isinstance(row, list) else 0 for row in value}
+        square = len(value) in (3, 6) and sizes == {len(value)}
         for n, item in enumerate(value, 1):
             if square:
                 for m in range(n, len(value) + 1):
@@ -130,7 +131,8 @@ def twins(path: str) -> tuple[str, ...]:
     ('stage.test.body.inertia.1.2', 'stage.test.body.inertia.2.1')
     """
     *head, row, column = path.split(".") if path.count(".") > 1 else ("", "", path)
-    mirrored = row.isdigit() and column.isdigit() and row != column
+    pair = head[-1:] in (["zeros"], ["poles"])  # real and imaginary part
+    mirrored = row.isdigit() and column.isdigit() and row != column and not pair
     return (path, ".".join([*head, column, row])) if mirrored else (path,)
 
 
