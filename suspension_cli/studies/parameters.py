@@ -23,7 +23,6 @@ OTHER_TABLES = ("design", "analysis", "tolerance", "tie", "requirement")
 NOT_CONTINUOUS = (
     "count",
     "steps",
-    "temperature",
     "temperature_range",
     "values",
     "profile",
@@ -31,13 +30,15 @@ NOT_CONTINUOUS = (
     "imaginary",
     "static",
 )
-"""Keys of numbers that are not varied: integers, temperatures, properties against them, profiles of
-wires, and tables of links (which have a factor)."""
+"""Keys of numbers that are not varied: integers, ranges of temperatures, properties against them,
+profiles of wires, and tables of links (which have a factor)."""
 FIXED = re.compile(
     r"link\.[^.]+\.table\.frequency\.|control\..+(_noise\.|\.sections\.|\.rate$|\.range$)"
+    r"|materials\..+\.temperature\.|.+\.temperature\.\d+\.1$"
 )
 """Frequencies of a link's table; of control noise at several frequencies, sections of filters,
-sample rates and ranges of drivers."""
+sample rates and ranges of drivers; temperatures of a material's properties, and places along a wire
+of its temperatures."""
 TWIST = "poisson_ratio"
 """Matters only where wires twist."""
 
