@@ -24,8 +24,8 @@ Value = Any
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
 """Customary unit by SI unit, and the factor to it."""
 PAIRS = ("zeros", "poles", "temperature")
-"""Keys of lists of pairs, which are no symmetric matrices: of real and imaginary parts, of places and
-temperatures."""
+"""Keys of lists of pairs, which are no symmetric matrices: of real and imaginary parts, of places
+and temperatures."""
 WHOLE = ("count", "steps")
 """Keys that take integers."""
 LOW_PRESSURE = 1e6

@@ -247,7 +247,7 @@ def evaluate_noise(
     part: Loop | Osem, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
     """Evaluate the sensor noise of a loop or OSEM, as motion, at frequencies in Hz."""
-    own = part.noise_of_sensor if isinstance(part, Osem) else part.sensor_noise
+    own = part.sensor_noise
     return noise_spectra.density(own, frequency)
 
 

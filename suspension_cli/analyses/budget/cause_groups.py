@@ -76,7 +76,7 @@ def _equal(causes: Sequence[str], design: Design) -> dict[str, list[int]]:
 def _noise(osem: Osem, kind: str) -> str:
     """Noise of the sensor or the coil of an OSEM, for comparison."""
     if kind == "sensor":
-        return repr(osem.noise_of_sensor)
+        return repr(osem.sensor_noise)
     gain = (osem.coil, osem.transconductance)
     return repr((osem.force_noise, osem.driver_noise, gain))
 
