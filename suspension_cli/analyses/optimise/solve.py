@@ -351,7 +351,7 @@ def _modes_of(found: Report, families: Families, motions: Sequence[str]) -> _Ran
     number = np.concatenate([ranks[0] for ranks in solved.energy_of_modes.ranked(families)])
     known = number >= 0
     leading = mode_content.leading(solved.fractions[0])
-    labels = mode_content.number_labels([motions[place] for place in leading.tolist()])
+    labels = mode_content.number_labels([motions[int(place)] for place in leading])
     return _Ranked(
         number,
         np.where(known, solved.frequency[0, number], np.nan),
