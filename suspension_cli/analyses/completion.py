@@ -73,7 +73,7 @@ def _quantities(source: reader.Source, _name: str) -> list[str]:
     from suspension_cli.linear import eigenmodes
     from suspension_cli.models import registry
 
-    labels = eigenmodes.solve(registry.STRING.system(source.design).constant).numbered_label
+    labels = eigenmodes.solve(registry.STRING.system(source.design).constant).label
     qs = [f"Q of {label}" for label in labels]
     noise = [f"thermal {signal}:" for signal in _signals(source, "outputs")]
     return ["modes", "coupling", *labels, *qs, *noise]

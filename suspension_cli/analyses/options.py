@@ -118,10 +118,24 @@ def frequencies(
     return option("--frequency", default=default, metavar="GRID", help=about)
 
 
-def argument(name: str, **how: Any) -> click.Argument:
-    """Declare an argument of an analysis, the name of a file, as `click.argument` does."""
+def argument(name: str, *, example: str = "", **how: Any) -> click.Argument:
+    """Declare an argument of an analysis, the name of a file, as `click.argument` does.
+
+    `example` is what to write, for the message where it is missing.
+    """
     how.setdefault("shell_complete", complete_file)
-    return click.Argument([name], **how)
+    return click.Argument([name], type=_WithExample(example), **how)
+
+
+class _WithExample(click.types.StringParamType):
+    """Text, with an example for the message where it is missing."""
+
+    def __init__(self, example: str) -> None:
+        self.example = example
+
+    def get_missing_message(self, *_: object, **__: object) -> str | None:
+        """Return the example."""
+        return self.example or None
 
 
 def complete_file(_ctx: click.Context, _param: object, incomplete: str) -> list[CompletionItem]:

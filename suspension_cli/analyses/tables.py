@@ -15,6 +15,8 @@ LEAST = 24
 """Least width of a last column of text; in a narrower terminal lines are too long."""
 GLUE = "\ue000"
 """Stands for a space at which text is not folded."""
+AS_GIVEN = "as given"
+"""Form of a column of numbers that the user gave, see `write_given`."""
 PLACE = re.compile("\ue001(\\d+)\ue002")
 """Stands for a table that was collected instead of rendered; with its number."""
 
@@ -29,9 +31,10 @@ class Table:
     @property
     def cells(self) -> list[list[str]]:
         """Text of every cell, a list for each column."""
+        columns = [[row[n] for row in self.rows] for n in range(len(self.columns))]
         return [
-            [_cell(row[n], form) for row in self.rows]
-            for n, form in enumerate(self.columns.values())
+            _cells(column, form)
+            for column, form in zip(columns, self.columns.values(), strict=True)
         ]
 
 
@@ -63,7 +66,8 @@ def render(columns: Mapping[str, str], rows: Iterable[Sequence[float | str | Non
     Parameters
     ----------
     columns
-        Headings, with units on a second line, and the format of the numbers below; "" for text.
+        Headings, with units on a second line, and the format of the numbers below; "" for text,
+        `AS_GIVEN` for numbers that the user gave.
     rows
         Numbers or text; None and numbers that are not finite become "-".
 
@@ -125,6 +129,34 @@ def with_error(value: float, error: float) -> str:
     last_digits = round(error / scale * 10**decimals)
     power = f"e{exponent:+03d}" if exponent else ""
     return f"{value / scale:.{decimals}f}({last_digits}){power}"
+
+
+def write_given(values: Sequence[float]) -> list[str]:
+    """Write numbers that the user gave with all digits, those of a computed grid with 5 or more.
+
+    More are written where different numbers would look alike.
+
+    >>> write_given([10.0, 10.00001, 10.0 ** 0.5])
+    ['10', '10.00001', '3.1623']
+    """
+    written: list[str] = []
+    for digits in range(5, 18):
+        written = [_with_digits(value, digits) for value in values]
+        if len({*written}) == len({*values}):
+            break
+    return written
+
+
+def _with_digits(value: float, digits: int) -> str:
+    """Write a number with 12 digits if these are all that it has, else with so many."""
+    complete = f"{value:.12g}"
+    return complete if float(complete) == value else f"{value:.{digits}g}"
+
+
+def _cells(column: Sequence[float | str | None], form: str) -> list[str]:
+    if form == AS_GIVEN:
+        return write_given([float(value or 0.0) for value in column])
+    return [_cell(value, form) for value in column]
 
 
 def _cell(value: float | str | None, form: str) -> str:

@@ -55,6 +55,7 @@ def document(verdict: Verdict) -> Document:
         "value": verdict.value,
         "margin": verdict.margin,
         "met": verdict.met,
+        "model": verdict.model,
     }
 
 
@@ -62,15 +63,23 @@ def tabulate(verdicts: Sequence[Verdict]) -> str:
     """Return the table of requirements, with their values and margins."""
     rows = []
     for verdict in verdicts:
-        unit, factor = verdict.requirement.displayed
-        value = f"{verdict.value * factor:.5g} {unit}".rstrip()
-        if math.isnan(verdict.value):
-            value = f"none: {verdict.requirement.quantity.missing}"
         outcome = "met" if verdict.met else "NOT met"
         margin = 100 * verdict.margin
-        rows.append((outcome, value, margin, verdict.requirement.description))
-    columns = {"": "", "value": " ", "margin\n%": "+.3g", "requirement": ""}
+        value = _write_value(verdict)
+        rows.append((outcome, value, margin, verdict.model, verdict.requirement.description))
+    columns = {"": "", "value": " ", "margin\n%": "+.3g", "model": "", "requirement": ""}
     return tables.render(columns, rows)
+
+
+def _write_value(verdict: Verdict) -> str:
+    """Write the value with its unit, why it is 0, or why there is none."""
+    quantity = verdict.requirement.quantity
+    if math.isnan(verdict.value):
+        return f"none: {quantity.missing}"
+    if verdict.value == 0:
+        return f"0 {quantity.zero}"
+    unit, factor = verdict.requirement.displayed
+    return f"{verdict.value * factor:.5g} {unit}".rstrip()
 
 
 def summarise(verdicts: Sequence[Verdict]) -> str:

@@ -429,7 +429,10 @@ def _check_ranges(design: Design) -> Iterator[Row]:
             unit = declared(type(table))[key].get("unit", "")
             if isinstance(value, Distribution):
                 value = value.normal or value.uniform
-            size = max(_sizes(value), default=plausible.high)
+            numbers = value
+            if key.endswith("_noise") and isinstance(value, list):
+                numbers = [density for _, density in value]
+            size = max(_sizes(numbers), default=plausible.high)
             if problem := plausible.problem(size, unit):
                 remedy = plausible.remedy(size, unit)
                 shown = format_value(value)

@@ -33,7 +33,6 @@ class Osem(Table, frozen=True):
         "of positive readings and forces: an axis, or a vector"
     )
     reference: Reference = key("that of a loop, whose OSEMs have the same one", "support")
-    sensor: Literal["bosem"] | None = key("a known sensor, for its noise")
     sensor_noise: MotionNoise = key("as that of a loop, m/sqrt(Hz)", 0.0)
     force_noise: Noise = key("of the coil, N/sqrt(Hz), in the forms of sensor_noise", 0.0)
     driver_noise: Noise = key(
@@ -56,7 +55,6 @@ class Osem(Table, frozen=True):
             yield from check_filter(self, "driver_response")
 
     rules = (
-        key_rules.excludes("sensor", "sensor_noise"),
         key_rules.needs("transconductance", "coil"),
         key_rules.needs("counts_per_volt", "transconductance"),
         key_rules.needs("driver_noise", "transconductance"),
@@ -72,11 +70,6 @@ class Osem(Table, frozen=True):
             along = [(-1.0 if along[0] == "-" else 1.0) * (along[-1] == axis) for axis in "xyz"]
         size = math.hypot(*along) or 1.0
         return tuple(part / size for part in along)
-
-    @property
-    def noise_of_sensor(self) -> MotionNoise:
-        """Noise of the sensor as motion."""
-        return self.sensor or self.sensor_noise
 
     def driver_size(self, frequency: ArrayLike) -> Float[np.ndarray, " frequency"]:
         """Magnitude of the response of the driver at frequencies in Hz, 1 if it is not given."""

@@ -23,6 +23,9 @@ Value = Any
 """A value of a parsed document or of a design: a number, a text, a list or a table."""
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "Pa": ("GPa", 1e-9)}
 """Customary unit by SI unit, and the factor to it."""
+PAIRS = ("zeros", "poles", "temperature")
+"""Keys of lists of pairs, which are no symmetric matrices: of real and imaginary parts, of places
+and temperatures."""
 WHOLE = ("count", "steps")
 """Keys that take integers."""
 LOW_PRESSURE = 1e6
@@ -111,7 +114,8 @@ def numbers(path: str, value: object, skip: Collection[str] = ()) -> Iterator[tu
             if key not in skip:
                 yield from numbers(f"{path}.{key}", item, skip)
     elif isinstance(value, list):
-        square = len(value) in (3, 6) and all(isinstance(row, list) for row in value)
+        sizes = {len(row) if isinstance(row, list) else 0 for row in value}
+        square = len(value) in (3, 6) and sizes == {len(value)}
         for n, item in enumerate(value, 1):
             if square:
                 for m in range(n, len(value) + 1):
@@ -130,7 +134,8 @@ def twins(path: str) -> tuple[str, ...]:
     ('stage.test.body.inertia.1.2', 'stage.test.body.inertia.2.1')
     """
     *head, row, column = path.split(".") if path.count(".") > 1 else ("", "", path)
-    mirrored = row.isdigit() and column.isdigit() and row != column
+    of_matrix = row.isdigit() and column.isdigit() and head[-1] not in PAIRS
+    mirrored = of_matrix and row != column
     return (path, ".".join([*head, column, row])) if mirrored else (path,)
 
 

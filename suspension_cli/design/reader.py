@@ -104,17 +104,20 @@ def read(
 
     Raises `InputError` with every fault of the file.
     """
+    own_ties = 0
     try:
         text = _text(Path(file))
         raw = _parse(text)
         if more_ties:
-            raw["tie"] = [*raw.get("tie", []), *map(ties.parse, more_ties)]
+            own = raw.get("tie", [])
+            own_ties = len(own)
+            raw["tie"] = [*own, *map(ties.parse, more_ties)]
         apply_overrides(raw, overrides)
         _check_kind(raw, "design")
         insert_files(raw, Path(file).parent)
         return Source(convert(raw), write_toml(raw, text), str(file))
     except InputError as error:
-        raise error.in_file(str(file)) from None
+        raise ties.name_option(error, own_ties, more_ties).in_file(str(file)) from None
 
 
 def _check_kind(raw: Raw, wanted: str) -> None:

@@ -36,6 +36,18 @@ def parse(text: str) -> Raw:
     return {"name": name, "equals": expression}
 
 
+def name_option(error: InputError, before: int, given: Sequence[str]) -> InputError:
+    """Let faults of the ties after the first `before` name ``--tie``, by which they are `given`."""
+    faults: list[Fault] = []
+    for fault in error.faults:
+        table, number, *_ = [*fault.key.split("."), ""]
+        place = int(number) - before - 1 if table == "tie" and number.isdigit() else -1
+        if place >= 0:
+            fault = replace(fault, key="--tie", value=format_value(given[place]))
+        faults.append(fault)
+    return InputError(faults, error.file)
+
+
 def apply(tree: Tree) -> Tree:
     """Compute the tied parameters of a parsed document or a design; raises `InputError`.
 

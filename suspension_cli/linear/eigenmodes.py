@@ -160,27 +160,23 @@ class Modes:
         return [place(self.place[n]) for n in mode_content.leading(self.fractions).tolist()]
 
     @cached_property
-    @derived(along="mode")
-    def label(self) -> list[str]:
-        """Body and motion of each mode in words: ``test pitch``."""
+    def motion(self) -> list[str]:
+        """Body and motion with most kinetic energy of each mode in words: ``test pitch``."""
         return [
             describe(f"{body}.{dof}") + (f" {order}" if order else "")
             for (body, dof), order in zip(self.home, self.order, strict=True)
         ]
 
-    @property
-    def numbered_label(self) -> list[str]:
-        """Distinct names: labels, numbered by frequency where several modes have the same."""
-        plain = self.label
-        return [
-            label if plain.count(label) == 1 else f"{label}#{plain[: n + 1].count(label)}"
-            for n, label in enumerate(plain)
-        ]
+    @cached_property
+    @derived(along="mode")
+    def label(self) -> list[str]:
+        """Names of the modes: their `motion`, and ``#2`` for the second with the same one."""
+        return mode_content.number_labels(self.motion)
 
     def with_label(self, text: str) -> list[int]:
-        """Numbers of the modes, from 0, with a label; one with a numbered label."""
-        names = zip(self.label, self.numbered_label, strict=True)
-        return [n for n, (label, numbered) in enumerate(names) if text in (label, numbered)]
+        """Numbers of the modes, from 0, with a label; of all with a motion."""
+        names = zip(self.motion, self.label, strict=True)
+        return [n for n, both in enumerate(names) if text in both]
 
     @cached_property
     def top_mass(self) -> Int[np.ndarray, " mode"]:

@@ -12,6 +12,7 @@ motion then, and the label tells one from the other no longer.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -67,6 +68,18 @@ class Content:
     def shared(self) -> Bool[np.ndarray, "*build"]:
         """Whether both modes share the motion, see `SHARED`."""
         return self.ratio >= SHARED
+
+
+def number_labels(motions: Sequence[str]) -> list[str]:
+    """Name modes by their motions; where several have the same, by its number in this order too.
+
+    >>> number_labels(["test yaw", "test pitch", "test yaw"])
+    ['test yaw#1', 'test pitch', 'test yaw#2']
+    """
+    return [
+        name if motions.count(name) == 1 else f"{name}#{motions[: n + 1].count(name)}"
+        for n, name in enumerate(motions)
+    ]
 
 
 def leading(fractions: Float[np.ndarray, "*build mode place"]) -> Int[np.ndarray, "*build mode"]:

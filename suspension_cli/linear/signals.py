@@ -115,7 +115,9 @@ def parse_output(text: str, known: tuple[str, ...], option: str = "--output") ->
     remedy = ""
     if signal.acts:
         problem = "a force is an input"
+        noise = f"'force noise {signal.text}:10'"
         remedy = f"give {signal.body}.{DOFS[signal.dof]}"
+        remedy += f"; its thermal noise is the quantity {noise} of sweep --result"
     elif signal.is_ground:
         problem = "the ground's motion is an input"
         remedy = f"take a stage's motion, or give {signal.text} as an input"

@@ -350,7 +350,7 @@ def evaluate_noise(
     part: Channel | Osem, frequency: Float[np.ndarray, " frequency"]
 ) -> Float[np.ndarray, " frequency"]:
     """Evaluate the noise of a sensor, as motion, at frequencies in Hz."""
-    own = part.noise_of_sensor if isinstance(part, Osem) else part.sensor_noise
+    own = part.sensor_noise
     return noise_spectra.density(own, frequency)
 
 

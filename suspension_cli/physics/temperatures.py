@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from suspension_cli.design import heat_flow, materials
 from suspension_cli.design.locked_stages import as_in_file
@@ -92,24 +92,53 @@ def _conductors(design: Design) -> Iterator[Use]:
 def find_unknown_temperatures(design: Design, level: str) -> list[Fault]:
     """Find materials at temperatures at which properties are unknown that the model `level` needs.
 
-    One fault per material and temperature: the properties, the losses that are wrong, the remedy.
+    One fault per material: where it is used at which of these temperatures, the properties, the
+    losses that are wrong, the remedy.
     """
     bends = registry.by_name(level).bends_wires
     uses: dict[tuple[str, float], list[Use]] = {}
     for use in [*list_uses(design), *_conductors(design)]:
         uses.setdefault((use.material, use.temperature), []).append(use)
-    found = []
+    unknown: dict[str, _Unknown] = {}
     for (name, temperature), own in uses.items():
         needed = _needed(design, name, own, bends)
-        keys: dict[str, list[str]] = {}
-        effects: dict[str, None] = {}
         for key, problem in materials.find_unknown(design, name, temperature):
             if key in needed:
-                keys.setdefault(problem, []).append(key)
-                effects |= dict.fromkeys(needed[key])
-        if keys:
-            found.append(_fault(name, temperature, own, keys, list(effects)))
-    return found
+                one = unknown.setdefault(name, _Unknown())
+                one.uses.update(dict.fromkeys(own))
+                one.keys.setdefault(problem, {})[key] = None
+                one.effects.update(dict.fromkeys(needed[key]))
+    return [one.fault(name) for name, one in unknown.items()]
+
+
+@dataclass(frozen=True)
+class _Unknown:
+    """What is unknown of a material: its uses, properties by problem, and what is wrong then."""
+
+    uses: dict[Use, None] = field(default_factory=dict)
+    keys: dict[str, dict[str, None]] = field(default_factory=dict)
+    effects: dict[str, None] = field(default_factory=dict)
+
+    def fault(self, name: str) -> Fault:
+        """Describe it."""
+        parts = ", ".join(dict.fromkeys(use.part for use in self.uses))
+        ends = sorted({use.temperature for use in self.uses})
+        at = " to ".join(dict.fromkeys([f"{ends[0]:g}", f"{ends[-1]:g}"]))
+        ranges = "; ".join(f"{', '.join(own)} {problem}" for problem, own in self.keys.items())
+        *others, last = self.effects
+        wrong = ", ".join(others) + " and " * bool(others) + last
+        size = "some per cent" if wrong == "stiffness" else "orders of magnitude"
+        problem = (
+            f"used at {at} K ({parts}), but {ranges}; the nearest known values are used, so its"
+            f" {wrong} may be wrong by {size}"
+        )
+        listed = {key for own in self.keys.values() for key in own}
+        first = next(iter(next(iter(self.keys.values()))))
+        example = f"{first} = {{ temperature = [...], values = [...] }}"
+        if listed == {"loss"}:
+            example = "loss_angle = ..."
+        remedy = f"give values for {at} K in [materials.{name}], for example {example}"
+        return Fault(f"materials.{name}", problem, remedy)
 
 
 def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str, tuple[str, ...]]:
@@ -128,25 +157,3 @@ def _needed(design: Design, name: str, uses: list[Use], bends: bool) -> dict[str
         others = needed.get("thermal_conductivity", ())
         needed["thermal_conductivity"] = (*others, "conducted heat")
     return needed
-
-
-def _fault(
-    name: str, temperature: float, uses: list[Use], keys: dict[str, list[str]], effects: list[str]
-) -> Fault:
-    """Describe what is unknown of a material at a temperature (K)."""
-    parts = ", ".join(dict.fromkeys(use.part for use in uses))
-    ranges = "; ".join(f"{', '.join(own)} {problem}" for problem, own in keys.items())
-    wrong = ", ".join(effects[:-1]) + " and " * (len(effects) > 1) + effects[-1]
-    problem = (
-        f"used at {temperature:g} K ({parts}), but {ranges}; the nearest known values are used, so"
-        f" its {wrong} may be wrong by orders of magnitude"
-    )
-    if effects == ["stiffness"]:
-        problem = problem.replace("by orders of magnitude", "by some per cent")
-    listed = dict.fromkeys(key for own in keys.values() for key in own)
-    example = next(iter(listed))
-    example = f"{example} = {{ temperature = [...], values = [...] }}"
-    if "loss" in listed and len(listed) == 1:
-        example = "loss_angle = ..."
-    remedy = f"give values for {temperature:g} K in [materials.{name}], for example {example}"
-    return Fault(f"materials.{name}", problem, remedy)

@@ -94,5 +94,5 @@ class Names:
 
     @property
     def labels(self) -> list[str]:
-        """Labels of the modes, for suggestions."""
-        return list(dict.fromkeys(self.modes.label))
+        """Motions of the modes, for suggestions."""
+        return list(dict.fromkeys(self.modes.motion))

@@ -47,7 +47,7 @@ def find_results(texts: Sequence[str], names: Names, text: str, level: str) -> t
 
 def follow_all(text: str, level: str) -> list[FollowedMode]:
     """Follow every mode of a nominal design (TOML), by its label in a model."""
-    labels = eigenmodes.solve(nominal_system(text, level)).numbered_label
+    labels = eigenmodes.solve(nominal_system(text, level)).label
     return [FollowedMode(label, "Hz", n, text) for n, label in enumerate(labels)]
 
 

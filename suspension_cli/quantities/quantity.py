@@ -50,6 +50,8 @@ class Quantity(ABC):
     vanishes
         Whether it is 0 in some designs and positive on both sides of them, like the distance of
         modes that cross.
+    zero
+        Why it is exactly 0, where it is.
     undamped
         Whether it is of undamped modes, which are those of wires without mass.
     slow
@@ -73,6 +75,7 @@ class Quantity(ABC):
     wire_mass: ClassVar[bool] = False
     largest: ClassVar[float] = math.inf
     vanishes: ClassVar[bool] = False
+    zero: ClassVar[str] = "by symmetry"
     undamped: ClassVar[bool] = False
     slow: ClassVar[bool] = False
     analytic: ClassVar[bool] = False

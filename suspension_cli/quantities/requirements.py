@@ -307,10 +307,14 @@ def _describe_contradiction(above: Requirement, below: Requirement) -> Fault:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A requirement and the value of its quantity in one design, SI; NaN if it has none."""
+    """A requirement and the value of its quantity in one design, SI; NaN if it has none.
+
+    `model` is the name of the one in which it was computed.
+    """
 
     requirement: Requirement
     value: float
+    model: str
 
     @property
     def met(self) -> bool:
@@ -332,4 +336,6 @@ def judge(requirements: Sequence[Requirement], design: Design, level: str) -> tu
     values = np.full(len(quantities), np.nan)
     for _, batch in of_designs([design], level, Needs.of(quantities)):
         values = evaluate(quantities, batch)[0]
-    return tuple(Verdict(*pair) for pair in zip(requirements, values.tolist(), strict=True))
+    models = [one.level(level, design) for one in quantities]
+    found = zip(requirements, values.tolist(), models, strict=True)
+    return tuple(Verdict(*one) for one in found)

@@ -18,12 +18,11 @@ from suspension_cli.design.wires import CROSS_SECTIONS, stretches
 from suspension_cli.errors import InputError, format_value, gather, suggest
 from suspension_cli.models import registry
 
-OTHER_TABLES = ("design", "analysis", "control", "tolerance", "tie", "requirement")
-"""Tables that do not describe the suspension itself."""
+OTHER_TABLES = ("design", "analysis", "tolerance", "tie", "requirement")
+"""Tables that do not describe the suspension and its control."""
 NOT_CONTINUOUS = (
     "count",
     "steps",
-    "temperature",
     "temperature_range",
     "values",
     "profile",
@@ -31,10 +30,15 @@ NOT_CONTINUOUS = (
     "imaginary",
     "static",
 )
-"""Keys of numbers that are not varied: integers, temperatures, properties against them, profiles of
-wires, and tables of links (which have a factor)."""
-TABLE_FREQUENCY = re.compile(r"link\.[^.]+\.table\.frequency\.")
-"""Frequencies of a link's table."""
+"""Keys of numbers that are not varied: integers, ranges of temperatures, properties against them,
+profiles of wires, and tables of links (which have a factor)."""
+FIXED = re.compile(
+    r"link\.[^.]+\.table\.frequency\.|control\..+(_noise\.|\.sections\.|\.rate$|\.range$)"
+    r"|materials\..+\.temperature\.|.+\.temperature\.\d+\.1$"
+)
+"""Frequencies of a link's table; of control noise at several frequencies, sections of filters,
+sample rates and ranges of drivers; temperatures of a material's properties, and places along a wire
+of its temperatures."""
 TWIST = "poisson_ratio"
 """Matters only where wires twist."""
 
@@ -66,7 +70,7 @@ def every(text: str, level: str = registry.STRING.name) -> tuple[Parameter, ...]
         for key, value in raw.items()
         if key not in OTHER_TABLES
         for name, number in paths.numbers(key, value, NOT_CONTINUOUS)
-        if (bends or not name.endswith(TWIST)) and not TABLE_FREQUENCY.match(name)
+        if (bends or not name.endswith(TWIST)) and not FIXED.match(name)
         if name not in tied
     ]
     known = {item.name for item in found}
@@ -104,8 +108,6 @@ def choose(numbers: Sequence[Parameter], vary: Sequence[str]) -> tuple[Parameter
         found = [one for one in numbers if f"{one.name}.".startswith(f"{path}.")]
         if not found:
             remedy = suggest(path, [one.name for one in numbers])
-            if path.startswith("control"):
-                remedy = "vary those of [control] with pendsus sweep"
             problem = "names no number of the design that can vary"
             raise InputError.of("--vary", problem, remedy, format_value(path))
         return found

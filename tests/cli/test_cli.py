@@ -104,6 +104,7 @@ sys.exit(bool({{"matplotlib.pyplot"}} & {{*sys.modules}}))
     [
         (("mods",), "No such command 'mods'; did you mean 'modes'?"),
         (("modes",), "Missing argument"),
+        (("optimise", "x.toml"), "free = [{ name = "),
         (("modes", "--fidelity", "best", "x.toml"), "--fidelity"),
         (("modes", "--sett", "x.toml"), "--sett"),
     ],

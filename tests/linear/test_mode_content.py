@@ -31,7 +31,7 @@ def test_two_modes_that_exchange_their_character():
     np.testing.assert_allclose(found.fraction + found.other_fraction, 1.0, rtol=1e-12)
 
 
-def test_numbered_labels_are_counted_by_frequency():
+def test_labels_are_counted_by_frequency():
     """Two modes of one motion; where one of them is another motion, there is no second."""
     fractions = np.array(
         [
@@ -81,6 +81,6 @@ def test_the_same_labels_as_the_table_of_modes(name):
             alone = eigenmodes.solve(registry.STRING.system(designs[place]).constant)
             np.testing.assert_allclose(found[n], alone.fractions, atol=1e-6)
             for number, place in enumerate(mode_content.leading(alone.fractions).tolist()):
-                _, _, rank = alone.numbered_label[number].partition("#")
+                _, _, rank = alone.label[number].partition("#")
                 motion = mode_content.Motion(place, int(rank or 0))
                 assert mode_content.find(found[n], motion).mode == number

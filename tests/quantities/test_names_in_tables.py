@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ def frequencies(*names: str) -> np.ndarray:
 
 def test_every_label_of_the_modes_table_is_a_result():
     modes = sus.modes(DESIGN, fidelity="string")
-    found = frequencies(*modes.numbered_label)
+    found = frequencies(*modes.label)
     np.testing.assert_allclose(found.ravel(), modes.frequency, rtol=1e-6)
 
 
@@ -52,9 +54,31 @@ def test_goals_take_both_names(dof, tmp_path):
     assert "longitudinal-pitch 1" in str(found)
 
 
-def test_given_frequencies_are_rows(tmp_path):
+@pytest.mark.parametrize("command", ["response", "thermal", "budget"])
+def test_given_frequencies_are_rows(command, tmp_path):
     file = written(tmp_path, DESIGN.text, "double.toml")
-    given = ("--frequency", "1.25,2.5,31.75", "--out", tmp_path, "--no-plot")
-    rows = run("response", file, *given).stdout.splitlines()
-    first = [line.split()[0] for line in rows if len(line.split()) == 3]
-    assert [row for row in first if row[0].isdigit()] == ["1.25", "2.5", "31.75"]
+    given = ("--frequency", "1.25,10,10.00001", "--output", "test.x", "--fidelity", "beam")
+    text = run(command, file, *given, "--out", tmp_path, "--no-plot").stdout
+    if command == "budget":
+        (head,) = [line for line in text.splitlines() if line.split()[:2] == ["cause", "RMS"]]
+        assert re.findall(r"\S+(?= Hz)", head) == ["1.25", "10", "10.00001"]
+        return
+    rows = [line.split() for line in text.splitlines()]
+    assert [row[0] for row in rows if row and row[0][0].isdigit()] == ["1.25", "10", "10.00001"]
+
+
+@pytest.mark.parametrize("name", ["quadruple", "husman2000/triple-vertical"])
+def test_optimise_names_modes_as_their_table_does(name, tmp_path):
+    goals = written(
+        tmp_path,
+        """
+        goal = [{ kind = "height", at_most = 2.0 }]
+        free = [{ name = "stage.test.wires.d", lower = 1e-3, upper = 2e-3 }]
+        """,
+        "goals.toml",
+    )
+    found = sus.optimise(f"configs/{name}.toml", goals, starts=1, fidelity="beam")
+    modes = sus.modes(found.design, fidelity="beam")
+    assert any("#2" in label for label in modes.label)
+    named = dict(zip(found.modes.label, found.modes.after, strict=True))
+    assert named == pytest.approx(dict(zip(modes.label, modes.frequency, strict=True)), rel=1e-6)

@@ -70,7 +70,7 @@ def test_decay_is_that_of_modes(lossy):
 
 def test_decay_takes_a_mode_by_any_of_its_names(lossy):
     modes = sus.modes(lossy, fidelity="beam")
-    labels = modes.numbered_label
+    labels = modes.label
     second = [n for n, one in enumerate(labels) if "pitch" in one or "longitudinal" in one][1]
     places = {
         "lowest pitch": [label.endswith("pitch") for label in labels].index(True),
@@ -87,7 +87,7 @@ def test_decay_of_a_mode_by_its_names_with_loops_closed(triple):
     """Q of the pole next to the mode without loops, which 0.5 % of its frequency tells apart."""
     modes = sus.modes(triple, fidelity="beam")
     poles = sus.damp(triple, fidelity="beam").closed.value
-    number = modes.numbered_label.index("test pitch")
+    number = modes.label.index("test pitch")
     pole = poles[np.abs(np.abs(poles) - 2 * np.pi * modes.frequency[number]).argmin()]
     names = ["test pitch", "lowest pitch", str(number + 1), "longitudinal-pitch 1"]
     values = evaluate(triple, *(f"Q of {name}" for name in names))
@@ -172,8 +172,8 @@ def test_violin_modes_are_those_of_the_table(lossy):
     modes = sus.modes(lossy, max_frequency=700, fidelity="violin")
     own = [
         f
-        for f, label in zip(modes.frequency, modes.label, strict=True)
-        if label.startswith("test violin") and label.endswith(" 1")
+        for f, motion in zip(modes.frequency, modes.motion, strict=True)
+        if motion.startswith("test violin") and motion.endswith(" 1")
     ]
     first, lowest = evaluate(lossy, "test violin 1", "lowest violin")
     assert first == pytest.approx(min(own), rel=1e-8)
@@ -373,11 +373,11 @@ def test_labels_that_modes_prints_are_quantities():
     """How many modes have a label depends on the model."""
     design = sus.example("cryogenic-payload")
     modes = sus.modes(design, fidelity="beam")
-    twice = [name for name in modes.numbered_label if name.endswith("#2")]
+    twice = [name for name in modes.label if name.endswith("#2")]
     assert twice
     for name in twice:
         [value] = evaluate(design, name)
-        number = modes.numbered_label.index(name)
+        number = modes.label.index(name)
         assert value == pytest.approx(modes.frequency[number], rel=1e-4), name
 
 

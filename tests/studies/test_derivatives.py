@@ -115,7 +115,10 @@ def test_against_richardson_extrapolation_of_whole_runs(case, level):
     """
     text = MADE[case]() if case in MADE else (CONFIGS / f"{case}.toml").read_text()
     found, requested = solved(text, "modes", *CASES[case][1], level=level)
-    chosen, rng = np.flatnonzero(found.free & (found.value != 0)), np.random.default_rng(3)
+    # moduli that are set as numbers depend on temperature no longer
+    cold = np.array([name.endswith("temperature") for name in found.parameter])
+    chosen = np.flatnonzero(found.free & (found.value != 0) & ~cold)
+    rng = np.random.default_rng(3)
     shares = rng.uniform(0.5, 1, len(chosen)) * rng.choice([-1, 1], len(chosen))
     change = found.value[chosen] * shares
 

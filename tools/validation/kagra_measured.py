@@ -172,7 +172,7 @@ class Resonance:
 def _resonances(name: str, kept: dict[str, Any]) -> list[Resonance]:
     """Modes of the design beside measured resonances."""
     found = eigenmodes.solve(registry.by_name(MODEL).system(_design(name).design))
-    modes = list(zip(found.label, found.frequency.tolist(), strict=True))
+    modes = list(zip(found.motion, found.frequency.tolist(), strict=True))
 
     def nearest(mode: str, measured: float) -> float:
         own = [frequency for label, frequency in modes if label == mode]

@@ -242,7 +242,7 @@ def _sos(result: Section, known: dict[str, Any]) -> None:
     found = sus.modes(design, fidelity="beam")
     ours = {
         label.split()[-1]: float(value)
-        for label, value in zip(found.label, found.frequency, strict=True)
+        for label, value in zip(found.motion, found.frequency, strict=True)
     }
     names = {"POS": "longitudinal", "SIDE": "transverse", "PIT": "pitch", "YAW": "yaw"}
     rows = [

@@ -38,7 +38,7 @@ def frequencies(model: LinearSystem) -> tuple[np.ndarray, list[str]]:
     """Frequencies of the oscillating modes (Hz), ascending, and their labels."""
     found = eigenmodes.solve(model)
     kept = np.flatnonzero(np.isfinite(found.frequency))
-    return np.asarray(found.frequency)[kept], [found.label[n] for n in kept]
+    return np.asarray(found.frequency)[kept], [found.motion[n] for n in kept]
 
 
 def pair(known: np.ndarray, ours: np.ndarray) -> np.ndarray:

@@ -119,7 +119,7 @@ def _body(signal: str) -> str:
 def _noise(osem: Osem, kind: str) -> str:
     """Noise of the sensor or the coil of an OSEM, for comparison."""
     if kind == "sensor":
-        return repr(osem.noise_of_sensor)
+        return repr(osem.sensor_noise)
     gain = (osem.coil, osem.transconductance, osem.driver_response)
     return repr((osem.force_noise, osem.driver_noise, gain))
 

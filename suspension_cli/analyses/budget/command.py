@@ -114,8 +114,8 @@ class BudgetAnalysis(Analysis):
         from suspension_cli.analyses.budget import cause_groups
 
         first = result.first
-        low, high = first.frequency[[0, -1]]
-        span = f"{low:.4g}" + (f" to {high:.4g}" if high > low else "") + " Hz"
+        ends = dict.fromkeys(first.frequency[[0, -1]].tolist())
+        span = f"{' to '.join(tables.write_given([*ends]))} Hz"
         lines = [result.run.choice.line, f"ground: {_describe_ground(first)}"]
         for n, one in enumerate(result.motions):
             tilt = 0.0 if result.tilt is None else float(result.tilt[n])
@@ -145,7 +145,8 @@ def _tabulate(one: MotionBudget) -> Iterator[str]:
     """Write the table of one output, the largest cause first, and what it requires."""
     shown = table_points(one.frequency)
     columns = {"cause": "", f"RMS\n{one.unit}": ".3e", f"RMS velocity\n{one.unit}/s": ".3e"}
-    heads = [f"{at:.4g} Hz\n{one.unit}/sqrt(Hz)" for at in one.frequency[shown]]
+    frequencies = tables.write_given(one.frequency[shown].tolist())
+    heads = [f"{at} Hz\n{one.unit}/sqrt(Hz)" for at in frequencies]
     causes = zip(
         ("all", *one.cause),
         (one.total_rms, *one.rms_by_cause.values()),

@@ -166,7 +166,8 @@ class CheckAnalysis(Analysis):
         if result.stable is not None:
             word = "stable" if result.stable else "UNSTABLE"
             lines.append(f"  {word} in the {result.stability_model} model")
-        lines.append(f"  largest residual force: {loads.residual:.0e} of the weight")
+        residual = f"largest residual force: {loads.residual:.0e} of the weight"
+        lines.append(f"  {residual}; loads and poses are those of the string model")
         if result.verdicts:
             lines.append(verdicts.tabulate(result.verdicts))
         return "\n".join(lines)

@@ -30,7 +30,7 @@ MANY = 20
 ROUNDED = 5e-4
 """Change of a frequency, %, below which it is printed as 0: the five digits of the frequencies
 beside it do not show it. JSON and files have all digits."""
-RATIO_ROWS = {"frequency\nHz": ".6g", "ratio": "#.4g"}
+RATIO_ROWS = {"frequency\nHz": tables.AS_GIVEN, "ratio": "#.4g"}
 """Columns of the table of a ratio at a few frequencies."""
 
 

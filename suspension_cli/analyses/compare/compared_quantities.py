@@ -28,7 +28,7 @@ from suspension_cli.quantities import vocabulary
 from suspension_cli.quantities.differences import compare_designs
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.quantity import Quantity, evaluate
-from suspension_cli.quantities.requirements import Requirement, Verdict
+from suspension_cli.quantities.requirements import Requirement
 from suspension_cli.quantities.solved import of_designs
 
 if TYPE_CHECKING:
@@ -240,8 +240,7 @@ def _judge(
     found = []
     for one in request.requirements:
         row = names.index(one.quantity.text)
-        verdict = Verdict(one, float(values[row]))
-        found.append(
-            ItemVerdict(row, item, one.description, one.limits.note, verdict.met, verdict.margin)
-        )
+        met = bool(one.is_met(values[row]))
+        margin = float(one.margin(values[row]))
+        found.append(ItemVerdict(row, item, one.description, one.limits.note, met, margin))
     return found

@@ -291,7 +291,7 @@ def pair_modes(found: dict[int, Any], items: Sequence[Item], *, wires: bool = Tr
 
     `found` are the modes of each item with a design. If `wires`, also those of wires, by label.
     """
-    names = {n: np.array(one.numbered_label) for n, one in found.items()}
+    names = {n: np.array(one.label) for n, one in found.items()}
     listed = {n: np.flatnonzero(wires | (one.order == 0)) for n, one in found.items()}
     reference, *others = found
     first = listed[reference]

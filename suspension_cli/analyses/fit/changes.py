@@ -64,7 +64,11 @@ class Changes:
     def of(problem: Problem) -> Changes:
         """List the numbers of the one design of a problem."""
         one = problem.experiment[0]
-        given = {item.name: item.value for item in parameters.every(one.text, one.level)}
+        given = {
+            item.name: item.value
+            for item in parameters.every(one.text, one.level)
+            if not item.name.startswith("control.")
+        }
         given |= dict(zip(one.free, problem.base, strict=True))
         wide = problem.restricted([*given], given)
         return Changes(given, wide.held(wide.unknowns.start))

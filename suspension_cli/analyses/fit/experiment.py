@@ -149,7 +149,7 @@ class Experiment:
     @cached_property
     def labels(self) -> list[str]:
         """Labels of the nominal modes."""
-        return self.nominal.modes.numbered_label
+        return self.nominal.modes.label
 
     def at(self, x: Array) -> Build:
         """Put the free parameters into the design."""
@@ -199,7 +199,7 @@ class Experiment:
         place = parse_place(label, len(modes.home))
         found = modes.with_label(label) if place is None else [place]
         if not found:
-            remedy = suggest(label, modes.numbered_label)
+            remedy = suggest(label, modes.label)
             raise InputError.of(where, "is the label of no mode", remedy, format_value(label))
         if len(found) != 1 or found[0] in taken:
             problem = "does not name exactly one mode, or names that of another measurement"

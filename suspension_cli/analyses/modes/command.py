@@ -121,7 +121,6 @@ class ModesAnalysis(Analysis):
 
         from suspension_cli.linear.eigenmodes import TOP
 
-        names = result.numbered_label
         verdicts = result.verdict
         groups = result.groups
         first = [group[0] for group in groups]
@@ -137,7 +136,7 @@ class ModesAnalysis(Analysis):
         damper = "the top mass" if result.damping_at in (None, TOP) else result.damping_at
         column = f"{damper.removeprefix('the ')}\n%"
         columns[column] = ".1f", ["" if result.order[n] else 100 * fraction[n] for n in first]
-        what = [_describe(result, group, names, verdicts) for group in groups]
+        what = [_describe(result, group, verdicts) for group in groups]
         failing = f"; why damping at {damper} fails" * any(";" in text for text in what)
         columns[f"mode, by fraction of kinetic energy{failing}"] = "", what
         forms = {head: form for head, (form, _) in columns.items()}
@@ -181,9 +180,7 @@ def _animated(modes: Modes, setting: Settings) -> list[int]:
     return picture.parse_names(modes, setting["animate"])
 
 
-def _describe(
-    modes: eigenmodes.Modes, group: Sequence[int], names: Sequence[str], verdicts: Sequence[str]
-) -> str:
+def _describe(modes: eigenmodes.Modes, group: Sequence[int], verdicts: Sequence[str]) -> str:
     """Name a mode by the motions with most kinetic energy, or wire modes of nearly one frequency.
 
     After ";" follows why it cannot be damped, or how it grows or decays.
@@ -197,7 +194,7 @@ def _describe(
     fractions = modes.fractions[group[0]]
     if modes.order[n]:
         body, dof = modes.home[n]
-        labels = {modes.label[k] for k in group}
+        labels = {modes.motion[k] for k in group}
         kind = "violin" if dof.startswith("violin") else dof
         text = labels.pop() if len(labels) == 1 else f"{body} {kind} {modes.order[n]}"
         last = modes.frequency[group[-1]]
@@ -206,7 +203,7 @@ def _describe(
     order = np.argsort(-fractions.round(9), kind="stable")
     order = [lead, *order[order != lead]][:3]
     text = ", ".join(
-        f"{describe(modes.place[i]) if k else names[n]} {100 * fractions[i]:.0f} %"
+        f"{describe(modes.place[i]) if k else modes.label[n]} {100 * fractions[i]:.0f} %"
         for k, i in enumerate(order)
         if fractions[i] > 0.02
     )

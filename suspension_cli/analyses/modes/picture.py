@@ -337,10 +337,10 @@ def parse_names(modes: Modes, text: str, option: str = "--animate") -> list[int]
             position = parse_place(name, len(modes.frequency))
             chosen = [] if position is None else [position]
         else:
-            chosen = [n for n, label in enumerate(modes.label) if label == name]
+            chosen = modes.with_label(name)
         if not chosen:
             remedy = f"give a number from 1 to {len(modes.frequency)}, {ALL}, or a label:"
-            remedy += f" {suggest(name, list(dict.fromkeys(modes.label)))}"
+            remedy += f" {suggest(name, modes.label)}"
             raise InputError([Fault(option, "names no mode", remedy, format_value(name))])
         if not set(chosen) <= set(drawn):
             problem = "is a mode of wires alone, whose shape is not drawn"

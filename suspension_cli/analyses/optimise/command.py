@@ -27,6 +27,14 @@ if TYPE_CHECKING:
 
 TABLES = ("requirement", "objective", "goal", "free", "equal")
 """Of a file of goals."""
+EXAMPLE = """It is a TOML file of goals and free numbers; make one with these lines:
+
+cat > goals.toml << END
+requirement = [{ quantity = "lowest pitch", at_least = 0.5 }]
+free = [{ name = "stage.test.wires.d", lower = 1e-3, upper = 5e-3 }]
+END
+
+and run: pendsus optimise DESIGN goals.toml"""
 ROUNDING = 0.1
 """Part of the tolerance by which the rounding of numbers may change a quantity."""
 BOUNDS = ("lower", "", "upper")
@@ -70,7 +78,7 @@ class OptimiseAnalysis(Analysis):
     name = "optimise"
     result_type = "analyses.optimise.optimum.Optimum"
     draws_neglected = True
-    arguments = (options.DESIGN, argument("goals", metavar="GOALS"))
+    arguments = (options.DESIGN, argument("goals", metavar="GOALS", example=EXAMPLE))
     inputs = (
         options.Input(),
         options.Input(

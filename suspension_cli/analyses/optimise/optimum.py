@@ -153,8 +153,8 @@ class Limits:
 class ModeTable:
     """All modes by family and rank (``longitudinal-pitch 1``): Hz, NaN for an unstable mode.
 
-    `label` and `number` (from 0) are those in the optimised design; fractions are of the kinetic
-    energy in the top mass.
+    `label` (as of `pendsus modes`) and `number` (from 0) are those in the optimised design;
+    fractions are of the kinetic energy in the top mass.
     """
 
     in_json: ClassVar = Layout(

@@ -318,12 +318,13 @@ def _mode_table(evaluator: Evaluator, before: Report, after: Report) -> ModeTabl
     families = evaluator.names.families
     counts = zip(families.names, families.size, strict=True)
     names = [f"{name} {rank + 1}" for name, size in counts for rank in range(size)]
-    first = _modes_of(before, families)
-    last = _modes_of(after, families)
     coordinate = evaluator.names.system.coordinate[6:]
+    motions = [eigenmodes.describe(one) for one in coordinate]
+    first = _modes_of(before, families, motions)
+    last = _modes_of(after, families, motions)
     return ModeTable(
         name=tuple(names),
-        label=tuple(eigenmodes.describe(coordinate[n]) for n in last.motion),
+        label=last.label,
         before=first.frequency,
         after=last.frequency,
         fraction_before=first.top_fraction,
@@ -333,26 +334,27 @@ def _mode_table(evaluator: Evaluator, before: Report, after: Report) -> ModeTabl
 
 
 class _Ranked(NamedTuple):
-    """Modes of one design by family and rank; NaN and -1 where it has none."""
+    """Modes of one design by family and rank; NaN, -1 and "" where it has none."""
 
     number: Int[np.ndarray, " mode"]
     frequency: Float[np.ndarray, " mode"]
     top_fraction: Float[np.ndarray, " mode"]
-    motion: list[int]
+    label: tuple[str, ...]
 
 
-def _modes_of(found: Report, families: Families) -> _Ranked:
+def _modes_of(found: Report, families: Families, motions: Sequence[str]) -> _Ranked:
     count = sum(families.size)
     nothing = np.full(count, np.nan)
     solved = found.nominal
     if solved is None:
-        return _Ranked(np.full(count, -1), nothing, nothing, [0] * count)
+        return _Ranked(np.full(count, -1), nothing, nothing, ("",) * count)
     number = np.concatenate([ranks[0] for ranks in solved.energy_of_modes.ranked(families)])
     known = number >= 0
-    motion = mode_content.leading(solved.fractions[0])
+    leading = mode_content.leading(solved.fractions[0])
+    labels = mode_content.number_labels([motions[int(place)] for place in leading])
     return _Ranked(
         number,
         np.where(known, solved.frequency[0, number], np.nan),
         np.where(known, solved.top_fraction[0, number], np.nan),
-        motion[number].tolist(),
+        tuple(labels[n] if n >= 0 else "" for n in number),
     )

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 FREQUENCY = "0.1:100:2000"
 """Default frequencies, Hz; with measured transfer functions, these cover them instead."""
-ROWS = {"frequency\nHz": ".6g", "magnitude": ".4e", "phase\ndegrees": ".2f"}
+ROWS = {"frequency\nHz": tables.AS_GIVEN, "magnitude": ".4e", "phase\ndegrees": ".2f"}
 """Columns of the table of a response at a few frequencies."""
 SCALE = option(
     "--scale",
@@ -119,7 +119,7 @@ class ResponseAnalysis(Analysis):
                     lines.append(f"{into} -> {out}: 0 by symmetry")
                     continue
                 ends = [] if few else [0, -1]
-                parts = [f"{size[n]:.4g} at {result.frequency[n]:.4g} Hz" for n in ends]
+                parts = [f"{size[n]:.4g} at {result.frequency[n]:.5g} Hz" for n in ends]
                 if largest is not None:
                     peak = largest.size[o, i]
                     top = f"{peak:.4g}" if np.isfinite(peak) else "infinite (no loss there)"

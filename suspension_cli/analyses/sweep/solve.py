@@ -202,7 +202,7 @@ def write(group: Stored, columns: Columns, job: ParameterSweep, run: Origin) -> 
             tracked = overlap[..., [one.place for one in job.followed]]
             found = float(np.fmin.reduce(tracked, axis=None, initial=np.nan))
             least = 1.0 if np.isnan(found) else found
-        described["mode"] = tuple(job.nominal.numbered_label)
+        described["mode"] = tuple(job.nominal.label)
         described["mode_number"] = np.arange(1, len(job.nominal.omega_squared) + 1)
         described["coordinate"] = job.nominal.coordinate
     if job.ratios:

@@ -82,7 +82,7 @@ class ThermalAnalysis(Analysis):
                 )
                 rows.append((noise.frequency[n], noise.amplitude[n], ", ".join(fractions)))
             columns = {
-                "frequency\nHz": ".4g",
+                "frequency\nHz": tables.AS_GIVEN,
                 f"noise\n{noise.unit}/sqrt(Hz)": ".3e",
                 "fractions of its power": "",
             }

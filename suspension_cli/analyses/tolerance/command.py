@@ -412,10 +412,14 @@ def _shares(found: Tolerance) -> Iterator[str]:
     from suspension_cli.analyses.tolerance.summary import LEADING
 
     rows = []
+    unexplained: list[str] = []
     asked = {one.name: one for one in (found.signed, *found.required, *found.others)}
     asked.pop(found.coupling.name, None)
     for one in asked.values():
         if not np.isfinite(one.r_squared):
+            continue
+        if one.r_squared <= 0:
+            unexplained.append(one.name)
             continue
         order = np.argsort(-one.share, kind="stable").tolist()
         texts = [
@@ -427,6 +431,11 @@ def _shares(found: Tolerance) -> Iterator[str]:
     if rows:
         heading = "fraction of the variance that each tolerance causes ± standard error"
         yield tables.render({"linear fit\nR²": ".3f", "quantity": "", heading: ""}, rows)
+    if unexplained:
+        yield (
+            f"a linear fit explains nothing of the spread of {', '.join(unexplained)}: so it does"
+            " not improve the statistics (control variates), and no fractions of variance are known"
+        )
 
 
 ANALYSIS = ToleranceAnalysis()

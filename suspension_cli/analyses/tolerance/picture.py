@@ -187,7 +187,7 @@ def _causes(summary: Tolerance) -> Iterator[Panel]:
 def _shares(summary: Tolerance) -> Iterator[Panel]:
     """Make the panel of the tolerances that cause the variance of the coupling."""
     one = summary.signed
-    if not np.isfinite(one.r_squared):
+    if not one.r_squared > 0:
         return
     significant = np.where(one.share > 2 * one.share_error, one.share, 0.0)
     top = strongest(significant, MAX_ROWS[1], LEAST_SHARE)

@@ -100,7 +100,7 @@ def _describe(job: RandomBuilds, limit: float) -> dict[str, Any]:
         "factor_group": tuple(one.group for one in job.factors),
         "group": job.groups,
         "mode": np.arange(1, len(job.modes) + 1),
-        "mode_label": tuple(job.nominal.numbered_label),
+        "mode_label": tuple(job.nominal.label),
         "nominal_frequency": job.nominal.frequency,
         "stage": tuple(job.scene.bodies.name),
         "quantity": tuple(one.text for one in quantities),

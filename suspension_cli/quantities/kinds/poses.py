@@ -36,6 +36,7 @@ class StaticPose(Quantity):
     steady: ClassVar[bool] = False
     analytic: ClassVar[bool] = True
     negligible: ClassVar[float] = 1e-5
+    zero = "by symmetry or balance"
     missing = "does not hang on taut wires"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

@@ -43,6 +43,7 @@ class ThermalNoise(Quantity):
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
     within: ClassVar[tuple[float, float]] = (0.0, math.inf)
+    zero = "without loss, or by symmetry"
     missing = "has no steady state, or a resonance without loss there"
 
     @property

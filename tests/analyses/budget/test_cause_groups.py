@@ -26,7 +26,7 @@ PLACES = {
 def budget() -> sus.Budget:
     """A damped triple with six BOSEMs, one of which has a noisier coil."""
     osems = [
-        {"name": name, "stage": "upper", "at": at, "direction": direction, "sensor": "bosem"}
+        {"name": name, "stage": "upper", "at": at, "direction": direction, "sensor_noise": "bosem"}
         | {"force_noise": 2e-9 if name == "SD" else 1e-9}
         for name, (at, direction) in PLACES.items()
     ]

@@ -184,3 +184,31 @@ def test_requirements_that_no_design_meets_are_faults(tmp_path):
     for line, number in zip(lines, (1, 2, 3, 6), strict=True):
         assert f"requirement.{number}.{limits[number - 1][1]} = " in line
     assert "contradicts requirement.4.at_most = 2" in lines[2]
+
+
+def test_values_that_are_0_say_why(tmp_path):
+    """By symmetry, or as a material has no loss; and each value names its model."""
+    design = sus.template("single").replace(
+        {
+            "materials": {"w": {"youngs_modulus": 1e11, "density": 7e3}},
+            "stage.test.wires.material": "w",
+            "requirement": [
+                {"quantity": "thermal test.x:10", "at_most": 1e-18},
+                {"quantity": "test.y/support.x:10", "at_most": 1e-3},
+                {"quantity": "test static pitch", "at_most": 1e-3},
+                {"quantity": "test violin 1", "at_least": 100.0},
+            ],
+        }
+    )
+    rows = [line for line in str(sus.check(design)).splitlines() if line.startswith("  met")]
+    said = ("0 without loss, or by symmetry", "0 by symmetry", "0 by symmetry or balance", " Hz")
+    for row, words in zip(rows, said, strict=True):
+        assert words in row
+    models = [row.rpartition("  ")[0].split()[-1] for row in rows]
+    assert models == ["beam", "beam", "beam", "violin"]
+
+
+def test_plausible_noise_at_points_is_no_warning():
+    noise = [[0.1, 1e-9], [10.0, 1e-10]]
+    design = sus.example("triple-damped").replace({"control.loop.x.sensor_noise": noise})
+    assert not [one for one in sus.check(design).warnings if "sensor" in one.key]

@@ -102,8 +102,8 @@ def test_violin_modes(lossy, free):
     modes = sus.modes(lossy, fidelity="violin", max_frequency=700.0)
     own = [
         frequency
-        for frequency, label in zip(modes.frequency, modes.label, strict=True)
-        if label.startswith("test violin") and label.endswith(" 1")
+        for frequency, motion in zip(modes.frequency, modes.motion, strict=True)
+        if motion.startswith("test violin") and motion.endswith(" 1")
     ]
     assert free["test violin 1"] == pytest.approx(min(own), rel=1e-8)
 

@@ -179,7 +179,7 @@ def test_thermal_noise_of_drives():
 
 
 def test_noise_of_a_known_sensor():
-    part = Osem(**osem("a", (0.0, 0.0, 0.0), sensor="bosem"))
+    part = Osem(**osem("a", (0.0, 0.0, 0.0), sensor_noise="bosem"))
     found = local_control.evaluate_noise(part, np.array([1.0, np.sqrt(10.0), 10.0]))
     np.testing.assert_allclose(found, [1.5e-10, np.sqrt(9e-21), 6e-11], rtol=1e-12)
     voltage = Osem(**osem("a", (0, 0, 0), driver_noise=2e-7, coil=1.5, transconductance=0.1))
@@ -193,7 +193,7 @@ def test_noise_of_a_known_sensor():
 def test_voltage_at_a_driver_that_rolls_off():
     """A force F needs the voltage F / (coil transconductance) |1 + i f / f0|."""
     loops = [loop("upper.x", damper=20.0)]
-    electronics = {"coil": 1.5, "transconductance": 0.1, "sensor": "bosem"}
+    electronics = {"coil": 1.5, "transconductance": 0.1, "sensor_noise": "bosem"}
     drives = []
     density = frequency = np.zeros(0)
     for more in ({}, {"driver_response": 'pole(2,"n")'}):
@@ -243,7 +243,7 @@ def test_refusals(how, tmp_path):
 
 
 def test_commands(tmp_path):
-    given = corners(sensor="bosem", coil=1.5, range=1e-6)
+    given = corners(sensor_noise="bosem", coil=1.5, range=1e-6)
     loops = [loop("upper.x", damper=20.0), loop("upper.yaw", damper=0.5)]
     raw = plants.raw("triple", loss=True) | {"control": {"loop": loops, "osem": given}}
     file = written(tmp_path, raw, "triple.toml")

@@ -34,7 +34,7 @@ FREE = [Free(name=name) for name in TRUTH]
 
 def frequencies(file, values):
     """Frequencies of a design with numbers put in, and the labels of the design as drawn."""
-    names = eigenmodes.solve(registry.STRING.system(reader.read(file).design)).numbered_label
+    names = eigenmodes.solve(registry.STRING.system(reader.read(file).design)).label
     design = reader.read(file, tuple(f"{path}={value!r}" for path, value in values.items())).design
     return eigenmodes.solve(registry.STRING.system(design)).frequency, names
 
@@ -232,7 +232,7 @@ def test_a_negative_stiffness_is_not_accepted_in_silence(tmp_path):
     design = tmp_path / "sprung.toml"
     design.write_text(CASE.read_text() + spring)
     stiff = eigenmodes.solve(registry.STRING.system(reader.read(design).design))
-    vertical = stiff.frequency[stiff.numbered_label.index("test vertical")]
+    vertical = stiff.frequency[stiff.label.index("test vertical")]
     raw["mode"][0]["frequency"] = float(vertical) - 0.2
     words = ("--out", tmp_path, "--no-plot", "--quiet", "--fidelity", "string")
     result = run("fit", design, written(tmp_path, raw, "measured.toml"), *words)
@@ -253,7 +253,7 @@ def measured(exchange=(), **bounds):
     """Modes of a stiffer steel with 0.1 % noise, two of them under each other's labels."""
     found = eigenmodes.solve(registry.STRING.system(reader.read(CASE, (f"{E}=1.8e11",)).design))
     noise = np.random.default_rng(0).standard_normal(len(found.frequency))
-    labels = found.numbered_label
+    labels = found.label
     for first, second in [exchange] if exchange else []:
         i, j = labels.index(first), labels.index(second)
         labels[i], labels[j] = second, first

@@ -30,7 +30,7 @@ def seen(file, *values, share=0.001):
     found = eigenmodes.solve(registry.STRING.system(reader.read(file, values).design))
     return [
         Mode(frequency=float(f), uncertainty=share * float(f), label=name)
-        for f, name in zip(found.frequency, found.numbered_label, strict=True)
+        for f, name in zip(found.frequency, found.label, strict=True)
     ]
 
 

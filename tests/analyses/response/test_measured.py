@@ -107,7 +107,8 @@ def test_command(tmp_path):
     """The example: table, JSON, HDF5, and the picture redrawn from the file alone."""
     words = ("response", DESIGN, "--measured", FOLDER / "measured.toml", "--fidelity", "beam")
     done = run(*words, "--out", tmp_path, "--frequency", "0.3:6:200")
-    assert done.exit_code == 0 and "+1.00  test pitch           pitch\n" in done.stdout
+    assert done.exit_code == 0
+    assert "+1.00  test pitch#1         pitch\n" in done.stdout
     assert "osem-x / coil-x (m/V)" in done.stdout
     answer = document(*words, "--out", tmp_path)
     first = answer["measured"][0]

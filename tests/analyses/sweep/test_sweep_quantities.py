@@ -83,7 +83,7 @@ def test_a_number_is_the_mode_as_drawn_and_a_label_the_motion():
     assert len(followed) == 12
     own = find_results(["3"], names, text, "string")
     job = ParameterSweep(text, (Axis(LENGTH, (0.3,)),), "string", own)
-    assert own[0].text == job.nominal.numbered_label[2]
+    assert own[0].text == job.nominal.label[2]
 
 
 def test_jobs_with_other_ground_are_not_mixed_up(tmp_path):

@@ -191,6 +191,17 @@ def test_gap_of_sapphire(tmp_path):
     assert "thermal_conductivity unknown between 20 and 280 K" in line
 
 
+def test_a_material_at_several_temperatures_is_named_once(tmp_path):
+    """A wire from 16 to 22 K beside one at 20 K: one line with the range."""
+    text = TEXT.replace("silicon", "c70steel").replace(
+        "loss = { angle = 0.0 }", "loss_angle = 1e-4"
+    )
+    profile = "temperature=[[0.0,16.0],[1.0,22.0]]"
+    _, (line,) = answer(tmp_path, text, "--set", f"stage.test.wires.{profile}")
+    assert "materials.c70steel: used at 16 to 22 K (test.wires)" in line
+    assert "give values for 16 to 22 K in [materials.c70steel]" in line
+
+
 def test_check_names_them_too(tmp_path):
     file = tmp_path / "one.toml"
     file.write_text(TEXT.replace("silicon", "maraging").replace("loss = { angle = 0.0 }", ""))

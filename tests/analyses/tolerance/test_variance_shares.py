@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.analyses.tolerance.variance_shares import fit
 
 GROUPS = [0, 1, 1, 2]
@@ -66,3 +69,15 @@ def test_values_that_are_missing_or_do_not_vary():
     assert np.isnan(found.share[1]).all() and np.isnan(found.r_squared[1])
     np.testing.assert_allclose(found.share[2], rest.share[0], rtol=1e-12)
     assert np.isnan(fit(y[:12], x[:12], GROUPS).share).all()  # too few
+
+
+def test_a_fit_that_explains_nothing_is_said_in_words():
+    """No negative fraction of the variance is printed, and no shares of it."""
+    found = sus.tolerance(sus.example("triple-tolerance"), builds=24, fidelity="string")
+    poor = dataclasses.replace(found, r_squared=np.full_like(found.r_squared, -0.3))
+    text = str(poor)
+    assert "a linear fit explains nothing of the spread of coupling with its sign" in text
+    assert "-0.3" not in text
+    good = dataclasses.replace(found, r_squared=np.full_like(found.r_squared, 0.9))
+    assert "explains nothing" not in str(good)
+    assert "0.900" in str(good)
