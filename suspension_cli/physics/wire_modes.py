@@ -76,9 +76,9 @@ PRECISE = 1e-11
 """Relative error of a violin mode that is found by counting."""
 DIVIDED = 15
 """Frequencies at which modes are counted at once."""
-HIGHEST = 1.05
-"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
-wire mass lowers frequencies, except next to a violin mode."""
+MINUTE = 1e8
+"""Modes times the squared number of coordinates, with those of the cuts, that take about a minute:
+the elimination of a mode grows with that square."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
 
@@ -414,6 +414,13 @@ def count_modes(system: Solvable, highest: float) -> int:
     lowest = _lowest_frequency(solver.constant.modes)
     low, high = roots.modes_below(solver, np.array([lowest, max(2 * np.pi * highest, lowest)]))
     return int(high - low)
+
+
+def most_in_a_minute(model: LinearSystem, most: int) -> int:
+    """Number of modes that are found in about a minute, at most `most`; fewer of larger systems."""
+    wires = sum(len(term.number) for term in model.terms if isinstance(term, WireTerm))
+    coordinates = model.size + PER_WIRE * wires
+    return min(most, int(MINUTE / coordinates**2))
 
 
 def no_mode_error(highest: float) -> InputError:

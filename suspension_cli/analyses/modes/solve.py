@@ -67,7 +67,7 @@ class Modes(Record, eigenmodes.Modes):
 
 
 def solve(analysis: Analysis, run: Run, most: int) -> Modes:
-    """Compute the modes of a design, at most a number of them unless --all is given."""
+    """Compute the modes of a design: of wires with mass at most a number, unless --all is given."""
     choice, model, undamped, modes = _solve(run, most)
     model_choice.describe_equilibrium(run.source, choice, model, run.log)
     modes = replace(modes, **_damping(run.design, run.setting["damping"]))
@@ -121,6 +121,7 @@ def _solve(run: Run, most: int) -> tuple[Choice, LinearSystem, eigenmodes.Modes,
     auto = level == registry.AUTO
     wanted = registry.VIOLIN.name if auto and highest is not None else level
     choice, model = model_choice.for_modes(run.source, wanted, tolerance)
+    most = wire_modes.most_in_a_minute(model, most)
     if choice.model.has_wire_mass and not (auto and highest is None):
         top = highest or HIGHEST
         cause = "--max-frequency" if highest else "by default"
