@@ -430,7 +430,8 @@ def modes(
     max_frequency : float, optional
         Highest frequency of the modes listed; auto and violin include violin modes.
     every : bool
-        Compute all modes of wires with mass, even if there are more than 1000.
+        Compute all modes of wires with mass, even if there are more than 1000 (fewer of tall
+        towers), which takes minutes.
     damping : str or mapping, optional
         Frequencies (Hz) and stage at which modes can be damped, or none. Default:
         band=0.5:5,at=top; of towers on legs none.

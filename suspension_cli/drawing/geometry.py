@@ -427,11 +427,14 @@ def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> A
     return np.array([moved.get(name, 0.0) for name in numbering.name])
 
 
-def amplitude(scene: Scene, step: Array) -> float:
-    """Largest factor for drawing a step (N,) that leaves the suspension recognisable."""
+def amplitude(scene: Scene, step: Array, size: float | None = None) -> float:
+    """Largest factor for drawing a step (N,) that leaves the suspension recognisable.
+
+    In a picture of a `size` in m, by default that of the suspension.
+    """
     motion = step[: 6 * (len(scene.bodies.name) + 1)].reshape(-1, 6)
     wires = scene.wires
-    size = suspension_size(scene)
+    size = suspension_size(scene) if size is None else size
     tips = np.append(step, 0.0)[layout(scene).blade]
 
     def end(body: Index, point: Array) -> Array:
@@ -450,8 +453,13 @@ def amplitude(scene: Scene, step: Array) -> float:
     return 1.0 / max(*largest, 1e-300)
 
 
-def mode_pose(scene: Scene, coordinate: tuple[str, ...], shape: Array) -> Pose:
-    """Pose in which a mode is drawn: the nominal one, displaced by the mode's shape (c,)."""
+def mode_pose(
+    scene: Scene, coordinate: tuple[str, ...], shape: Array, size: float | None = None
+) -> Pose:
+    """Pose in which a mode is drawn: the nominal one, displaced by the mode's shape (c,).
+
+    In a picture of a `size`, see `amplitude`.
+    """
     numbering = layout(scene)
     step = mode_step(numbering, coordinate, shape)
-    return displace(numbering, nominal_pose(scene), amplitude(scene, step) * step)
+    return displace(numbering, nominal_pose(scene), amplitude(scene, step, size) * step)

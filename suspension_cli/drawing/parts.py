@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import Collection, LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -50,10 +50,13 @@ class Canvas:
     """Shapes collected for one pair of axes, drawn as a few collections, not thousands of artists.
 
     ``canvas = full_canvas(figure); canvas.line([[0, 0], [1, 1]], "black", 0.5, 1); canvas.flush()``
+
+    Polygons and lines end at a `frame`, if there is one, not at the axes.
     """
 
-    def __init__(self, axes: Axes) -> None:
+    def __init__(self, axes: Axes, frame: Rectangle | None = None) -> None:
         self.axes = axes
+        self.frame = frame
         self._polygons: dict[float, list[tuple[Any, ...]]] = defaultdict(list)
         self._lines: dict[tuple[float, LineStyleType], list[tuple[Any, ...]]] = defaultdict(list)
 
@@ -93,16 +96,28 @@ class Canvas:
         for order, polygons in self._polygons.items():
             points, faces, edges, widths = zip(*polygons, strict=True)
             look: Any = {"facecolors": faces, "edgecolors": edges, "linewidths": widths}
-            shapes = PolyCollection(points, zorder=order, clip_on=False, **look)
-            self.axes.add_collection(shapes, autolim=False)
+            self._add(PolyCollection(points, zorder=order, **look))
         for (order, dashes), lines in self._lines.items():
             points, colours, widths = zip(*lines, strict=True)
             look = {"colors": colours, "linewidths": widths, "linestyles": dashes}
             look["capstyle"] = "round" if dashes == "solid" else "butt"
-            shapes = LineCollection(points, zorder=order, clip_on=False, **look)
-            self.axes.add_collection(shapes, autolim=False)
+            self._add(LineCollection(points, zorder=order, **look))
         self._polygons.clear()
         self._lines.clear()
+
+    def _add(self, shapes: Collection) -> None:
+        """Add shapes to the axes, cut at the frame."""
+        self.axes.add_collection(shapes, autolim=False)
+        shapes.set_clip_on(self.frame is not None)
+        if self.frame is not None:
+            shapes.set_clip_path(self.frame)
+
+    def framed(self, left: float, foot: float, width: float, height: float) -> Canvas:
+        """Make a canvas on the same axes that ends at a frame, which is drawn."""
+        look: Any = {"facecolor": "none", "edgecolor": PALE, "linewidth": 0.5}
+        frame = Rectangle((left, foot), width, height, **look)
+        self.axes.add_artist(frame)
+        return Canvas(self.axes, frame)
 
 
 def full_canvas(figure: Figure) -> Canvas:

@@ -274,6 +274,18 @@ def shifts(simple: Solvable, refined: Solvable) -> tuple[Modes, Float[np.ndarray
     return new, changes
 
 
+def estimate_resonances(solver: Solver) -> Float[np.ndarray, " resonance"]:
+    """Frequencies (Hz) where resonances may be: those of modes without wire mass, and with it.
+
+    A peak beside a zero may be narrower than its shift by wire mass, and show nowhere else.
+    """
+    modes = solver.constant.modes
+    if not has_wire_mass(solver.system):
+        return modes.frequency
+    lowered = modes.frequency * (1 - shifts_by_wire_mass(modes, solver.system))
+    return np.concatenate([modes.frequency, lowered])
+
+
 def shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray, " mode"]:
     """Relative change of each frequency by the mass of wires, by Rayleigh's quotient.
 

@@ -72,15 +72,13 @@ FOLLOWED = 0.1
 one that changes more is among those of wires."""
 RECOIL = 0.02
 """Largest relative distance of a violin mode from the resonance between fixed ends."""
-HALVINGS = 50
-"""About as many steps of a bisection to the last bit."""
 PRECISE = 1e-11
 """Relative error of a violin mode that is found by counting."""
 DIVIDED = 15
 """Frequencies at which modes are counted at once."""
-HIGHEST = 1.05
-"""Highest frequency of the search for modes of bodies with wire mass, over the highest without;
-wire mass lowers frequencies, except next to a violin mode."""
+MINUTE = 1e8
+"""Modes times the squared number of coordinates, with those of the cuts, that take about a minute:
+the elimination of a mode grows with that square."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
 
@@ -418,14 +416,11 @@ def count_modes(system: Solvable, highest: float) -> int:
     return int(high - low)
 
 
-def search_work(system: Solvable, number: int) -> float:
-    """Estimate the work of finding some number of modes by counting, in multiplications.
-
-    For each step of the bisection of each mode all eigenvalues of all blocks are computed, which
-    grows with the third power of their size.
-    """
-    sizes = np.array([len(block.owner) for block in Solver.of(system).blocks], dtype=float)
-    return HALVINGS * number * float((sizes**3).sum())
+def most_in_a_minute(model: LinearSystem, most: int) -> int:
+    """Number of modes that are found in about a minute, at most `most`; fewer of larger systems."""
+    wires = sum(len(term.number) for term in model.terms if isinstance(term, WireTerm))
+    coordinates = model.size + PER_WIRE * wires
+    return min(most, int(MINUTE / coordinates**2))
 
 
 def no_mode_error(highest: float) -> InputError:

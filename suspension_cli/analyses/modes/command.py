@@ -70,7 +70,7 @@ class ModesAnalysis(Analysis):
             is_flag=True,
             help=(
                 "Compute all modes of wires with mass, even if there are more than"
-                f" {MOST_WIRE_MODES}."
+                f" {MOST_WIRE_MODES} (fewer of tall towers), which takes minutes."
             ),
         ),
         option(

@@ -16,7 +16,7 @@ from suspension_cli.conventions import DOFS, WIRE_MODE_NAMES
 from suspension_cli.design.faults import suggest
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import geometry, panels, parts, style
-from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Sketch, View
+from suspension_cli.drawing.geometry import ABOVE, FACE, SIDE, Sketch, Stroke, View
 from suspension_cli.drawing.parts import Canvas, Look, full_canvas
 from suspension_cli.drawing.style import INK, NOTE, PALE, LineLook
 from suspension_cli.errors import Fault, InputError, format_value
@@ -48,6 +48,14 @@ LEAST = 0.02
 """Least fraction of kinetic energy that is written."""
 THICK = 0.028
 """Thickness of the support over the size of the suspension."""
+FEW = 8
+"""Number of bodies up to which a suspension is always drawn whole."""
+MOVING = 0.6
+"""Fraction of the kinetic energy of the bodies that a detail shows."""
+MARGIN = 0.4
+"""Room around these bodies, over the size of what they fill."""
+DETAIL = 0.2
+"""Size of a detail over that of the suspension, up to which the detail is drawn instead."""
 KINDS = {
     "longitudinal and pitch": ("x", "pitch"),
     "transverse and roll": ("y", "roll"),
@@ -72,13 +80,17 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Panel:
-    """A mode (number from 0), displaced in a view, and the bounds (2,), (2,) of its picture, m."""
+    """A mode (number from 0), displaced in a view, and the bounds (2,), (2,) of its picture, m.
+
+    The picture is that of the whole suspension, or a detail.
+    """
 
     number: int
     view: View
     sketch: Sketch
     low: Array
     high: Array
+    is_detail: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,7 +109,7 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
     `draw_quality`). It shows the suspension at rest (grey) and displaced, in the view that shows
     most of the motion. The more kinetic energy a body has, the stronger its stage's colour. More
     than `PAGE` modes are split by kind (`KINDS`), and those of one kind into figures of about equal
-    numbers.
+    numbers. If few bodies of a tall suspension move, a detail shows these (`find_detail`).
     """
     bodily = np.flatnonzero(modes.order == 0).tolist()
     numbers = bodily[:MOST]
@@ -107,7 +119,8 @@ def draw_pages(modes: Modes, design: Design, scene: Scene, subtitle: str) -> lis
     with style.house_style():
         rest = geometry.sketch_at_rest(design, scene, THICK)
         drawn = {number: make_panel(modes, number, rest) for number in numbers}
-        largest = extent([*drawn.values()])
+        whole = [panel for panel in drawn.values() if not panel.is_detail]
+        largest = extent(whole or [*drawn.values()])
         result = []
         for kind, part in [("", numbers)] if len(numbers) <= PAGE else _split(modes, numbers):
             title = (kind or "normal modes").capitalize(), subtitle
@@ -129,14 +142,46 @@ def _split(modes: Modes, numbers: list[int]) -> Iterator[tuple[str, list[int]]]:
 def make_panel(modes: Modes, number: int, rest: Sketch, pose: Pose | None = None) -> Panel:
     """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
     view = choose_view(modes, number)
+    detail = find_detail(modes, number, view, rest)
     if pose is None:
-        pose = geometry.mode_pose(rest.scene, modes.coordinate, modes.shape[number])
+        size = None if detail is None else float(np.max(detail[1] - detail[0]))
+        pose = geometry.mode_pose(rest.scene, modes.coordinate, modes.shape[number], size)
     sketch = replace(rest, pose=pose)
+    if detail is not None:
+        return Panel(number, view, sketch, *detail, is_detail=True)
+    points = np.concatenate([_whole(view, rest), sketch.points(view)])
+    return Panel(number, view, sketch, points.min(0), points.max(0))
+
+
+def _whole(view: View, rest: Sketch) -> Array:
+    """Points (k, 2) of the whole suspension at rest in a view, with the support, m."""
     (x0, y0, z0), (x1, y1, z1) = parts.support_box(rest)
     heights = (z0,) if view.normal == 2 else (z0, z1)
     plate = [*product((x0, x1), (y0, y1), heights)]
-    points = np.concatenate([rest.points(view), sketch.points(view), view.see(plate)])
-    return Panel(number, view, sketch, points.min(0), points.max(0))
+    return np.concatenate([rest.points(view), view.see(plate)])
+
+
+def find_detail(modes: Modes, number: int, view: View, rest: Sketch) -> tuple[Array, Array] | None:
+    """Find the bounds (2,), (2,), m, of the bodies that move most; None if these are far apart.
+
+    None, too, of a suspension of few bodies.
+    """
+    if len(rest.outlines) <= FEW:
+        return None
+    energy = modes.energy[number].sum(-1)
+    order = np.argsort(-energy, kind="stable")
+    count = int(np.searchsorted(np.cumsum(energy[order]), MOVING * energy.sum())) + 1
+    moving = set(order[:count].tolist())
+    bodies = [one for one in rest.strokes(view.normal) if one.kind == "body"]
+    points = view.see(np.concatenate([one.points for one in bodies if one.body in moving]))
+    low = points.min(0)
+    high = points.max(0)
+    margin = MARGIN * float(np.max(high - low))
+    low = low - margin
+    high = high + margin
+    if np.max(high - low) > DETAIL * np.max(np.ptp(_whole(view, rest), axis=0)):
+        return None
+    return low, high
 
 
 def extent(shown: Sequence[Panel]) -> Array:
@@ -181,6 +226,8 @@ def _figure(
         f"{note}Grey: at rest. Colour: stage, as in the bars below; stronger where it has more"
         " kinetic energy. Bars: fractions of this. Motions exaggerated."
     )
+    if any(panel.is_detail for panel in shown):
+        key += "\nIn a frame: the bodies that move most, enlarged; other pictures have one scale."
     style.write_text(figure, 0.1, 0.44, key, SMALL, NOTE)
     canvas = full_canvas(figure)
     for n, one in enumerate(shown):
@@ -218,24 +265,51 @@ def draw_panel(
         color=INK if modes.omega_squared[number] >= 0 else style.PALETTE[1],
     )
     top -= HEAD
+    if panel.is_detail:
+        picture = canvas.framed(left, top - tall, width, tall)
+        largest = panel.high - panel.low
+    else:
+        picture = canvas
     scale = float(np.min((np.array(size) - (0.05, 0.06)) / largest))
     middle = left + width / 2 - scale * (panel.low[0] + panel.high[0]) / 2
-    view = panel.view.at((middle, top - 0.03 - scale * float(panel.high[1])), scale)
+    upper = top - 0.03 - scale * float(panel.high[1])
+    if panel.is_detail:
+        upper = top - tall / 2 - scale * float(panel.low[1] + panel.high[1]) / 2
+    view = panel.view.at((middle, upper), scale)
     grey = (PALE,) * len(rest.outlines)
     still = Look(grey, ((PALE, 0.25),) * len(grey), PALE, THIN, 1)
     energy = modes.energy[number].sum(-1)
     strength = 0.05 + 0.65 * energy / max(float(energy.max()), 1e-9)
     edge = tuple(colours.values())
     fill = tuple(zip(edge, strength.tolist(), strict=True))
-    parts.draw_support(canvas, view, rest)
-    parts.draw_suspension(canvas, view, rest, still)
-    parts.draw_suspension(canvas, view, panel.sketch, Look(edge, fill, INK, THIN, 3))
+    moved = Look(edge, fill, INK, THIN, 3)
+    if panel.is_detail:
+        box = np.array([[left, top - tall], [left + width, top]])
+        for sketch, look in ((rest, still), (panel.sketch, moved)):
+            strokes = _strokes_inside(sketch, view, box)
+            parts.draw_suspension(picture, view, sketch, look, strokes)
+    else:
+        parts.draw_support(picture, view, rest)
+        parts.draw_suspension(picture, view, rest, still)
+        parts.draw_suspension(picture, view, panel.sketch, moved)
     for n, colour in enumerate(edge, 1):
-        _draw_cross(canvas, view, panel.sketch, n, colour)
+        _draw_cross(picture, view, panel.sketch, n, colour)
+    if panel.is_detail:
+        picture.flush()
     top -= tall + ROW / 2
     look = {"ha": "right", "color": NOTE, "va": "center", "fontsize": SMALL}
     canvas.text(left + width, top, panel.view.name, **look)
     _draw_energies(canvas, left, top - ROW, width, modes, number, colours)
+
+
+def _strokes_inside(sketch: Sketch, view: View, box: Array) -> list[Stroke]:
+    """Strokes of a sketch that may reach into a box: its corners (2, 2), in the view."""
+    result = []
+    for stroke in sketch.strokes(view.normal):
+        points = view.see(stroke.points)
+        if (points.max(0) >= box[0]).all() and (points.min(0) <= box[1]).all():
+            result.append(stroke)
+    return result
 
 
 def _draw_cross(canvas: Canvas, view: View, moved: Sketch, n: int, colour: str) -> None:
@@ -360,7 +434,9 @@ def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
         numbering = layout(scene)
         still = nominal_pose(scene)
         step = geometry.mode_step(numbering, modes.coordinate, modes.shape[number])
-        step = geometry.amplitude(scene, step) * step
+        detail = find_detail(modes, number, choose_view(modes, number), rest)
+        size = None if detail is None else float(np.max(detail[1] - detail[0]))
+        step = geometry.amplitude(scene, step, size) * step
         sizes = np.cos(2 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
         poses = [displace(numbering, still, size * step) for size in sizes]
         shown = [make_panel(modes, number, rest, pose) for pose in poses]

@@ -40,9 +40,6 @@ if TYPE_CHECKING:
     from suspension_cli.models.registry import Choice
     from suspension_cli.scene.arrays import Array
 
-MOST_WORK = 1e10
-"""Work (`wire_modes.search_work`) beyond which a search for modes of wires takes minutes: chains of
-20 stages on four wires each are below, those of 30 above."""
 HIGHEST = 1000.0
 """Hz, up to which the violin model lists modes."""
 
@@ -70,7 +67,7 @@ class Modes(Record, eigenmodes.Modes):
 
 
 def solve(analysis: Analysis, run: Run, most: int) -> Modes:
-    """Compute the modes of a design, at most a number of them unless --all is given."""
+    """Compute the modes of a design: of wires with mass at most a number, unless --all is given."""
     choice, model, undamped, modes = _solve(run, most)
     model_choice.describe_equilibrium(run.source, choice, model, run.log)
     modes = replace(modes, **_damping(run.design, run.setting["damping"]))
@@ -124,6 +121,7 @@ def _solve(run: Run, most: int) -> tuple[Choice, LinearSystem, eigenmodes.Modes,
     auto = level == registry.AUTO
     wanted = registry.VIOLIN.name if auto and highest is not None else level
     choice, model = model_choice.for_modes(run.source, wanted, tolerance)
+    most = wire_modes.most_in_a_minute(model, most)
     if choice.model.has_wire_mass and not (auto and highest is None):
         top = highest or HIGHEST
         cause = "--max-frequency" if highest else "by default"
@@ -137,14 +135,6 @@ def _solve(run: Run, most: int) -> tuple[Choice, LinearSystem, eigenmodes.Modes,
 
     def admit(number: int, top: float) -> None:
         _admit(run, most, number, top, "that of the highest mode")
-        large = wire_modes.search_work(solver, number) > MOST_WORK
-        if large and auto and not run.setting["every"]:
-            bodies = len(model.body)
-            problem = (
-                f"wires with mass have {number:,} modes up to {top:.4g} Hz, which take minutes to"
-                f" find among {bodies} bodies"
-            )
-            raise TooManyModes([Fault("", problem, "give --all to compute all")])
 
     try:
         with run.log.progress() as bar:

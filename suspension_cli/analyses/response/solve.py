@@ -40,7 +40,7 @@ from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read, resonances
 from suspension_cli.measurements.transfer_function import Channels, MeasuredResponse
-from suspension_cli.models.choice import Transfer
+from suspension_cli.models.choice import Transfer, estimate_resonances
 from suspension_cli.physics import local_control, model_choice, near_limits
 from suspension_cli.physics.closed_loop import find_steady_poles
 from suspension_cli.scene.arrays import Array, Index
@@ -278,7 +278,7 @@ def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
         closed = wanted, poles
         resonances = poles.frequency
     else:
-        resonances = solver.constant.modes.frequency
+        resonances = estimate_resonances(solver)
     found = response.Response(
         wanted.frequency,
         tuple(signal.text for signal in wanted.inputs),

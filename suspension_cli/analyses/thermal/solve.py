@@ -26,6 +26,7 @@ from suspension_cli.files.declared import ADDED, ATTRIBUTE, NOT_STORED, along, d
 from suspension_cli.files.documents import Layout
 from suspension_cli.grids import decade_points, parse_frequencies
 from suspension_cli.linear.solver import Solver
+from suspension_cli.models.choice import estimate_resonances
 from suspension_cli.physics import model_choice, near_limits, thermal_noise
 from suspension_cli.physics.lossless import describe_lossless, find_lossless
 from suspension_cli.physics.missing_losses import Neglected, state_missing_losses
@@ -60,7 +61,7 @@ class _Curve:
 
     def build(self) -> tuple[Solve, Array]:
         """The function of frequency, and frequencies of modes (Hz)."""
-        return self.solve, self.solver.constant.modes.frequency
+        return self.solve, estimate_resonances(self.solver)
 
     def solve(self, at: Array) -> Float[np.ndarray, "frequency output source"]:
         """Solve at frequencies in Hz."""

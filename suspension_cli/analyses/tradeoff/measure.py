@@ -244,7 +244,8 @@ def ask(source: Source) -> tuple[Question, ...]:
     """List all questions about a design."""
 
     def modes(model: Model) -> Modes:
-        return wire_modes.solve_bodies(model.system(source.design), _admit)
+        system = model.system(source.design)
+        return wire_modes.solve_bodies(system, partial(_admit, system))
 
     def compare(found: Modes, true: Modes) -> tuple[float, str]:
         partner = pair_bodies(true, found, registry.STRING.system(source.design))
@@ -275,9 +276,9 @@ def ask(source: Source) -> tuple[Question, ...]:
     )
 
 
-def _admit(number: int, top: float) -> None:
+def _admit(system: LinearSystem, number: int, top: float) -> None:
     """Refuse wires with mass of so many modes that all would take minutes."""
-    if number > MOST_WIRE_MODES:
+    if number > wire_modes.most_in_a_minute(system, MOST_WIRE_MODES):
         problem = f"its wires have {number:,} modes up to {top:.4g} Hz, which would take minutes"
         raise InputError.of("", problem, "")
 
