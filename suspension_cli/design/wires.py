@@ -314,6 +314,7 @@ class Wire(AnyWire, frozen=True):
 LONG = Plausible(10.0, "longer than any blade", serious=True)
 WIDE = Plausible(2.0, "wider than any blade")
 HEAVY = Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))
+DAMPER = Plausible(2.0, "more than any damper on a tip", (("g", 1e-3),))
 BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker than any blade"))]
 
 
@@ -330,7 +331,7 @@ class BladeGeometry(Table, frozen=True):
 class TipDamper(Table, frozen=True):
     """A mass on a lossy spring on the tip of a blade, which moves as the tip does, vertically."""
 
-    mass: units.Mass = key("of one damper, kg; its weight is part of the load", plausible=HEAVY)
+    mass: units.Mass = key("of one damper, kg; its weight is part of the load", plausible=DAMPER)
     frequency: units.Frequency | None = key(
         "of the mass on its spring, with the tip at rest, Hz: stiffness (2 pi f)^2 mass"
     )

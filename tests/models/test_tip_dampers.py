@@ -121,3 +121,28 @@ def test_force_model_refuses_it_and_a_tip_needs_mass():
         sus.modes(blade_pair(13.4), fidelity="force")
     with pytest.raises(sus.InputError, match="needs tip_mass"):
         blade_pair(13.4, tip=0.0)
+
+
+def test_builds_in_a_batch_are_those_alone():
+    """Three lengths of wires in one batch give the responses of the three designs."""
+    lengths = [0.38, 0.4, 0.42]
+    base = blade_pair(13.4)
+    found = sus.sweep(
+        base,
+        vary={"stage.test.wires.l": lengths},
+        results=["test.z/test.force_z:13", "test.x/support.x:13"],
+        fidelity="string",
+    )
+    for n, (output, drive) in enumerate([("test.z", "test.force_z"), ("test.x", "support.x")]):
+        alone = [
+            sus.response(
+                base.replace({"stage.test.wires.l": length}),
+                inputs=drive,
+                outputs=output,
+                frequency=[13.0],
+                fidelity="string",
+            ).value
+            for length in lengths
+        ]
+        together = found.document()["results"][n]["values"]
+        np.testing.assert_allclose(together, np.abs(np.squeeze(alone)), rtol=1e-8)
