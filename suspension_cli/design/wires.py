@@ -314,6 +314,7 @@ class Wire(AnyWire, frozen=True):
 LONG = Plausible(10.0, "longer than any blade", serious=True)
 WIDE = Plausible(2.0, "wider than any blade")
 HEAVY = Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))
+DAMPER = Plausible(2.0, "more than any damper on a tip", (("g", 1e-3),))
 BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker than any blade"))]
 
 
@@ -325,6 +326,27 @@ class BladeGeometry(Table, frozen=True):
     thickness: BladeThickness = key("thickness, m")
     shape_factor: float = key("1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10)
     material: units.MaterialName
+
+
+class TipDamper(Table, frozen=True):
+    """A mass on a lossy spring on the tip of a blade, which moves as the tip does, vertically."""
+
+    mass: units.Mass = key("of one damper, kg; its weight is part of the load", plausible=DAMPER)
+    frequency: units.Frequency | None = key(
+        "of the mass on its spring, with the tip at rest, Hz: stiffness (2 pi f)^2 mass"
+    )
+    stiffness: units.Stiffness | None = key("of the spring, instead of frequency, N/m")
+    loss_angle: units.LossAngle = key("of the spring, rad; 1/Q with the tip at rest")
+
+    rules = (key_rules.exactly_one("frequency", "stiffness"), key_rules.not_tiny("mass"))
+
+    @property
+    def spring(self) -> float:
+        """Stiffness in N/m."""
+        if self.frequency is None:
+            assert self.stiffness is not None
+            return self.stiffness
+        return (2 * math.pi * self.frequency) ** 2 * self.mass
 
 
 class AnyBlade(Table, frozen=True):
@@ -350,6 +372,7 @@ class AnyBlade(Table, frozen=True):
     )
     thickness: BladeThickness | None = key("of the blade in m, for its loss, without a geometry")
     temperature: units.Kelvin | None = key("in K; default that of [constants]")
+    damper: TipDamper | None = None
 
     rules = (
         key_rules.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
@@ -357,6 +380,12 @@ class AnyBlade(Table, frozen=True):
         key_rules.needs("thickness", "material", unless="geometry"),
         key_rules.not_tiny("tip_mass"),
     )
+
+    def check(self) -> Problems:
+        """Check that a tip with a damper has a mass of its own."""
+        if self.damper is not None and not self.tip_mass:
+            remedy = "give the mass that moves with the tip besides the damper (a clamp; kg)"
+            yield "damper", "needs tip_mass, which is 0", remedy
 
     @property
     def made_of(self) -> str | None:

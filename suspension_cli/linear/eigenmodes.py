@@ -287,7 +287,13 @@ def place(coordinate: str) -> tuple[str, str]:
 def describe(coordinate: str) -> str:
     """Describe a coordinate in words: ``test pitch``, ``upper.blade1 tip vertical``."""
     body, dof = place(coordinate)
-    return f"{body}{' tip' if '.' in body else ''} {DOF_NAMES.get(dof) or WIRE_MODE_NAMES[dof]}"
+    part = ""
+    if body.endswith(".damper"):
+        body = body.removesuffix(".damper")
+        part = " damper"
+    elif "." in body:
+        part = " tip"
+    return f"{body}{part} {DOF_NAMES.get(dof) or WIRE_MODE_NAMES[dof]}"
 
 
 def solve(model: LinearSystem, known: Spectrum | None = None) -> Modes:

@@ -170,7 +170,9 @@ class LinearSystem:
         basis[:size, :size] = self.basis
         old = np.eye(size, wider_size) if from_new is None else from_new
         wider = self.spread(old, added.mass, added.stiffness, added.damping)
-        coupled = (added.mass != 0) | (added.stiffness != 0) | (added.damping != 0)
+        builds = tuple(range(added.mass.ndim - 2))
+        has_mass = (added.mass != 0).any(builds)
+        coupled = has_mass | (added.stiffness != 0) | (added.damping != 0)
         massless = np.append(self.massless, np.ones(added.count, dtype=bool))
         unowned = self.unowned
         if not added.belong_to_bodies:
@@ -181,7 +183,7 @@ class LinearSystem:
             unit=(*self.unit, *added.unit),
             momentum_unit=(*self.momentum_unit, *added.momentum_unit),
             basis=basis,
-            massless=massless & ~added.mass.any(1),
+            massless=massless & ~has_mass.any(1),
             allowed=wider.allowed | coupled,
             ground=self.ground and self.ground.widened(added.count),
             rigid=None if self.rigid is None else _padded(self.rigid, added.count),

@@ -29,6 +29,7 @@ from suspension_cli.linear.wire_term import WireTerm
 from suspension_cli.models import string as string_model
 from suspension_cli.models.base import MASS
 from suspension_cli.models.string import Assembly
+from suspension_cli.models.tip_dampers import with_tip_dampers
 from suspension_cli.scene import fibres as fibres_of
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import Layout, layout
@@ -295,7 +296,8 @@ class Beam(string_model.SceneModel):
     ) -> tuple[LinearSystem, Equilibrium]:
         """Builds whose wires bend, each with its length and tension in its own equilibrium."""
         assert scene.fibres is not None
-        return linear_model(scene, design, massive=self.has_wire_mass, split=split)
+        model, found = linear_model(scene, design, massive=self.has_wire_mass, split=split)
+        return with_tip_dampers(model, design, scene, found.pose), found
 
 
 class Violin(Beam):

@@ -27,6 +27,7 @@ from suspension_cli.linear.matrix_terms import StiffnessTable, StructuralLoss
 from suspension_cli.linear.symmetry import Symmetry, find_symmetry, no_symmetry
 from suspension_cli.linear.system import Ground, LinearSystem
 from suspension_cli.models.base import BENDING, MASS, Model
+from suspension_cli.models.tip_dampers import with_tip_dampers
 from suspension_cli.rotations import rigid_motion
 from suspension_cli.scene.arrays import Array, inner_axes
 from suspension_cli.scene.pose import Layout, Pose, layout
@@ -287,11 +288,11 @@ class String(SceneModel):
         self, scene: Scene, design: Design, *, split: bool = False
     ) -> tuple[LinearSystem, Equilibrium]:
         """Builds on strings."""
-        del design
         found = solve_once(scene, layout(scene))
         if not scene.batch:
             found.demand(scene)
-        return linear_model(scene, found, split=split), found
+        model = linear_model(scene, found, split=split)
+        return with_tip_dampers(model, design, scene, found.pose), found
 
 
 STRING = String()
