@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,8 +24,11 @@ from suspension_cli.files.declared import (
     items,
 )
 from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
+from suspension_cli.files.mapped_arrays import CAN_RELEASE
 
 Record = TypeVar("Record")
+LARGE = 1 << 24
+"""Bytes beyond which numbers are mapped to their file instead of read."""
 
 
 def write(group: h5py.Group, record: Any) -> None:
@@ -246,7 +250,21 @@ def read_values(data: h5py.Dataset) -> np.ndarray:
     """Read the numbers or texts of a dataset."""
     if data.dtype.kind == "O":
         return np.asarray(data.asstr()[...] if data.size else [], dtype=object)
-    return np.asarray(data[...])
+    return map_values(data) if data.nbytes > LARGE else np.asarray(data[...])
+
+
+def map_values(data: h5py.Dataset) -> np.ndarray:
+    """Map the numbers of a dataset, which take memory only while they are used.
+
+    Changes stay in memory. A dataset in chunks, or of a file in memory, is read instead.
+    """
+    offset = data.id.get_offset()
+    name = data.file.filename
+    if offset is None or not CAN_RELEASE or not os.path.isfile(name):
+        return np.asarray(data[...])
+    if offset + data.nbytes > os.path.getsize(name):
+        return np.asarray(data[...])
+    return np.memmap(name, data.dtype, "c", offset, data.shape)
 
 
 class Variable(NamedTuple):

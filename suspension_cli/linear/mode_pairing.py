@@ -17,12 +17,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspension_cli.files.mapped_arrays import release
+
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact, Int
 
     from suspension_cli.linear.eigenmodes import Modes
     from suspension_cli.linear.system import LinearSystem
 
+FOLLOWED = 5_000
+"""Points after which the memory of spectra and shapes is given back."""
 CLOSE = 0.1
 """Relative difference of omega^2 (5 % in frequency) within which the current shapes of two modes
 do not identify them."""
@@ -115,13 +119,19 @@ def follow(
     forms = shapes.reshape(good.size, *shapes.shape[-2:])
     known_good = good.ravel()
     rank = np.full((good.size, len(nominal)), -1, dtype=np.int16)
-    overlap = np.full((good.size, len(nominal)), np.nan)
+    overlap = np.full((good.size, len(nominal)), np.nan, dtype=np.float32)
     left = np.ones(good.size, dtype=bool)
     layer = np.array([np.ravel_multi_index(start, good.shape)])
     left[layer] = False
     known = np.asarray(nominal, dtype=float)[None]
     beyond_gaps = deque[tuple[int, np.ndarray]]()
+    read = 0
     while len(layer):
+        read += len(layer)
+        if read > FOLLOWED:  # large arrays are mapped to files
+            release(omega_squared)
+            release(shapes)
+            read = 0
         if known_good[layer[0]]:  # all are, except of the start and of a point beyond gaps
             rank[layer], overlap[layer], known = _pair(known, squared[layer], forms[layer])
         there, parent = _neighbours(layer, left.reshape(good.shape))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from suspension_cli.analyses import options, tables
@@ -93,6 +94,7 @@ class SweepAnalysis(Analysis):
         """Compute all points of the grid, then follow the modes."""
         from suspension_cli.analyses import sweeping
         from suspension_cli.analyses.sweep import point_errors, sweep_models
+        from suspension_cli.analyses.sweep.followed_modes import Follower
         from suspension_cli.analyses.sweep.solve import write
         from suspension_cli.physics import near_limits
 
@@ -100,13 +102,14 @@ class SweepAnalysis(Analysis):
         wanted = asked.settle_model(run.setting["fidelity"], run.log.say)
         first = asked.job(asked.simplest(wanted))
         first.check()
+        follow = Follower()
         study = sweeping.Study(
             asked.job,
             asked.usable(wanted),
             point_errors.PointErrors(first),
             point_errors.first_points(first),
-            point_errors.extreme_points,
-            write,
+            partial(point_errors.extreme_points, follow),
+            partial(write, follow),
             _warnings,
         )
         chunk = run.setting["chunk"]

@@ -10,6 +10,7 @@ from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.linear import mode_content, mode_pairing
 from suspension_cli.quantities.kinds.modes import FollowedMode
 from suspension_cli.studies import builds
+from suspension_cli.studies.run import Columns
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -28,17 +29,28 @@ def nearest_point(job: ParameterSweep) -> tuple[int, ...]:
     )
 
 
-def follow(
-    job: ParameterSweep, known: dict[str, Any]
-) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
-    """Follow the modes over the grid from the nominal design, see `mode_pairing.follow`."""
-    return mode_pairing.follow(
-        known["omega_squared"],
-        known["shape"],
-        has_modes(known["status"]),
-        nearest_point(job),
-        job.nominal_shape,
-    )
+class Follower:
+    """Follows the modes of a finished sweep once, though its model and its file need them."""
+
+    def __init__(self) -> None:
+        self._columns: Columns | None = None
+        self._found: tuple[np.ndarray, np.ndarray] | None = None
+
+    def __call__(
+        self, job: ParameterSweep, columns: Columns
+    ) -> tuple[Int[np.ndarray, "*grid mode"], Float[np.ndarray, "*grid mode"]]:
+        """Follow the modes over the grid from the nominal design, see `mode_pairing.follow`."""
+        if self._found is None or self._columns is not columns:
+            known = job.on_grid(columns)
+            self._found = mode_pairing.follow(
+                known["omega_squared"],
+                known["shape"],
+                has_modes(known["status"]),
+                nearest_point(job),
+                job.nominal_shape,
+            )
+            self._columns = columns
+        return self._found
 
 
 def complete(

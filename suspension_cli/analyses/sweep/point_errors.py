@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.analyses.sweep.followed_modes import complete, follow
+from suspension_cli.analyses.sweep.followed_modes import Follower, complete
 from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.errors import InputError
 from suspension_cli.quantities.differences import compare_batches
@@ -37,12 +37,14 @@ def first_points(job: ParameterSweep) -> Int[np.ndarray, " point"]:
     return corners[np.unique(np.linspace(0, len(corners) - 1, most).astype(int))]
 
 
-def extreme_points(job: ParameterSweep, columns: Columns) -> Int[np.ndarray, " point"]:
+def extreme_points(
+    follow: Follower, job: ParameterSweep, columns: Columns
+) -> Int[np.ndarray, " point"]:
     """Points at which the results of a finished sweep are extreme, or change fastest."""
     known = job.on_grid(columns)
     rank = None
     if job.followed:
-        rank, _ = follow(job, known)
+        rank, _ = follow(job, columns)
     most = FEW_EXTREMES if job.is_slow else MOST
     return find_extremes(complete(job, known, rank), most)
 

@@ -1,7 +1,7 @@
 """Quantities of a design over grids of any of its parameters: the record, and how it is written.
 
 job = ParameterSweep(source.text, axes, "beam", results)
-found = write(group, job.compute(0, job.count), job, run)
+found = write(Follower(), group, job.compute(0, job.count), job, run)
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from suspension_cli.analyses.record import Record
-from suspension_cli.analyses.sweep.followed_modes import complete, follow, nearest_point
+from suspension_cli.analyses.sweep.followed_modes import Follower, complete, nearest_point
 from suspension_cli.analyses.sweep.parameter_sweep import STATUS, ParameterSweep
 from suspension_cli.files import stored
 from suspension_cli.files.declared import ATTRIBUTE, AXES, along, dim_name, in_unit
@@ -189,7 +189,9 @@ class Sweep(Record):
         return None if self.margin is None else np.asarray(self.margin.min(-1))
 
 
-def write(group: Stored, columns: Columns, job: ParameterSweep, run: Origin) -> Sweep:
+def write(
+    follow: Follower, group: Stored, columns: Columns, job: ParameterSweep, run: Origin
+) -> Sweep:
     """Follow the modes over the grid, complete the results, and write them; return the record."""
     known = job.on_grid(columns)
     described: dict[str, Any] = {}
@@ -197,7 +199,7 @@ def write(group: Stored, columns: Columns, job: ParameterSweep, run: Origin) -> 
     overlap = None
     least = 1.0
     if job.has_modes:
-        rank, overlap = follow(job, known)
+        rank, overlap = follow(job, columns)
         if job.followed:
             tracked = overlap[..., [one.place for one in job.followed]]
             found = float(np.fmin.reduce(tracked, axis=None, initial=np.nan))
