@@ -290,6 +290,7 @@ def export(
     loss: bool = False,
     band: str | None = None,
     accuracy: float = 0.01,
+    order: int | None = None,
     rate: float = 16384.0,
     interferometer: str = 'aLIGO',
     allow_unstable: bool = False,
@@ -320,6 +321,9 @@ def export(
     accuracy : float
         Largest relative error of responses off resonance with losses, and of filters of foton; of
         Q twice that; for gwinc of interpolation.
+    order : int, optional
+        Most states with losses: the most accurate system of up to so many. Default: as many as
+        accuracy needs.
     rate : float
         Sample rate of foton, Hz.
     interferometer : str

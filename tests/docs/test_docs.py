@@ -119,8 +119,8 @@ MAKES = {
         "damp configs/triple-damped.toml --frequency 1,2 --duration 1 --fidelity string"
         f" --set {OSEM}"
     ),
-    "statespace": "export configs/double.toml --format hdf5",
-    "zpk": "export configs/double.toml --format zpk --input support.x --output test.x",
+    "statespace": "export configs/double.toml --format hdf5 --loss",
+    "zpk": "export configs/double.toml --format zpk --input support.x --output test.x --loss",
 }
 """Group of a results file to a command that writes it."""
 GOALS = """

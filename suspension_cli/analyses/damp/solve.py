@@ -83,7 +83,7 @@ class LocalControl:
         rows={"loop": "margins"},
         names={"closed": "poles", "drive": "impulse"},
         without="open time impulse undamped sensor noise gain",
-        sparse="osems",
+        sparse="osems designed",
     )
     loop: tuple[str, ...]
     open: Poles

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -93,6 +94,12 @@ class ExportAnalysis(Analysis):
             " foton; of Q twice that; for gwinc of interpolation.",
         ),
         option(
+            "--order",
+            type=click.IntRange(1, 6000),
+            help="Most states with losses: the most accurate system of up to so many.  [default: "
+            "as many as --accuracy needs]",
+        ),
+        option(
             "--rate",
             type=click.FloatRange(1.0, 1e7),
             default=16384.0,
@@ -131,6 +138,7 @@ class ExportAnalysis(Analysis):
 
         setting = run.setting
         loss = run.setting["loss"]
+        _check_order(setting)
         if setting["format"] == "gwinc":
             from suspension_cli.analyses.export import gwinc_tables
 
@@ -159,7 +167,8 @@ class ExportAnalysis(Analysis):
         band = parse_band(setting["band"] or "0.1:100", "--band")
         accuracy = setting["accuracy"]
         if loss:
-            made = export.build_lossy(model, inputs, outputs, band, accuracy, zpk=zpk)
+            order = setting["order"]
+            made = export.build_lossy(model, inputs, outputs, band, accuracy, order=order, zpk=zpk)
         else:
             constant = with_constant_loss(model)
             lossless = replace(constant.lossless, terms=constant.terms)
@@ -195,6 +204,10 @@ class ExportAnalysis(Analysis):
         counts = [len(getattr(made.system, key)) for key in ("state", "input", "output")]
         size = "states: {}, inputs: {}, outputs: {}".format(*counts)
         lines = [run.choice.line, f"{size}; {agrees}", error]
+        if (orders := made.orders) is not None:
+            rows = zip(orders.states, 100 * orders.worst, 100 * orders.q_error, strict=True)
+            columns = {"states": "d", "off resonance\n%": ".2g", "Q\n%": ".2g"}
+            lines += ["\nlargest error by number of states:\n", tables.render(columns, list(rows))]
         if (filters := made.filters) is not None:
             low, high = filters.band
             head = f"filter modules at {filters.rate:g} Hz, with the largest error from {low:g} to"
@@ -227,6 +240,20 @@ class ExportAnalysis(Analysis):
 
         remedy = "take system.a, b, c and d, or save it as .mat, .npz, .h5 or .json"
         raise InputError.of("", "a state space has no labelled arrays", remedy)
+
+
+def _check_order(setting: Mapping[str, Any]) -> None:
+    """Raise `InputError` for a number of states of a system that is not reduced."""
+    from suspension_cli.errors import InputError
+
+    order = setting["order"]
+    if order is None:
+        return
+    if setting["format"] == "gwinc":
+        raise InputError.of("--order", "gwinc has no states", "leave it out", f"{order}")
+    if not setting["loss"]:
+        problem = "without losses the number of states is that of the bodies"
+        raise InputError.of("--order", problem, "add --loss, or leave it out", f"{order}")
 
 
 def _table(made: Exported) -> str:

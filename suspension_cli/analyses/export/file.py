@@ -119,6 +119,7 @@ def _fields(made: Exported, origin: Provenance) -> dict[str, Any]:
         **{name: getattr(system, name) for name in names},
         **_agreement(made),
         **_bands(made),
+        **_orders(made),
         "design": origin.design,
         "command": origin.command,
         "fidelity": origin.fidelity,
@@ -152,6 +153,18 @@ def _bands(made: Exported) -> dict[str, Float[np.ndarray, "tolerance ..."]]:
     return {"agreement_tolerance": np.array(AGREEMENT), **ends}
 
 
+def _orders(made: Exported) -> dict[str, np.ndarray]:
+    """Numbers of states and the errors with so many, of a system with losses."""
+    found = made.orders
+    if found is None:
+        return {}
+    return {
+        "order_states": found.states,
+        "order_error": found.worst,
+        "order_q_error": found.q_error,
+    }
+
+
 def _fill(file: h5py.File, made: Exported) -> None:
     import numpy as np
 
@@ -168,6 +181,10 @@ def _fill(file: h5py.File, made: Exported) -> None:
         error = add_scale(group, "agreement_tolerance", bands.pop("agreement_tolerance"), "1")
         for name, values in bands.items():
             add_dataset(group, name, values, "Hz", error, out, into)
+    if orders := _orders(made):
+        states = add_scale(group, "order_states", orders.pop("order_states"), "1")
+        for name, values in orders.items():
+            add_dataset(group, name, values, "1", states)
     if made.zpk is not None:
         add_dataset(group, "gain", made.zpk.gain, "SI, with roots in rad/s", out, into)
         for o, i in np.ndindex(made.zpk.gain.shape):

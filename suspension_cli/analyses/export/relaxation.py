@@ -5,11 +5,12 @@ elements) beside the spring k,
 
     k (1 - d) + k sum_j g_j i omega / (i omega + r_j),    g_j >= 0,
 
-so that the loss angle is right at the modes that it damps. Relaxation also stiffens the element a
-little with frequency (Kramers and Kronig); the constant d takes that back where most depends on it.
-The elements stay between the bodies where the loss is, so that isolation is right together with Q,
-and they can only take energy: the system is stable and passive whatever the g_j. All elements share
-the rates r_j: one coordinate follows for each rate and each independent deformation of a block.
+and by a dashpot beside it, which has no state. Relaxation also
+stiffens the element a little with frequency (Kramers and Kronig); the constant d takes that back
+where most depends on it. The elements stay between the bodies where the loss is, so that isolation
+is right together with Q, and they can only take energy: the system is passive whatever the g_j, and
+stable unless d takes too much (`Candidates.stable`). Which of these are used, and how strong they
+are, follows from the responses that are asked for (`state_choice`).
 
 A wire with mass is reduced to the motion of its ends and its lowest modes with clamped ends (Craig
 and Bampton, AIAA J. 6, 1313 (1968)): with the static stiffness S, an inertia M of the ends, and for
@@ -30,7 +31,6 @@ import numpy as np
 
 from suspension_cli.elements.dynamic_wire import TautWire
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.linear import eigenmodes
 from suspension_cli.linear.coordinates import AddedCoordinates
 from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
 from suspension_cli.linear.structure import Structure
@@ -53,21 +53,20 @@ RANK = 1e-12
 """Relative eigenvalue, in units of the diagonal, below which a deformation does not exist."""
 ROUNDED = 1e-13
 """Diagonal element over the largest below which it is a rounding error."""
-MINOR = 3e-3
-"""Share of the loss of a mode below which an element's loss angle there does not matter."""
-STABLE = 0.3
-"""Largest share of the stiffness of a mode that is taken back at rest."""
-BETWEEN = 0.1
-"""Weight of a loss angle between modes, over that at a mode which loses all its energy by it."""
-BESIDE_BAND = 1.3
-"""Decades of rates below and above the band, see `relax`."""
+POINTS = 16
+"""Frequencies of the band at which the size of a loss is taken."""
+DENSITY = 3
+"""Relaxation rates per decade to choose from."""
+DECADES = 20
+"""Most decades of a band, in which rates of relaxation are chosen."""
 MOST_STATES = 6000
 """Largest number of states that is tried: a matrix has 300 MB, and its eigenvalues take minutes."""
-POINTS = 16
-"""Frequencies of the band at which the loss angle of an element must be right."""
 RELAXATION = "relaxation"
 WIRE = "wire"
-"""First parts of the names of coordinates that are added."""
+"""First parts of the names of coordinates that are added, and kinds of candidates."""
+DASHPOT = "dashpot"
+SOFTER = "softer"
+"""Kinds of candidates without states."""
 
 
 @dataclass(frozen=True)
@@ -82,64 +81,235 @@ class Lossy:
     angle: Callable[[Array], Array]
     stored: Callable[[Array], Array] = np.zeros_like
 
+    def at(self, omega: Array) -> Complex[np.ndarray, " frequency"]:
+        """Change of the stiffness, relative to its elastic part, at frequencies in rad/s."""
+        return self.stored(omega) + 1j * self.angle(omega)
 
-def relax(model: LinearSystem, band: tuple[float, float], density: float) -> LinearSystem:
-    """Replace all terms in frequency of a system by relaxation and modes of wires.
+    def largest(self, omega: Array) -> float:
+        """Largest magnitude of the change at some frequencies in rad/s."""
+        return float(np.abs(self.at(omega)).max())
 
-    `model` is that of one design, on the beam or violin model, `band` in Hz, `density` in rates per
-    decade. The coordinates of wires and of relaxation follow those of the model. Raises
-    `InputError` if an element gives energy instead of taking it, which no relaxation does.
+
+@dataclass(frozen=True)
+class Candidate:
+    """What may be added to a system: a stiffness f(omega) u^T u along one deformation.
+
+    Attributes
+    ----------
+    row
+        The deformation u of the coordinates of the system, sqrt(N/m) per m; of a mode of a wire
+        the motion l that drives it, sqrt(kg).
+    kind
+        One of `RELAXATION` (a spring behind a dashpot), `DASHPOT`, `SOFTER` and `WIRE`.
+    rate
+        rad/s, of relaxation; angular frequency of a mode of a wire.
+    drag, loss
+        Damping of a mode of a wire by gas and by its losses, 1/s.
+    stage
+        That of the wire.
+    """
+
+    row: Float[np.ndarray, " coordinate"]
+    kind: str
+    rate: float = 1.0
+    drag: float = 0.0
+    loss: float = 0.0
+    stage: str = ""
+
+    @property
+    def states(self) -> int:
+        """Number of states that it adds."""
+        return {RELAXATION: 1, WIRE: 2}.get(self.kind, 0)
+
+    def at(self, omega: Array) -> Complex[np.ndarray, " frequency"]:
+        """Evaluate f at frequencies in rad/s."""
+        s = 1j * omega
+        if self.kind == WIRE:
+            pushed = s**2 + s * self.drag
+            return -(pushed**2) / (self.rate**2 + s**2 + s * (self.drag + self.loss))
+        if self.kind == RELAXATION:
+            return s / (s + self.rate)
+        if self.kind == DASHPOT:
+            return s / self.rate
+        return np.full(len(omega), -1.0, dtype=complex)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """A system of bodies without losses, and all that may be added to it.
+
+    Attributes
+    ----------
+    system
+        The system, with the inertia of wires and with dampers.
+    groups
+        Candidates of each group of coordinates that couple.
+    losses
+        Losses of all groups.
+    lossy_rows
+        Deformations of each loss in each group, [group][loss].
+    """
+
+    system: LinearSystem
+    groups: list[list[Candidate]]
+    losses: list[Lossy]
+    lossy_rows: list[list[Float[np.ndarray, "deformation coordinate"]]]
+
+    def count_states(self, strengths: list[Array]) -> int:
+        """Count the states that candidates of given strengths add."""
+        return sum(
+            one.states
+            for group, strength in zip(self.groups, strengths, strict=True)
+            for one, g in zip(group, strength, strict=True)
+            if g > 0
+        )
+
+    def stable(self, steps: list[list[Array]]) -> list[list[Array]]:
+        """Return the choices of strengths that keep the system stable; at least that of none."""
+        none = [np.zeros(len(group)) for group in self.groups]
+        return [one for one in steps if self._is_stable(one)] or [none]
+
+    def _is_stable(self, strengths: list[Array]) -> bool:
+        """Whether candidates of given strengths leave the static stiffness positive where it is."""
+        stiffness = self.system.stiffness[6:, 6:]
+        scale = np.sqrt(np.maximum(np.abs(np.diag(stiffness)), 1e-300))
+        softer = np.zeros(stiffness.shape)
+        for group, strength in zip(self.groups, strengths, strict=True):
+            for one, g in zip(group, strength, strict=True):
+                if one.kind == SOFTER and g > 0:
+                    softer += g * np.outer(one.row[6:], one.row[6:])
+        both = np.array([stiffness, stiffness - softer]) / np.outer(scale, scale)
+        before, after = np.count_nonzero(np.linalg.eigvalsh(both) < -RANK, axis=1)
+        return bool(before == after)
+
+    def build(self, strengths: list[Array]) -> LinearSystem:
+        """Build the system with candidates of given strengths (0: left out) of each group.
+
+        The coordinates of wires and of relaxation follow those of the bodies.
+        """
+        chosen = [
+            (replace(one, row=np.sqrt(g) * one.row))
+            for group, strength in zip(self.groups, strengths, strict=True)
+            for one, g in zip(group, strength, strict=True)
+            if g > 0
+        ]
+        size = self.system.size
+        change = np.zeros((size, size))
+        damping = np.zeros((size, size))
+        for one in chosen:
+            if one.kind == SOFTER:
+                change -= np.outer(one.row, one.row)
+            elif one.kind == DASHPOT:
+                damping += np.outer(one.row, one.row) / one.rate
+        wires = [one for one in chosen if one.kind == WIRE]
+        relaxing = [one for one in chosen if one.kind == RELAXATION]
+        drives = np.array([one.row for one in wires]).reshape(-1, size)
+        follow = np.array([one.row for one in relaxing]).reshape(-1, size)
+        count = len(relaxing)
+        omega = np.array([one.rate for one in wires])
+        drag = np.array([one.drag for one in wires])
+        decay = np.array([one.drag + one.loss for one in wires])
+        rates = np.array([one.rate for one in relaxing])
+        resisted = drag[:, None] * drives
+        groups = _groups(self.system)
+        change, damping = (_framed(part, groups) for part in (change, damping))
+        unit = np.eye(len(wires))
+        stiffness = np.block([[change + follow.T @ follow, -follow.T], [-follow, np.eye(count)]])
+        first = size + len(wires)
+        around = np.r_[:size, first : first + count]
+        whole = np.diag(np.concatenate([np.zeros(size), omega**2, np.zeros(count)]))
+        whole[np.ix_(around, around)] += stiffness
+        mass = np.block([[np.zeros((size, size)), drives.T], [drives, unit]])
+        resist = np.block([[damping, resisted.T], [resisted, np.diag(decay)]])
+        resist = np.pad(resist, (0, count))
+        own = np.arange(first, first + count)
+        resist[own, own] = 1 / rates
+        names = [f"{WIRE}-{n}.{one.stage}" for n, one in enumerate(wires, 1)]
+        names += [f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(rates, 1)]
+        added = AddedCoordinates(
+            name=tuple(names),
+            # modes of unit mass; of a relaxation y, y^2 / 2 is its energy
+            unit=("m sqrt(kg)",) * len(wires) + ("sqrt(J)",) * count,
+            momentum_unit=("m sqrt(kg)/s",) * len(wires) + ("s sqrt(J)",) * count,
+            mass=np.pad(mass, (0, count)),
+            stiffness=whole,
+            damping=resist,
+        )
+        return self.system.widened(added)
+
+
+def list_candidates(model: LinearSystem, band: tuple[float, float]) -> Candidates:
+    """List what may stand for the losses and the mass of wires of a system in a band, Hz.
+
+    `model` is that of one design, on the beam or violin model. Raises `InputError` if an element
+    gives energy instead of taking it, which no relaxation does.
     """
     low = 2 * np.pi * band[0]
     high = 2 * np.pi * band[1]
-    system, elements = _with_wire_modes(model, ABOVE * high)
-    found = eigenmodes.solve(system)
-    squared = found.omega_squared
-    near = (squared > 0) & (squared < (1.5 * high) ** 2)
-    if not elements or not near.any():
-        return system
-    omega = np.sqrt(squared[near])
-    shapes = np.linalg.solve(system.basis, np.pad(found.shape[near], ((0, 0), (6, 0))).T)
-    first = min(low, omega[0]) / 10
-    last = max(high, omega[-1]) * 2
-    rates = np.geomspace(first, last, 2 + int(density * np.log10(last / first)))
-    return _with_relaxation(system, elements, omega, shapes, rates, (low, high))
+    system, families, wires = _without_losses(model, ABOVE * high)
+    rates = np.geomspace(low / 10, 10 * high, 1 + int(DENSITY * np.log10(100 * high / low)))
+    middle = float(np.sqrt(low * high))
+    omega = np.geomspace(low, high, POINTS)
+    groups = []
+    lossy_rows = []
+    losses = [one for family in families for one in family]
+    sizes = [[one.largest(omega) for one in family] for family in families]
+    for columns in _groups(system):
+        own = [one for one in wires if one.row[columns].any()]
+        for family, size in zip(families, sizes, strict=True):
+            rows = [np.sqrt(most) * one.rows for one, most in zip(family, size, strict=True)]
+            for row in _within(np.concatenate(rows), columns):
+                own += [Candidate(row, RELAXATION, rate) for rate in rates]
+                own.append(Candidate(row, SOFTER))
+                if not system.massless[row != 0].any():
+                    own.append(Candidate(row, DASHPOT, middle))
+        groups.append(own)
+        lossy_rows.append([_within(one.rows, columns) for one in losses])
+    return Candidates(system, groups, losses, lossy_rows)
 
 
-def check_size(model: LinearSystem, band: tuple[float, float], density: float) -> None:
+def _within(
+    rows: Float[np.ndarray, "deformation coordinate"], columns: Index
+) -> Float[np.ndarray, "independent coordinate"]:
+    """Independent deformations of a group of coordinates with the same stiffness there."""
+    _, large, directions = np.linalg.svd(rows[:, columns], full_matrices=False)
+    some = large > np.sqrt(RANK) * np.abs(rows).max(initial=0.0)
+    result = np.zeros((np.count_nonzero(some), rows.shape[1]))
+    result[:, columns] = large[some, None] * directions[some]
+    result[np.abs(result) < RANK * np.abs(result).max(initial=0.0)] = 0.0
+    return result
+
+
+def check_size(model: LinearSystem, band: tuple[float, float]) -> None:
     """Raise `InputError` if a band (Hz) needs more states than can be computed with."""
-
-    def fits(low: float, high: float) -> bool:
-        return _estimate_states(model, (low, high), density) <= MOST_STATES
-
-    if fits(*band):
-        return
     low, high = band
-    count = _estimate_states(model, band, density)
-    if fits(max(low, high / 10), high):
+    count = _estimate_states(model, high)
+    good = 0.0
+    if count > MOST_STATES:
+        bad = high
+        for _ in range(60):
+            middle = (good + bad) / 2
+            fits = _estimate_states(model, middle) <= MOST_STATES
+            good, bad = (middle, bad) if fits else (good, middle)
+        problem = (
+            f"needs about {count:,} states for losses and modes of wires, which take too much"
+            f" memory and time (at most {MOST_STATES:,})"
+        )
+        remedy = f"end it at {float(f'{0.95 * good:.2g}'):g} Hz or below"
+    elif np.log10(high) - np.log10(low) > DECADES:
+        problem = f"spans more than {DECADES} decades"
         remedy = "begin it at a higher frequency"
     else:
-        good = low
-        bad = high
-        for _ in range(30):
-            middle = float(np.sqrt(good) * np.sqrt(bad))
-            good, bad = (middle, bad) if fits(low, middle) else (good, middle)
-        remedy = f"end it at {float(f'{0.95 * good:.2g}'):g} Hz or below"
-    problem = (
-        f"needs about {count:,} states for losses and modes of wires, which take too much memory"
-        f" and time (at most {MOST_STATES:,})"
-    )
+        return
     raise InputError.of("--band", problem, remedy, format_value(f"{low:g}:{high:g}"))
 
 
-def _estimate_states(model: LinearSystem, band: tuple[float, float], density: float) -> int:
-    """Estimate the number of states, from that of the modes of wires and of relaxation rates.
+def _estimate_states(model: LinearSystem, highest: float) -> int:
+    """Estimate the largest number of states, from that of the modes of wires up to 1.5 `highest`.
 
-    All coordinates have two, and one more for each rate.
+    Half of the coordinates' states again are for losses.
     """
-    coordinates = model.size + count_wire_modes(model, ABOVE * band[1])
-    decades = np.log10(band[1]) - np.log10(band[0]) + BESIDE_BAND
-    return int(coordinates * (2 + 2 + density * decades))
+    return 3 * (model.size + count_wire_modes(model, ABOVE * highest))
 
 
 def count_wire_modes(model: LinearSystem, highest: float) -> int:
@@ -260,20 +430,23 @@ def _section_loss(
     return _deformations(reference, rounded=True) @ to_own, angle
 
 
-def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem, list[Lossy]]:
-    """Add the inertia and the modes of wires, and viscous terms; also list what is lossy."""
+def _without_losses(
+    model: LinearSystem, highest: float
+) -> tuple[LinearSystem, list[list[Lossy]], list[Candidate]]:
+    """Return the system with the inertia of wires and dampers alone, its losses, and wire modes.
+
+    Losses are those of each element, of several sections for a wire.
+    """
     groups = _groups(model)
-    size = model.size
-    mass = np.zeros((size, size))
-    damping = np.zeros((size, size))
-    elements: list[Lossy] = []
+    mass = np.zeros((model.size, model.size))
+    damping = np.zeros((model.size, model.size))
+    families: list[list[Lossy]] = []
+    modes: list[Candidate] = []
     if model.is_lossy:
-        elements.append(Lossy(_deformations(model.loss), np.ones_like))
-    driven: list[Float[np.ndarray, " coordinate"]] = []  # motions that drive wire modes
-    about: list[tuple[float, float, str]] = []  # frequency, drag and stage of each
+        families.append([Lossy(_deformations(model.loss), np.ones_like)])
     for term in model.terms:
         if isinstance(term, StructuralLoss):
-            elements.append(Lossy(_deformations(term.matrix), term.angle, term.stored))
+            families.append([Lossy(_deformations(term.matrix), term.angle, term.stored)])
         elif isinstance(term, Damper):
             damping += term.matrix
         if not isinstance(term, WireTerm):
@@ -283,129 +456,35 @@ def _with_wire_modes(model: LinearSystem, highest: float) -> tuple[LinearSystem,
             inertia = np.einsum("wci,cd,wdj->ij", forms, wire.inertia, forms)
             mass = mass + inertia
             damping = damping + wire.drag * inertia
-            own: list[tuple[int, int, Array]] = []  # coordinate, mode, share of each wire
-            for number, (omega, drives) in enumerate(wire.modes):
-                for share, row in _combinations(drives @ forms, groups):
-                    own.append((size + len(driven), number, share))
-                    driven.append(row)
-                    about.append((omega, wire.drag, term.stage))
-            for ends, energy, angle in wire.losses:
-                count = len(ends)
-                rows = np.zeros((len(forms), count + len(energy), size + len(driven)))
-                rows[:, :count, :size] = ends @ forms
-                for place, number, share in own:
-                    rows[:, count + number, place] = np.sqrt(energy[number]) * share
-                elements.append(Lossy(rows.reshape(-1, rows.shape[-1]), angle))
-    drives = np.array(driven).reshape(-1, size)
-    omega, drag = (np.array([one[n] for one in about]) for n in (0, 1))
+            at = np.array([omega for omega, _ in wire.modes])
+            lost = sum((energy * angle(at) for _, energy, angle in wire.losses), np.zeros(len(at)))
+            for (omega, drives), own in zip(wire.modes, lost, strict=True):
+                about = (WIRE, omega, wire.drag, float(own) / omega, term.stage)
+                modes += [Candidate(row, *about) for row in _combinations(drives @ forms, groups)]
+            family = [
+                Lossy((ends @ forms).reshape(-1, model.size), angle)
+                for ends, _, angle in wire.losses
+            ]
+            if family:
+                families.append(family)
     mass, damping = (_framed(part, groups) for part in (mass, damping))
-    unit = np.diag(np.ones(len(drives)))
-    resisted = drag[:, None] * drives
-    modes = AddedCoordinates(
-        name=tuple(f"{WIRE}-{n}.{stage}" for n, (_, _, stage) in enumerate(about, 1)),
-        unit=("m sqrt(kg)",) * len(about),  # of unit mass
-        momentum_unit=("m sqrt(kg)/s",) * len(about),
-        mass=np.block([[mass, drives.T], [drives, unit]]),
-        stiffness=np.diag(np.append(np.zeros(size), omega**2)),
-        damping=np.block([[damping, resisted.T], [resisted, unit * drag]]),
-    )
     lossless = replace(model.lossless, terms=model.terms_with_states, ground=None)
-    system = lossless.widened(modes)
-    padded = [
-        replace(one, rows=np.pad(one.rows, ((0, 0), (0, system.size - one.rows.shape[1]))))
-        for one in elements
-    ]
-    return system, padded
+    system = replace(
+        lossless,
+        mass=lossless.mass + mass,
+        damping=lossless.damping + damping,
+        massless=lossless.massless & ~mass.any(1),
+        allowed=lossless.allowed | (mass != 0) | (damping != 0),
+    )
+    return system, families, modes
 
 
 def _combinations(
     driven: Float[np.ndarray, "wire coordinate"], groups: list[Index]
-) -> Iterator[tuple[Float[np.ndarray, " wire"], Float[np.ndarray, " coordinate"]]]:
+) -> Iterator[Float[np.ndarray, " coordinate"]]:
     """Combine equal modes of equal wires, so that each is driven by one group of coordinates."""
     for columns in groups:
-        own, large, _ = np.linalg.svd(driven[:, columns], full_matrices=False)
-        for share in own.T[large > np.sqrt(RANK) * np.abs(driven).max()]:
-            row = np.zeros(driven.shape[1])
-            row[columns] = share @ driven[:, columns]
-            yield share, row
-
-
-def _with_relaxation(
-    system: LinearSystem,
-    elements: list[Lossy],
-    omega: Float[np.ndarray, " mode"],
-    shapes: Float[np.ndarray, "coordinate mode"],
-    rates: Float[np.ndarray, " rate"],
-    band: tuple[float, float],
-) -> LinearSystem:
-    """Add the relaxation that gives the elements their losses in a band, rad/s."""
-    from scipy.optimize import nnls
-
-    # elastic energy and loss of each element in each mode
-    energy = np.array([((one.rows @ shapes) ** 2).sum(0) for one in elements]) / omega**2
-    angle = np.array([np.broadcast_to(one.angle(omega), omega.shape) for one in elements])
-    loss = energy * angle
-    total = np.maximum(loss.sum(0), 1e-12)
-    every = np.append(omega, np.geomspace(*band, POINTS))
-    lag = every[:, None] * rates / (every[:, None] ** 2 + rates**2)
-    near = np.clip(omega, *band)  # what a mode beside the band does in it matters at its end
-    step = near[:, None] ** 2 / (near[:, None] ** 2 + rates**2)
-    strength = np.zeros((len(elements), len(rates)))
-    stiffer = np.zeros(energy.shape)
-    for n, one in enumerate(elements):
-        if (loss[n] > MINOR * total).any():
-            weight = np.append(loss[n] / total, np.full(POINTS, BETWEEN))
-            weight /= np.maximum(one.angle(every), 1e-12)
-            strength[n] = nnls(lag * weight[:, None], one.angle(every) * weight)[0]
-            stiffer[n] = step @ strength[n] - one.stored(near)
-    # take back what the modes have become stiffer by: each element where it stores most energy,
-    # the rest in all together, but not so much that the design becomes unstable
-    shift = (energy**2 * stiffer).sum(1) / np.maximum((energy**2).sum(1), 1e-300)
-    stiffer -= shift[:, None]
-    unit = np.abs(stiffer).max(1)
-    root = np.sqrt(total)
-    parts = (energy * unit[:, None] / root).T
-    wanted = (energy * stiffer).sum(0) / root
-    shift += unit * np.linalg.lstsq(parts, wanted, rcond=1e-2)[0]
-    shift = np.minimum(shift, STABLE / np.maximum(energy.max(1), 1e-300))
-    groups = _groups(system)
-    size = system.size
-    added = sum(-d * one.rows.T @ one.rows for d, one in zip(shift, elements, strict=True))
-    follow, own_rates = _followers(elements, strength, rates, groups)
-    softer = _framed(np.asarray(added), groups)
-    whole = np.block([[softer + follow.T @ follow, -follow.T], [-follow, np.eye(len(follow))]])
-    damping = np.diag(np.append(np.zeros(size), 1 / own_rates))
-    relaxing = AddedCoordinates(
-        name=tuple(f"{RELAXATION}-{n}.{rate:.3g}" for n, rate in enumerate(own_rates, 1)),
-        unit=("sqrt(J)",) * len(own_rates),  # y^2 / 2 is their energy
-        momentum_unit=("s sqrt(J)",) * len(own_rates),
-        mass=np.zeros_like(whole),
-        stiffness=whole,
-        damping=damping,
-    )
-    return system.widened(relaxing)
-
-
-def _followers(
-    elements: list[Lossy],
-    strength: Float[np.ndarray, "element rate"],
-    rates: Float[np.ndarray, " rate"],
-    groups: list[Index],
-) -> tuple[Float[np.ndarray, "follower coordinate"], Float[np.ndarray, " follower"]]:
-    """Deformations that relax, of all elements together: no more than coordinates per rate."""
-    rows = [np.zeros((0, elements[0].rows.shape[1]))]
-    own_rates = [np.zeros(0)]
-    for number, rate in enumerate(rates):
-        stack = np.concatenate(
-            [np.sqrt(g[number]) * one.rows for g, one in zip(strength, elements, strict=True)]
-        )
-        for columns in groups:
-            used = columns[stack[:, columns].any(0)]
-            own = np.zeros((min(len(used), len(stack)), stack.shape[1]))
-            own[:, used] = np.linalg.qr(stack[:, used], mode="r")
-            rows.append(own[own.any(1)])
-            own_rates.append(np.full(len(rows[-1]), rate))
-    return np.concatenate(rows), np.concatenate(own_rates)
+        yield from _within(driven, columns)
 
 
 def _deformations(

@@ -7,22 +7,25 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from suspension_cli.analyses.export.relaxation import check_size, relax
+from suspension_cli.analyses.export.relaxation import Candidates, check_size, list_candidates
+from suspension_cli.analyses.export.state_choice import Wanted, choose_states, correct, pose
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
+from suspension_cli.errors import InputError
 from suspension_cli.files.documents import Layout
 from suspension_cli.linear import damped, eigenmodes, response, statespace
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
+from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float
+    from jaxtyping import Bool, Complex, Float, Int
 
 GRID = 800
 """Number of frequencies at which a system is compared with the direct solution. With an odd number
@@ -34,8 +37,6 @@ AGREEMENT = (0.01, 0.1)
 NARROW = 0.07
 """Width, relative to its frequency, up to which a resonance or a zero does not interrupt a band: a
 slight shift of either is a large error there."""
-GAIN = 0.8
-"""Least improvement of the errors for which more rates are taken."""
 APART = 1e-3
 """Relative distance from a mode, or its width, within which its pole is looked for."""
 TOLERANCE = 1e-9
@@ -43,8 +44,15 @@ TOLERANCE = 1e-9
 TOLERANCE_ZPK = 1e-3
 """Relative error of a zero-pole-gain form in its band: the eigenvalue problem of its zeros has
 rounding errors relative to the largest one."""
-DENSITIES = (2.0, 3.0, 4.5)
-"""Relaxation rates per decade that are tried until losses are accurate enough."""
+SAMPLES = 200
+"""Number of frequencies of the band at which states with losses are chosen."""
+SHIFT = 1e-4
+"""Relative error of the frequency of a mode that counts as much as one of a response by `accuracy`,
+if it is more than that share of the mode's width."""
+MARGIN = 0.5
+"""Error at the frequencies where states are chosen, over that which is allowed."""
+GROWTH = 1.05
+"""Ratio of the numbers of states of systems that are compared with the direct solution."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,8 @@ class Exported:
         Responses at `frequency`, SI.
     q_error
         With losses, the largest relative error of the Q of a mode in the band; None without.
+    orders
+        With losses, errors of systems with fewer states.
     mirror
         Name of the design's mirror.
     filters
@@ -101,6 +111,7 @@ class Exported:
     value: Complex[np.ndarray, "frequency output input"]
     agreement: Agreement | None = None
     q_error: float | None = None
+    orders: Orders | None = None
     mirror: str = ""
     filters: FilterFile | None = None
 
@@ -124,12 +135,34 @@ class Export(Written, Exported):
     """An exported system: matrices, bands of agreement, and the format that was asked for."""
 
     in_json: ClassVar = Layout(
-        only="format file filters system band tolerance worst q_error agreement",
+        only="format file filters system band tolerance worst q_error orders agreement",
         names={"band": "band_hz", "worst": "worst_error", "q_error": "worst_q_error"},
-        sparse="filters",
+        sparse="filters orders",
         flat="filters system",
     )
     format: str = "mat"
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Errors of systems with losses against their number of states, up to that of the system.
+
+    Attributes
+    ----------
+    states
+        Number of states.
+    worst
+        Largest relative error off resonance.
+    q_error
+        Largest relative error of a Q.
+    """
+
+    in_json: ClassVar = Layout(
+        rows={"order": ""}, names={"worst": "worst_error", "q_error": "worst_q_error"}
+    )
+    states: Int[np.ndarray, " order"]
+    worst: Float[np.ndarray, " order"]
+    q_error: Float[np.ndarray, " order"]
 
 
 @dataclass(frozen=True)
@@ -193,29 +226,107 @@ def build_lossy(
     band: tuple[float, float],
     accuracy: float,
     *,
+    order: int | None = None,
     zpk: bool = False,
 ) -> Exported:
     """Build the system with losses, and with the mass of wires that the `model` has.
 
-    Of the densities of relaxation rates it takes the first with which responses off resonance have
-    errors up to `accuracy` and Q up to twice that, in the band (Hz); or the best.
+    States are added until responses off resonance have errors up to `accuracy` and Q up to twice
+    that, in the band (Hz). If none suffices, or with the largest `order` given, it is the system of
+    the smallest sum of the former and half of the latter. Raises `InputError` if the bodies need
+    more states than `order`.
     """
-    check_size(model, band, DENSITIES[0])
-    modes = damped.solve(model)
-    exact = _solve(model, np.geomspace(*band, GRID), inputs, outputs)
+    check_size(model, band)
+    solver = Solver(model)
+    modes = damped.solve(solver)
+    exact = _solve(solver, np.geomspace(*band, GRID), inputs, outputs)
+    candidates = list_candidates(model, band)
+    rows: list[tuple[int, float, float]] = []
     best: tuple[float, Exported] | None = None
-    for density in DENSITIES:
-        system = statespace.build(relax(model, band, density), inputs, outputs)
-        made = _measure(system, exact, band, accuracy, zpk=zpk, narrow=False)
+    last = 0
+    steps = _choose_steps(solver, candidates, modes, inputs, outputs, band, accuracy)
+    fixed = None
+    for number, strengths in enumerate(steps):
+        added = candidates.count_states(strengths)
+        is_due = number == len(steps) - 1 or fixed is None or fixed + added >= GROWTH * last
+        if fixed is not None and order is not None and fixed + added > order:
+            break
+        if not is_due:
+            continue
+        system = statespace.build(candidates.build(strengths), inputs, outputs)
+        last = len(system.state)
+        fixed = last - added
+        if order is not None and last > order:
+            break
+        made = _measure(system, exact, band, accuracy, zpk=False, narrow=False)
         made = replace(made, q_error=_error_of_q(system, modes, band))
-        share = max(made.worst, (made.q_error or 0.0) / 2) / accuracy
-        if best is not None and share > GAIN * best[0]:
+        q_error = made.q_error or 0.0
+        total = made.worst + q_error / 2
+        if best is None or total < best[0]:
+            best = total, made
+            rows.append((last, made.worst, q_error))
+        if order is None and max(made.worst, q_error / 2) <= accuracy:
             break
-        best = share, made
-        if share <= 1:
-            break
-    assert best is not None
-    return best[1]
+    if best is None:
+        problem = f"is less than the {last} states of the bodies in these responses"
+        raise InputError.of("--order", problem, "raise it, or take fewer signals", f"{order}")
+    made = best[1]
+    if zpk:
+        measured = _measure(made.system, exact, band, accuracy, zpk=True, narrow=False)
+        made = replace(measured, q_error=made.q_error)
+    states, worst, q_error = (np.array(column) for column in zip(*rows, strict=True))
+    return replace(made, orders=Orders(states, worst, q_error))
+
+
+def _choose_steps(
+    solver: Solver,
+    candidates: Candidates,
+    modes: Modes,
+    inputs: list[Signal],
+    outputs: list[Signal],
+    band: tuple[float, float],
+    accuracy: float,
+) -> list[list[Array]]:
+    """Choose strengths of candidates step by step, corrected once for what is not linear.
+
+    Errors are relative to responses across the band, but near zeros to those beside them.
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    model = solver.system
+    frequency = np.geomspace(*band, SAMPLES)
+    exact = _solve(solver, frequency, inputs, outputs)
+    some = _modes_within(modes, band)
+    q = modes.q[some]
+    omega = 2 * np.pi * modes.frequency[some]
+    pole = omega * (1j * np.sqrt(np.maximum(1 - 1 / (4 * q**2), 0.0)) - 1 / (2 * q))
+    wanted = Wanted(
+        inputs=inputs,
+        outputs=outputs,
+        frequency=frequency,
+        size=maximum_filter1d(exact.size, 3, axis=0),
+        pole=pole,
+        shape=np.linalg.solve(model.basis, np.pad(modes.shape[some], ((0, 0), (6, 0))).T).T,
+        in_quadrature=np.minimum(accuracy / (q * SHIFT), 1.0),
+    )
+    groups = pose(solver, candidates, wanted)
+    enough = MARGIN * accuracy
+    best = candidates.stable(choose_states(groups, enough))[-1]
+    system = statespace.build(candidates.build(best), inputs, outputs)
+    size = np.where(wanted.size > 0, wanted.size, np.inf)
+    error = (system.at(frequency) - exact.value) / size
+    if not len(system.a):
+        return [best]
+    found = np.linalg.eigvals(system.a)
+    nearest = found[np.abs(found - pole[:, None]).argmin(1)]
+    groups = correct(groups, best, error, (nearest**2 - pole**2) / wanted.width)
+    return candidates.stable(choose_states(groups, enough))
+
+
+def _modes_within(modes: Modes, band: tuple[float, float]) -> Bool[np.ndarray, " mode"]:
+    """Mark the modes in a band (Hz) that oscillate with losses."""
+    inside = (modes.frequency > band[0]) & (modes.frequency < band[1])
+    return inside & np.isfinite(modes.q) & (modes.q > 0.5)
 
 
 def _measure(
@@ -267,15 +378,20 @@ class _Exact:
     value: Complex[np.ndarray, "frequency output input"]
     motion: Float[np.ndarray, "frequency output input"]
 
-    def errors_of(
-        self, value: Complex[np.ndarray, "frequency output input"]
-    ) -> Float[np.ndarray, "frequency output input"]:
-        """Compute errors relative to each response, or to `FAINT` of the motion of its body.
+    @property
+    def size(self) -> Float[np.ndarray, "frequency output input"]:
+        """Magnitude of each response, or `FAINT` of the motion of its body; 0 if it is 0.
 
         Of a fainter one the direct solution has fewer digits too.
         """
         exact = np.abs(self.value)
-        size = np.where(exact > 0, np.maximum(exact, FAINT * self.motion), 0.0)
+        return np.where(exact > 0, np.maximum(exact, FAINT * self.motion), 0.0)
+
+    def errors_of(
+        self, value: Complex[np.ndarray, "frequency output input"]
+    ) -> Float[np.ndarray, "frequency output input"]:
+        """Compute errors relative to the `size` of each response."""
+        size = self.size
         off = np.abs(value - self.value)
         with np.errstate(divide="ignore", invalid="ignore"):
             error = np.where(size > 0, off / size, np.where(off == 0, 0.0, np.inf))
@@ -283,20 +399,21 @@ class _Exact:
 
 
 def _solve(
-    model: LinearSystem,
+    system: Solvable,
     frequency: Float[np.ndarray, " frequency"],
     inputs: list[Signal],
     outputs: list[Signal],
 ) -> _Exact:
     """Solve directly for responses and for the motions of the bodies."""
-    bodies = [one.body for one in outputs if one.body in model.body]
+    solver = Solver.of(system)
+    bodies = [one.body for one in outputs if one.body in solver.system.body]
     bodies = list(dict.fromkeys(bodies))
     motions = [
         Signal(f"{body}.{dof}", body, n, (0.0, 0.0, 0.0), acts=False)
         for body in bodies
         for n, dof in enumerate(DOFS)
     ]
-    found = response.solve(model, frequency, inputs, [*outputs, *motions]).value
+    found = response.solve(solver, frequency, inputs, [*outputs, *motions]).value
     value, others = np.split(found, [len(outputs)], axis=1)
     largest = np.abs(others).reshape(len(frequency), len(bodies), len(DOFS), -1).max(2)
     motion = np.zeros(value.shape)
@@ -316,7 +433,7 @@ def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, 
     poles = poles[np.imag(poles) > 0]
     frequency = np.abs(poles) / (2 * np.pi)
     q = np.abs(poles) / np.maximum(-2 * poles.real, 1e-300)
-    some = np.isfinite(modes.q) & (modes.frequency > band[0]) & (modes.frequency < band[1])
+    some = _modes_within(modes, band)
     expected = modes.frequency[some]
     own = modes.q[some]
     beside = np.abs(frequency[:, None] / expected - 1) < np.maximum(APART, 1 / own)
