@@ -26,6 +26,7 @@ RECORDS = {
     "Report": "report.solve",
     "Response": "response.solve",
     "Sensitivity": "sensitivity.solve",
+    "Simulation": "simulate.solve",
     "Sweep": "sweep.solve",
     "Thermal": "thermal.solve",
     "Tolerance": "tolerance.summary",

@@ -17,6 +17,7 @@ from suspension_cli.analyses.record import Record as Record
 from suspension_cli.analyses.report.solve import Report as Report
 from suspension_cli.analyses.response.solve import Response as Response
 from suspension_cli.analyses.sensitivity.solve import Sensitivity as Sensitivity
+from suspension_cli.analyses.simulate.solve import Simulation as Simulation
 from suspension_cli.analyses.sweep.solve import Sweep as Sweep
 from suspension_cli.analyses.thermal.solve import Thermal as Thermal
 from suspension_cli.analyses.tolerance.summary import Tolerance as Tolerance
@@ -674,6 +675,69 @@ def sensitivity(
     >>> found = sus.sensitivity(sus.example("double"), results=["test yaw"], fidelity="string")
     >>> found.derivative.shape[1]
     1
+    """
+
+def simulate(
+    design: Design | PathLike,
+    *,
+    outputs: Names = (),
+    rate: float = 2048.0,
+    duration: float = 10.0,
+    ground: Names = (),
+    step: Names = (),
+    impulse: Names = (),
+    noise: bool = True,
+    seed: int = 0,
+    allow_unstable: bool = False,
+    tolerance: float = 0.001,
+    fidelity: str = 'auto',
+) -> Simulation:
+    """Run the loops of a design in time.
+
+    Parameters
+    ----------
+    design : Design
+        The design, or the path of its file.
+    outputs : str or sequence of str
+        Output: test.x, test.pitch, test.x@0,0,0.001, .... Default: x of the mirror.
+    rate : float
+        Sample rate of the loops, Hz.
+    duration : float
+        Length of the run, s.
+    ground : str or sequence of str
+        Motion of the support, as in budget: nlnm, aligo-isi, a file, .... Default: none.
+    step : str or sequence of str
+        Constant force in N or torque in N m from 0 s on: upper.force_x=1e-3.
+    impulse : str or sequence of str
+        Impulse in N s or N m s at 0 s: upper.torque_yaw=1e-4.
+    noise : bool
+        Whether sensors and actuators have noise.
+    seed : int
+        Start of the random numbers; the same gives the same run.
+    allow_unstable : bool
+        Continue with motion that grows (an unstable equilibrium, active elements).
+    tolerance : float
+        Largest relative error of the result that fidelity="auto" accepts.
+    fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
+        Model of bodies and wires; auto takes the cheapest that is accurate enough.
+
+    Returns
+    -------
+    Simulation
+        With `time` (t,) in s, `value` (t, outputs), `force` (t, actuators), `limit`, `at_limit`.
+
+    Raises
+    ------
+    InputError
+        If a loop is unstable, or a filter does not fit the rate.
+
+    Examples
+    --------
+    >>> import suspension_cli as sus
+    >>> design = sus.example("triple-damped")
+    >>> how = {"rate": 512.0, "duration": 1.0, "fidelity": "string"}
+    >>> sus.simulate(design, outputs=["upper.yaw"], step=["upper.torque_yaw=1e-6"], **how).unit
+    ('rad',)
     """
 
 def sweep(

@@ -69,7 +69,7 @@ AVOGADRO = 6.02214076e23
 def _analyses() -> tuple[str, ...]:
     """List the folders of `analyses/` with a command, in the order of their presentation."""
     order = "modes response thermal compare budget sweep sensitivity fit optimise xcouple"
-    known = [*order.split(), "tolerance", "tradeoff", "damp", "export"]
+    known = [*order.split(), "tolerance", "tradeoff", "damp", "simulate", "export"]
     folder = os.path.join(os.path.dirname(__file__), "analyses")
     found = (
         entry.name

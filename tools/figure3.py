@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 import suspension_cli as sus
 from suspension_cli.analyses import named_quantities
-from suspension_cli.analyses.sweep.followed_modes import complete, follow
+from suspension_cli.analyses.sweep.followed_modes import Follower, complete
 from suspension_cli.analyses.sweep.parameter_sweep import ParameterSweep
 from suspension_cli.design.reader import read
 from suspension_cli.drawing.curves import rule
@@ -81,7 +81,7 @@ def follow_mode(text: str, path: str, value: Any, mode: str, level: str) -> Any:
     [number] = [n for n, one in enumerate(every) if one.text == mode]
     job = ParameterSweep(text, (axis,), level, (every[number],))
     points = job.compute(0, job.count)
-    rank, _ = follow(job, points)
+    rank, _ = Follower()(job, points)
     return complete(job, points, rank)[:, 0]
 
 

@@ -35,7 +35,7 @@ ANALYSE = "Analyse, as in pendsus response my.toml --output test.x"
 PURPOSES = {
     "Design, as in pendsus new triple my.toml": "new import check draw sweep sensitivity optimise"
     " schema",
-    ANALYSE: "modes response thermal budget damp compare tradeoff",
+    ANALYSE: "modes response thermal budget damp simulate compare tradeoff",
     "Build and measure, as in pendsus fit my.toml measured.toml": "tolerance xcouple fit",
     "Hand over, as in pendsus report my.toml": "report export plot",
 }

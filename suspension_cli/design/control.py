@@ -71,6 +71,13 @@ class Osem(Table, frozen=True):
         size = math.hypot(*along) or 1.0
         return tuple(part / size for part in along)
 
+    @property
+    def largest_force(self) -> float:
+        """Largest force of the coil, N; infinite without `range`."""
+        if self.range is None or self.coil is None:
+            return math.inf
+        return self.range * (self.transconductance or 1.0) * self.coil
+
     def driver_size(self, frequency: ArrayLike) -> Float[np.ndarray, " frequency"]:
         """Magnitude of the response of the driver at frequencies in Hz, 1 if it is not given."""
         import numpy as np

@@ -49,6 +49,10 @@ CASES = {
         "triple-damped",
         STRING | FEW | {"duration": 5.0, "output": "test.z", "impulse": "support.z"},
     ),
+    "simulate": (
+        "triple-damped",
+        STRING | {"rate": 256.0, "duration": 1.0, "output": "test.z", "ground": ["nlnm"]},
+    ),
     "compare": ("double", {"fidelity": "beam"} | FEW | {"input": "support.x", "noise": "test.x"}),
     "tradeoff": ("husman2000/table1-case3", {"quantity": "modes"}),
     "check": ("double", {}),

@@ -119,6 +119,7 @@ MAKES = {
         "damp configs/triple-damped.toml --frequency 1,2 --duration 1 --fidelity string"
         f" --set {OSEM}"
     ),
+    "simulate": "simulate configs/triple-damped.toml --fidelity string --rate 256 --duration 1",
     "statespace": "export configs/double.toml --format hdf5 --loss",
     "zpk": "export configs/double.toml --format zpk --input support.x --output test.x --loss",
 }

@@ -1,0 +1,63 @@
+"""Picture of motions and forces in time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from suspension_cli.drawing import panels
+from suspension_cli.drawing.panels import Across, Line, Panel
+from suspension_cli.drawing.style import PALETTE, single_line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from suspension_cli.analyses.simulate.solve import Simulation
+    from suspension_cli.drawing.style import LineLook
+    from suspension_cli.scene.arrays import Array
+
+TALL = 1.7
+"""Height of panels, in."""
+BUCKETS = 1500
+"""Intervals of which the smallest and the largest value are drawn."""
+MOST = 6
+"""Most lines of a panel."""
+THIN: LineLook = {"linewidth": 0.7}
+"""Look of lines."""
+
+
+def draw(found: Simulation) -> Figure:
+    """Draw a panel for each motion, and one for the forces of each unit."""
+    time = Across("time (s)", "linear")
+    rows = []
+    for n, output in enumerate(found.output):
+        line = Line(*_envelope(found.time, found.value[:, n]), "_", PALETTE[0], THIN)
+        label = single_line(f"{output} ({found.unit[n]})", 30)
+        title = f"RMS {found.rms[n]:.3g} {found.unit[n]}, largest {found.largest[n]:.3g}"
+        rows.append(Panel(label, [line], TALL, title=title, across=time))
+    for unit in dict.fromkeys(found.actuator_unit):
+        own = [n for n, one in enumerate(found.actuator_unit) if one == unit]
+        own = sorted(own, key=lambda n: -found.largest_force[n])[:MOST]
+        lines = [
+            Line(*_envelope(found.time, found.force[:, n]), found.actuator[n], PALETTE[k], THIN)
+            for k, n in enumerate(own)
+        ]
+        title = "forces of actuators"
+        worst = max(own, key=lambda n: found.at_limit[n])
+        if found.at_limit[worst]:
+            share = 100 * found.at_limit[worst]
+            title += f"; {found.actuator[worst]} is at its limit {share:.3g} % of the time"
+        rows.append(Panel(f"force ({unit})", lines, TALL, title=title, ends=True, across=time))
+    return panels.draw("Motions and forces in time", found.subtitle, rows)
+
+
+def _envelope(time: Array, value: Array) -> tuple[Array, Array]:
+    """Thin a line to the smallest and the largest value of each of many intervals."""
+    step = len(time) // BUCKETS
+    if step < 3:
+        return time, value
+    count = len(time) // step
+    parts = value[: count * step].reshape(count, step)
+    ends = np.stack([parts.min(1), parts.max(1)], axis=1).ravel()
+    return np.repeat(time[: count * step : step], 2), ends
