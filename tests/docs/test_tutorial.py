@@ -57,6 +57,7 @@ COMMANDS = {
     "damping": {"new", "damp", "budget"},
     "diagnosis": {"response", "fit", "compare"},
     "finesse": set(),
+    "loops": {"damp", "budget", "simulate"},
     "quadruple": {"new", "thermal", "modes"},
     "thermal": {"check"},
     "tolerance": {"tolerance"},
