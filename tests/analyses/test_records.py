@@ -69,6 +69,21 @@ PICTURES = {
     "damp": lambda: sus.damp(
         sus.example("triple-damped"), frequency=FEW, duration=5.0, fidelity="string"
     ),
+    "damp with a filter that is found": lambda: sus.damp(
+        sus.example("triple-damped"),
+        method="lqg",
+        redesigned=["yaw"],
+        frequency=FEW,
+        duration=5.0,
+        fidelity="string",
+    ),
+    "simulate": lambda: sus.simulate(
+        sus.example("triple-damped"),
+        rate=256.0,
+        duration=2.0,
+        ground=["nlnm"],
+        fidelity="string",
+    ),
     "optimise": lambda: sus.optimise(sus.template("single"), written(GOALS), starts=2),
     "response": lambda: sus.response(
         sus.example("double"), inputs=["support.x", "upper.force_x"], frequency=FEW
