@@ -79,7 +79,7 @@ class Sensor(Table, frozen=True):
         'what it reads: "support.x", "upper~support.x", or motions with factors, {"upper.x" = 1}'
     )
     response: str | DigitalFilter | None = key(f"reading over motion: {FOTON}; or a digital filter")
-    noise: MotionNoise = key("as motion, in the forms of sensor_noise of a loop", 0.0)
+    sensor_noise: MotionNoise = key("as motion, in the forms of that of a loop", 0.0)
     inputs: list[SensorInput] = key("of a computed sensor: sensors, and forces of loops", [])
     blend: bool = key("whether the filters of its inputs have to sum to 1", default=False)
 
@@ -87,7 +87,7 @@ class Sensor(Table, frozen=True):
         key_rules.any_of("motion", "inputs"),
         key_rules.excludes("motion", "inputs"),
         key_rules.needs("response", "motion"),
-        key_rules.needs("noise", "motion"),
+        key_rules.needs("sensor_noise", "motion"),
         key_rules.needs("blend", "inputs"),
     )
 
@@ -105,7 +105,7 @@ class Sensor(Table, frozen=True):
 
     def check(self) -> Problems:
         """Check filters and noise."""
-        yield from noise_spectra.problems(self, "noise")
+        yield from noise_spectra.problems(self, "sensor_noise")
         if given(self, "response"):
             yield from check_filter(self, "response")
         rests = sum(one.is_rest for one in self.inputs)

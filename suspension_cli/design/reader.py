@@ -350,7 +350,7 @@ FILES = {
     "control.loop.*.sensor_noise": partial(_insert_noise, kind="motion"),
     "control.loop.*.actuator_noise": partial(_insert_noise, kind="force"),
     "control.sensor.*.response": _insert_sections,
-    "control.sensor.*.noise": partial(_insert_noise, kind="motion"),
+    "control.sensor.*.sensor_noise": partial(_insert_noise, kind="motion"),
     "control.sensor.*.inputs.*.filter": _insert_sections,
     "control.osem.*.driver_response": _insert_sections,
     "control.osem.*.sensor_noise": partial(_insert_noise, kind="motion"),

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from suspension_cli.scene.pose import Pose
     from suspension_cli.scene.scene import Scene
 
+ROUNDING = 1e-14
+"""Fraction of the largest element of a matrix below which one is a rounding error."""
+
 
 def dampers_of(design: Design) -> dict[str, tuple[str, TipDamper]]:
     """Name of the stage, and damper, of each blade that has one, by the label of the blade."""
@@ -115,7 +118,7 @@ def _form(mixed: Array, diagonal: Array) -> Array:
 
 def _without_rounding(matrix: Array) -> Array:
     """Set to 0 what is left where combined coordinates cancel, so that symmetry stays exact."""
-    return np.where(np.abs(matrix) > 1e-14 * np.abs(matrix).max(), matrix, 0.0)
+    return np.where(np.abs(matrix) > ROUNDING * np.abs(matrix).max(), matrix, 0.0)
 
 
 def _basis(basis: Array, mixed: Array) -> Array:

@@ -199,8 +199,7 @@ def _make_channel(owner: Loop | Sensor, read: LoopEnd) -> Channel:
     for factor, signal in read.motions:
         if signal.is_ground:
             on_ground[signal.dof] += factor
-    noise = owner.sensor_noise if isinstance(owner, Loop) else owner.noise
-    return Channel(owner.name, noise, on_ground)
+    return Channel(owner.name, owner.sensor_noise, on_ground)
 
 
 def _sense(read: LoopEnd, model: LinearSystem) -> Float[np.ndarray, " coordinate"]:
@@ -238,7 +237,7 @@ def parse_sensor(
         weights = _weigh(signal, reference, osems, key, f"{key}_noise" if noisy else "")
         return LoopEnd([(1.0, _relate(signal, owner))], weights)
     key = f"control.sensor.{owner.name}.motion"
-    noise_key = f"control.sensor.{owner.name}.noise" if owner.noise else ""
+    noise_key = f"control.sensor.{owner.name}.sensor_noise" if owner.sensor_noise else ""
     motions = []
     total = np.zeros(len(osems))
     for text, factor in owner.motions.items():

@@ -34,11 +34,15 @@ Sum = dict[tuple[str, int], float]
 
 @dataclass(frozen=True)
 class Node:
-    """One filter: `name` is that of its loop or sensor; its output is `delay` (s) late."""
+    """One filter, whose output is `delay` (s) late.
+
+    `name` is that of its loop or of the input of a sensor, `key` what gives it in the design.
+    """
 
     name: str
     filter: Filter
     delay: float = 0.0
+    key: str = ""
 
     def at(
         self, frequency: Inexact[np.ndarray, "*frequency"] | complex
@@ -50,7 +54,8 @@ class Node:
 
 def make_node(loop: Loop) -> Node:
     """Make the node of a loop: its filter, the response of its own sensor, and its delay."""
-    return Node(f"loop {loop.name}", loop.controller_and_sensor, loop.delay)
+    key = f"control.loop.{loop.name}"
+    return Node(f"loop {loop.name}", loop.controller_and_sensor, loop.delay, key)
 
 
 @dataclass(frozen=True)
@@ -138,7 +143,9 @@ class _Builder:
         reads = self.channel(sensor)
         if sensor.response is None:
             return reads
-        return self.add(Node(f"sensor {sensor.name}", make_response(sensor.response)), reads)
+        key = f"control.sensor.{sensor.name}.response"
+        made = make_response(sensor.response)
+        return self.add(Node(f"sensor {sensor.name}", made, key=key), reads)
 
     def computed(self, sensor: Sensor) -> Sum:
         """Build the sum of the inputs of a computed sensor."""
@@ -153,7 +160,8 @@ class _Builder:
             if one.filter is None:
                 total = _add(total, difference, one.gain)
             else:
-                node = Node(f"sensor {sensor.name}.{number}", one.made)
+                key = f"control.sensor.{sensor.name}.inputs.{number}.filter"
+                node = Node(f"sensor {sensor.name}.{number}", one.made, key=key)
                 total = _add(total, self.add(node, difference), 1.0)
         return total
 

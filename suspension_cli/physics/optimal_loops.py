@@ -25,8 +25,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.design.foton import Filter
+from suspension_cli.design.loop_filters import make_response
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals
+from suspension_cli.linear.joined_systems import Matrices, side_by_side
 from suspension_cli.linear.statespace import StateSpace, with_constant_loss
 from suspension_cli.physics import closed_loop, local_control
 from suspension_cli.physics.local_control import Plant
@@ -34,6 +36,7 @@ from suspension_cli.physics.local_control import Plant
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
+    from suspension_cli.design.control import Loop
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.solver import Solvable
 
@@ -50,6 +53,8 @@ REACHED = 1e-4
 out."""
 UNTOUCHED = 1e-12
 """The same of a mode of another symmetry, by rounding errors."""
+STILL = 1e-9
+"""Growth over frequency up to which a pole without loss grows by rounding errors."""
 POINTS = 600
 """Frequencies of a logarithmic grid for the sensitivity; others are around the modes."""
 WIDTHS = (-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0)
@@ -123,8 +128,8 @@ class OptimalLoop:
 def solve(design: Design, system: Solvable, number: int, wanted: Wanted) -> OptimalLoop:
     """Find the filter of one loop of a design, by its number, with the other loops closed.
 
-    Raises `InputError` if the loop reads or feeds a computed sensor, if the other loops are
-    unstable, or if no filter that was tried does what is wanted.
+    Raises `InputError` if the loop reads or feeds the filter of a named sensor, if it reaches no
+    mode, or if no filter that was tried does what is wanted.
     """
     plant = local_control.build_plant(design, system)
     name = plant.loops[number].name
@@ -134,7 +139,8 @@ def solve(design: Design, system: Solvable, number: int, wanted: Wanted) -> Opti
     if not modes.kept.any():
         problem = f"reaches no mode below {wanted.highest:g} Hz"
         raise InputError.of(f"control.loop.{name}", problem, "raise --highest, or move the loop")
-    judge = _Judge.of(opened, modes, wanted)
+    heard = _evaluate_reading(plant.loops[number], wanted.quiet_at)
+    judge = _Judge.of(opened, modes, wanted, heard)
     scaled = _Scaled.of(modes)
     tried = sorted(_try_all(scaled, judge, wanted), key=lambda one: one.noise)
     nearest = None
@@ -157,18 +163,25 @@ def solve(design: Design, system: Solvable, number: int, wanted: Wanted) -> Opti
     if nearest is not None:
         problem += f" (the quietest: {nearest[0]:.3g} s, {nearest[1]:.3g})"
     else:
-        problem += f"; the mode at {modes.least_reached:.4g} Hz is reached least"
+        hardest = modes.frequency[modes.find_hardest(1 / wanted.settling)]
+        problem += f"; the mode at {hardest:.4g} Hz asks for most force"
     remedy = "allow a longer --settling or a larger --sensitivity, or a lower --highest"
     raise InputError.of(f"control.loop.{name}", problem, remedy)
 
 
+def _evaluate_reading(loop: Loop, frequency: float) -> complex:
+    """Evaluate the response of the own sensor of a loop at a frequency in Hz."""
+    given = loop.sensor_response
+    return 1.0 + 0j if given is None else complex(make_response(given).at(frequency))
+
+
 def _demand_alone(plant: Plant, number: int) -> None:
-    """Raise `InputError` for a loop that reads or feeds a computed sensor."""
+    """Raise `InputError` for a loop that reads, or feeds, the filter of a named sensor."""
     reads = plant.network.of_nodes
     if reads[number].any() or reads[:, number].any():
         name = plant.loops[number].name
-        problem = "reads or feeds a sensor that is computed"
-        remedy = "design a loop that reads a motion, or a [[control.sensor]] of motions"
+        problem = "reads or feeds a sensor that is computed, or that has a response"
+        remedy = "design a loop that reads motions, with sensor_response of its own"
         raise InputError.of(f"control.loop.{name}", problem, remedy)
 
 
@@ -186,20 +199,13 @@ def _open(plant: Plant, number: int, output: str) -> StateSpace:
     pushed = plant.pushed[number][None]
     made = closed_loop.close_loops(rest, [closed_loop.LOOP], pushed, [closed_loop.LOOP] * 2, rows)
     loop = plant.loops[number]
-    before = closed_loop.realise_reading(loop)
-    own, states = len(made.a), len(before.A)
-    a = np.zeros((own + states, own + states))
-    a[:own, :own] = made.a
-    a[own:, :own] = before.B @ made.c[:1]
-    a[own:, own:] = before.A
-    b = np.concatenate([made.b, before.B @ made.d[:1]])
-    reading = np.concatenate([before.D @ made.c[:1], before.C], axis=1)
-    moved = np.concatenate([made.c[1:], np.zeros((1, states))], axis=1)
-    through = np.concatenate([before.D @ made.d[:1], made.d[1:]])
-    names = (*made.state, *(f"loop {loop.name} {n}" for n in range(states)))
+    reading = closed_loop.realise_reading(loop)
+    behind = [Matrices(reading.A, reading.B, reading.C, reading.D), Matrices.unchanged()]
+    whole = Matrices(made.a, made.b, made.c, made.d).then(side_by_side(behind))
+    states = len(reading.A)
+    names = (*made.state, *(f"loop {loop.name} {n}" for n in range(1, states + 1)))
     units = (*made.state_unit, *["1"] * states)
-    c = np.concatenate([reading, moved])
-    return replace(made, a=a, b=b, c=c, d=through, state=names, state_unit=units)
+    return replace(made, a=whole.a, b=whole.b, c=whole.c, d=whole.d, state=names, state_unit=units)
 
 
 @dataclass(frozen=True)
@@ -243,11 +249,14 @@ class _Modes:
         """Frequencies, Hz."""
         return np.abs(self.value) / (2 * np.pi)
 
-    @property
-    def least_reached(self) -> float:
-        """Frequency of the mode that is reached least of those that are damped, Hz."""
-        size = np.abs(self.driven * self.sensed / self.value)
-        return float(self.frequency[np.where(self.kept, size, np.inf).argmin()])
+    def find_hardest(self, rate: float) -> int:
+        """Number of the mode that asks for most force to decay at a rate (1/s).
+
+        A weak filter of gain g moves a pole by g driven sensed, to first order.
+        """
+        missing = np.maximum(rate + np.real(self.value), 0.0)
+        force = missing / np.abs(self.driven * self.sensed)
+        return int(np.where(self.kept, force, -1.0).argmax())
 
     @property
     def compliance_left(self) -> float:
@@ -483,19 +492,23 @@ class _Judge:
         Hz, with points around all modes; the last is that of the noise.
     reading, moved
         Responses of reading and output to the force, there.
+    heard
+        Response of the sensor, by which its noise, a motion, becomes a reading.
+    others
+        Poles that are left out: the closed-loop poles nearest to them are not judged.
     """
 
     opened: StateSpace
     frequency: Float[np.ndarray, " frequency"]
     reading: Complex[np.ndarray, " frequency"]
     moved: complex
+    heard: complex
     highest: float
     highest_mode: float
-    weak: Complex[np.ndarray, " pole"]
-    unmoved: Complex[np.ndarray, " pole"]
+    others: Complex[np.ndarray, " pole"]
 
     @staticmethod
-    def of(opened: StateSpace, modes: _Modes, wanted: Wanted) -> _Judge:
+    def of(opened: StateSpace, modes: _Modes, wanted: Wanted, heard: complex) -> _Judge:
         """Prepare the judgement of filters."""
         own = modes.frequency[modes.kept]
         centre = np.abs(np.imag(modes.value)) / (2 * np.pi)
@@ -509,17 +522,17 @@ class _Judge:
             some,
             value[:, 0],
             complex(value[-1, 1]),
+            heard,
             wanted.highest,
             float(own.max()),
-            modes.value[modes.weak],
-            modes.value[~modes.kept & ~modes.weak],
+            modes.value[~modes.kept],
         )
 
     def rate(self, made: Filter) -> tuple[float, float]:
         """Compute the largest sensitivity, and the noise, of a filter."""
         through = made.at(self.frequency)
         sensitivity = 1 / (1 + through * self.reading)
-        noise = abs(self.moved * through[-1] * sensitivity[-1])
+        noise = abs(self.moved * through[-1] * self.heard * sensitivity[-1])
         return float(np.abs(sensitivity).max()), float(noise)
 
     def is_good(self, closed: tuple[float, float], wanted: Wanted) -> bool:
@@ -537,17 +550,11 @@ class _Judge:
         count = len(plant.a)
         a[count:, count:] += made.B @ plant.d[:1] @ forward
         poles = np.linalg.eigvals(a)
-        left = _near(poles, self.weak, 1e-2) | _near(poles, self.unmoved, 1e-6)
-        low = (np.abs(poles) <= 2 * np.pi * self.highest) & ~left
-        if not (np.real(poles) < 0).all():
+        if not (np.real(poles) < STILL * np.abs(poles)).all():
             return None
-        settling = float(-1 / np.real(poles[low]).max())
+        upper = poles[np.imag(poles) >= 0]
+        left = [int(np.abs(upper - other).argmin()) for other in self.others]
+        low = np.abs(upper) <= 2 * np.pi * self.highest
+        low[left] = False
+        settling = float(-1 / np.real(upper[low]).max(initial=-np.inf))
         return settling, self.rate(one.filter)[0]
-
-
-def _near(
-    poles: Complex[np.ndarray, " pole"], others: Complex[np.ndarray, " other"], within: float
-) -> Bool[np.ndarray, " pole"]:
-    """Which poles, of either sign of the frequency, are others, within a relative distance."""
-    upper = np.real(poles) + 1j * np.abs(np.imag(poles))
-    return np.abs(upper[:, None] - others).min(1, initial=np.inf) < within * np.abs(poles)

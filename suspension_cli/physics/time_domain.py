@@ -17,8 +17,8 @@ the whole run, so its spectrum is exact and repeats with the run.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from suspension_cli.design import foton
 from suspension_cli.design.foton import Filter
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals, statespace
+from suspension_cli.linear.joined_systems import Matrices, side_by_side
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.statespace import StateSpace, with_constant_loss
 from suspension_cli.physics import closed_loop
@@ -41,26 +42,8 @@ TOGETHER = 4096
 """Samples that are advanced without a limit, before forces are compared with their limits."""
 MOST_DELAY = 4096
 """Most samples of a delay."""
-
-
-@dataclass(frozen=True)
-class Matrices:
-    """A discrete system: next state = a state + b input, output = c state + d input."""
-
-    a: Float[np.ndarray, "state state"]
-    b: Float[np.ndarray, "state input"]
-    c: Float[np.ndarray, "output state"]
-    d: Float[np.ndarray, "output input"]
-
-    def then(self, after: Matrices) -> Matrices:
-        """Put another system in series behind this one."""
-        none = np.zeros((len(self.a), len(after.a)))
-        return Matrices(
-            np.block([[self.a, none], [after.b @ self.c, after.a]]),
-            np.concatenate([self.b, after.b @ self.d]),
-            np.concatenate([after.d @ self.c, after.c], axis=1),
-            after.d @ self.d,
-        )
+WHOLE = 1e-6
+"""Distance from a whole number of samples up to which a delay is one."""
 
 
 def hold(system: StateSpace, step: float) -> Matrices:
@@ -76,23 +59,19 @@ def hold(system: StateSpace, step: float) -> Matrices:
     return Matrices(moved[:states, :states], moved[:states, states:], system.c, system.d)
 
 
-def digitise(node: Node, rate: float, damper: bool) -> Matrices:
+def digitise(node: Node, rate: float, *, damper: bool) -> Matrices:
     """Make the discrete system of a filter at a sample rate (Hz), with its delay.
 
     A `damper` gets Foton's pole at rate / pi. Raises `InputError` for a filter of another rate,
     one that does not fit below half the rate, or a delay of too many samples.
     """
-    made = Matrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    made = Matrices.unchanged()
     for part in node.filter.parts:
-        if part.rate not in (0.0, rate):
-            problem = f"has a rate of {part.rate:g} Hz"
-            remedy = f"give --rate {part.rate:g}"
-            raise InputError.of(f"control.{node.name.replace(' ', '.')}", problem, remedy)
-        made = made.then(_sections(_at_rate(part, rate, damper, node.name), rate))
-    samples = round(node.delay * rate)
+        made = made.then(_sections(_at_rate(part, rate, node.key, damper=damper), rate))
+    samples = count_delay(node, rate)
     if samples > MOST_DELAY:
         problem = f"has a delay of {samples:,} samples, more than {MOST_DELAY:,}"
-        raise InputError.of(f"control.{node.name.replace(' ', '.')}", problem, "lower --rate")
+        raise InputError.of(node.key, problem, "lower --rate")
     if samples:
         shift = np.eye(samples, k=-1)
         first = np.eye(samples, 1)
@@ -101,14 +80,32 @@ def digitise(node: Node, rate: float, damper: bool) -> Matrices:
     return made
 
 
-def _at_rate(part: Filter, rate: float, damper: bool, name: str) -> Filter:
+def count_delay(node: Node, rate: float) -> int:
+    """Number of samples to which the delay of a filter is rounded at a sample rate (Hz)."""
+    return round(node.delay * rate)
+
+
+def rounded_delays(plant: Plant, rate: float) -> list[str]:
+    """Describe the delays that are no whole number of samples at a rate (Hz)."""
+    found = []
+    for node in plant.network.nodes:
+        samples = count_delay(node, rate)
+        if abs(node.delay * rate - samples) > WHOLE:
+            delay = f"the delay of {node.delay:g} s"
+            found.append(f"{node.key}: {delay} is rounded to {samples} samples")
+    return found
+
+
+def _at_rate(part: Filter, rate: float, key: str, *, damper: bool) -> Filter:
     """Make a filter digital, unless it is."""
-    if part.rate:
+    if part.rate == rate:
         return part
+    if part.rate:
+        problem = f"has a rate of {part.rate:g} Hz"
+        raise InputError.of(key, problem, f"give --rate {part.rate:g}")
     try:
         made = foton.change_rate(part, rate)
     except foton.FotonError as error:
-        key = f"control.{name.replace(' ', '.')}"
         raise InputError.of(key, error.problem, error.remedy) from None
     if damper:
         pole = rate / np.pi
@@ -127,9 +124,9 @@ def _sections(part: Filter, rate: float) -> Matrices:
     zeros, over = move(part.zeros)
     poles, under = move(part.poles)
     zeros = np.append(zeros, -np.ones(len(poles) - len(zeros)))
-    made = Matrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
+    made = Matrices.unchanged()
     if not len(poles):
-        return Matrices(made.a, made.b, made.c, np.full((1, 1), part.gain))
+        return replace(made, d=np.full((1, 1), part.gain))
     for section in zpk2sos(zeros, poles, part.gain * over / under):
         above, below = np.split(section, 2)
         if not below[2] and not above[2]:
@@ -189,10 +186,10 @@ class Sampled:
         """Largest forces, N or N m."""
         return np.array([one.limit for one in self.actuators])
 
-    def linear(self) -> tuple[Matrices, int]:
-        """The closed loop without limits, and the number of its mechanical states.
+    def linear(self) -> Matrices:
+        """Close the loops without limits; states of the mechanics come first.
 
-        Its inputs are those of the class; its outputs motions, then forces of actuators.
+        Inputs are those of the class; outputs motions, then forces of actuators.
         """
         plant = self.mechanics
         nodes = self.filters
@@ -237,7 +234,7 @@ class Sampled:
         direct_force = np.hstack([force_of_inputs, np.zeros((count, count))])
         outputs = np.concatenate([moved, force_of_states])
         through = np.concatenate([direct_moved, direct_force])
-        return Matrices(states, inputs, outputs, through), len(plant.a)
+        return Matrices(states, inputs, outputs, through)
 
     def run(
         self,
@@ -245,9 +242,8 @@ class Sampled:
         progress: Callable[[int], None] = lambda _: None,
     ) -> tuple[Float[np.ndarray, "sample output"], Bool[np.ndarray, "sample actuator"]]:
         """Run from rest: outputs, and where each actuator was at its limit."""
-        whole, states = self.linear()
+        whole = self.linear()
         limits = self.limits
-        pushed = self.mechanics.b[:, : len(limits)]
         state = np.zeros(len(whole.a))
         outputs = np.empty((len(given), len(whole.c)))
         limited = np.zeros((len(given), len(limits)), dtype=bool)
@@ -258,17 +254,37 @@ class Sampled:
             found = path[:-1] @ whole.c.T + given[some] @ whole.d.T
             over = np.abs(found[:, self.motions :]) > limits
             if over.any():
-                path, found = _advance_limited(
-                    whole, state, forced, given[some], (self.motions, states, pushed, limits)
-                )
-                over = np.abs(found[:, self.motions :]) > limits
+                path, found = self._advance_limited(whole, state, forced, given[some])
                 forces = found[:, self.motions :]
+                over = np.abs(forces) > limits
                 found[:, self.motions :] = np.clip(forces, -limits, limits)
             state = path[-1]
             outputs[some] = found
             limited[some] = over
             progress(min(start + TOGETHER, len(given)))
         return outputs, limited
+
+    def _advance_limited(
+        self,
+        whole: Matrices,
+        state: Float[np.ndarray, " state"],
+        forced: Float[np.ndarray, "sample state"],
+        given: Float[np.ndarray, "sample input"],
+    ) -> tuple[Float[np.ndarray, "later state"], Float[np.ndarray, "sample output"]]:
+        """Advance with forces of actuators within limits; their outputs are what was demanded."""
+        limits = self.limits
+        pushed = self.mechanics.b[:, : len(limits)]
+        path = np.empty((len(forced) + 1, len(state)))
+        path[0] = state
+        outputs = given @ whole.d.T
+        for n, more in enumerate(forced):
+            outputs[n] += whole.c @ state
+            demanded = outputs[n, self.motions :]
+            short = np.clip(demanded, -limits, limits) - demanded
+            state = whole.a @ state + more
+            state[: len(pushed)] += pushed @ short
+            path[n + 1] = state
+        return path, outputs
 
 
 def _advance(
@@ -285,28 +301,6 @@ def _advance(
     return path
 
 
-def _advance_limited(
-    whole: Matrices,
-    state: Float[np.ndarray, " state"],
-    forced: Float[np.ndarray, "sample state"],
-    given: Float[np.ndarray, "sample input"],
-    how: tuple[int, int, np.ndarray, np.ndarray],
-) -> tuple[Float[np.ndarray, "later state"], Float[np.ndarray, "sample output"]]:
-    """Advance with forces of actuators within limits; their outputs are what was demanded."""
-    motions, states, pushed, limits = how
-    path = np.empty((len(forced) + 1, len(state)))
-    path[0] = state
-    outputs = given @ whole.d.T
-    for n, more in enumerate(forced):
-        outputs[n] += whole.c @ state
-        demanded = outputs[n, motions:]
-        short = np.clip(demanded, -limits, limits) - demanded
-        state = whole.a @ state + more
-        state[:states] += pushed @ short
-        path[n + 1] = state
-    return path, outputs
-
-
 def sample(
     plant: Plant,
     rate: float,
@@ -317,7 +311,8 @@ def sample(
     """Sample a plant with its loops at a rate (Hz).
 
     The inputs of the result are forces (external ones), then motions of the support (`ground`).
-    Raises `InputError` for filters that do not fit the rate, and for sensors of the ground.
+    Raises `InputError` for filters that do not fit the rate, for sensors of the ground, and for
+    coils with a range whose driver has a response.
     """
     model = with_constant_loss(plant.model)
     of_osems = np.abs(plant.driving).sum(0) > 0
@@ -329,6 +324,11 @@ def sample(
             key = f"control.sensor.{channel.name}.motion"
             problem = "reads the ground, which simulate does not move"
             raise InputError.of(key, problem, "take support")
+    for osem in plant.osems:
+        if osem.range is not None and osem.driver_response is not None:
+            problem = "is a voltage, but simulate does not compute that before driver_response"
+            remedy = "leave out range, or driver_response"
+            raise InputError.of(f"control.osem.{osem.name}.range", problem, remedy)
     external = [signals.linear_form(one, model) for one in (*forces, *ground)]
     rows = [*plant.sensed, *(signals.linear_form(one, model) for one in outputs)]
     inputs = [*[closed_loop.LOOP] * len(pushed), *forces, *ground]
@@ -336,7 +336,7 @@ def sample(
     watched = [*[closed_loop.LOOP] * len(plant.sensed), *outputs]
     system = statespace.assemble(model, drives, inputs, np.array(rows), watched)
     filters = [
-        digitise(node, rate, n < len(plant.loops) and plant.loops[n].damper is not None)
+        digitise(node, rate, damper=n < len(plant.loops) and plant.loops[n].damper is not None)
         for n, node in enumerate(plant.network.nodes)
     ]
     to_actuators = np.zeros((len(pushed), len(filters)))
@@ -352,23 +352,12 @@ def sample(
         rate=rate,
         actuators=tuple(actuators),
         mechanics=hold(system, 1 / rate),
-        filters=_side_by_side(filters),
+        filters=side_by_side(filters),
         to_nodes=plant.network.of_channels,
         between=plant.network.of_nodes,
         to_actuators=to_actuators,
         motions=len(outputs),
     )
-
-
-def _side_by_side(parts: Sequence[Matrices]) -> Matrices:
-    """Systems that do not touch one another as one."""
-    from scipy.linalg import block_diag
-
-    def joined(name: str) -> Any:
-        found = [getattr(one, name) for one in parts]
-        return np.asarray(block_diag(*found)) if found else np.zeros((0, 0))
-
-    return Matrices(joined("a"), joined("b"), joined("c"), joined("d"))
 
 
 def draw_noise(

@@ -98,7 +98,7 @@ DEPENDS = {
     "Osem": "sensor_noise force_noise driver_noise range",
     "Requirement": "band below above",
     "RequiredQuantity": "at_least at_most",
-    "Sensor": "motion noise",
+    "Sensor": "motion sensor_noise",
     "SensorInput": "gain",
     "Spring": "stiffness damping preload",
     "StiffnessTable": "real imaginary static",

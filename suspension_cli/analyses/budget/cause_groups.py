@@ -15,10 +15,9 @@ if TYPE_CHECKING:
     from suspension_cli.design.schema import Design
     from suspension_cli.physics.noise_budget import MotionBudget
 
-PARTS = "part"
+PART = "part"
 STAGE = "stage"
-BY = (PARTS, STAGE)
-"""Ways to group causes."""
+"""Ways to group causes, as `budget --by` has them."""
 MOST = 7
 """Lines of causes in a table or a panel."""
 
@@ -36,12 +35,11 @@ class Grouped:
         return [f"others: {', '.join(self.others)}"] if self.others else []
 
 
-def group(one: MotionBudget, design: Design, by: str = PARTS) -> Grouped:
+def group(one: MotionBudget, design: Design, by: str = PART) -> Grouped:
     """Sum the powers of the sensors, and of the coils, of equal OSEMs of a stage, and of the rest.
 
-    `by` stage those of all sensors of a stage, and of all its actuators.
-
-    The rest are those behind the first six, if there are more than `MOST` groups.
+    With `by` `STAGE`, those of all sensors of a stage, and of all its actuators, instead. The rest
+    are those behind the first six, if there are more than `MOST` groups.
     """
     lines = _by_stage if by == STAGE else _equal
     merged = _merged(one, lines(one.cause, design))

@@ -120,15 +120,15 @@ def _as_keys(roots: Sequence[complex]) -> list[float | list[float]]:
 def with_filter(source: Source, number: int, made: Filter) -> Source:
     """Replace the filter of a loop of a design.
 
-    The keys of the filter before go first, and with them their comments, which are not true of the
-    new one.
+    The keys of the filter before go first, with their comments, which are not true of the new one;
+    until then the loop has the filter 1.
     """
     loops = tomllib.loads(source.text)["control"]["loop"]
     of_filter = ("damper", "gain", "zeros", "poles", "filter", "gain_at")
     loops[number] = {key: value for key, value in loops[number].items() if key not in of_filter}
-    loops[number] |= {"damper": 1.0}
+    loops[number] |= {"filter": "gain(1)"}
     bare = reader.replaced(source, {"control.loop": loops})
-    del loops[number]["damper"]
+    del loops[number]["filter"]
     roots = {"zeros": _as_keys(made.zeros), "poles": _as_keys(made.poles)}
     loops[number] |= {"gain": made.gain} | roots
     return reader.replaced(bare, {"control.loop": loops})

@@ -5,12 +5,12 @@ elements) beside the spring k,
 
     k (1 - d) + k sum_j g_j i omega / (i omega + r_j),    g_j >= 0,
 
-and by a dashpot beside it, which has no state. Relaxation also
-stiffens the element a little with frequency (Kramers and Kronig); the constant d takes that back
-where most depends on it. The elements stay between the bodies where the loss is, so that isolation
-is right together with Q, and they can only take energy: the system is passive whatever the g_j, and
-stable unless d takes too much (`Candidates.stable`). Which of these are used, and how strong they
-are, follows from the responses that are asked for (`state_choice`).
+and by a dashpot beside it, which has no state. Relaxation also stiffens the element a little with
+frequency (Kramers and Kronig); the constant d takes that back where most depends on it. The
+elements stay between the bodies where the loss is, so that isolation is right together with Q, and
+they can only take energy: the system is passive whatever the g_j, and stable unless d takes too
+much (`Candidates.stable`). Which of these are used, and how strong they are, follows from the
+responses that are asked for (`state_choice`).
 
 A wire with mass is reduced to the motion of its ends and its lowest modes with clamped ends (Craig
 and Bampton, AIAA J. 6, 1313 (1968)): with the static stiffness S, an inertia M of the ends, and for
@@ -289,8 +289,10 @@ def check_size(model: LinearSystem, band: tuple[float, float]) -> None:
         bad = high
         for _ in range(60):
             middle = (good + bad) / 2
-            fits = _estimate_states(model, middle) <= MOST_STATES
-            good, bad = (middle, bad) if fits else (good, middle)
+            if _estimate_states(model, middle) <= MOST_STATES:
+                good = middle
+            else:
+                bad = middle
         problem = (
             f"needs about {count:,} states for losses and modes of wires, which take too much"
             f" memory and time (at most {MOST_STATES:,})"

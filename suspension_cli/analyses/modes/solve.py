@@ -131,12 +131,11 @@ def _solve(run: Run, most: int) -> tuple[Choice, LinearSystem, eigenmodes.Modes,
             listed = wire_modes.solve(model, top, damping=True, progress=bar)
         return choice, model, listed, listed
 
-    solver = Solver(model)
-
     def admit(number: int, top: float) -> None:
         _admit(run, most, number, top, "that of the highest mode")
 
     try:
+        solver = Solver(model)
         with run.log.progress() as bar:
             listed = wire_modes.solve_bodies(solver, admit, bar)
     except TooManyModes as many:

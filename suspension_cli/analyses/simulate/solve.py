@@ -44,8 +44,12 @@ MOST_SAMPLES = 20_000_000
 """Most samples of a run: each takes some ten numbers."""
 ROUNDING = 1e-9
 """Excess of |z| over 1 of a motion without loss, by rounding errors."""
-SETTLED = 3.0
+SETTLED = 5.0
 """Times in which the slowest motion falls to 1/e that noise acts before the run begins."""
+MOST_BEFORE = 500_000
+"""Most samples for that."""
+RISING = 0.4
+"""Part of that time in which noise grows from 0 to its size: a jump would excite all modes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,19 +144,26 @@ class _Causes:
         return self.noise or bool(self.motions)
 
     def act(self, plant: Plant, before: int, count: int, rate: float) -> Any:
-        """Inputs of `Sampled.run`: noise from the first sample, the rest after some `before`."""
-        parts: list[Array] = [np.zeros((before + count, len(self.forces)))]
-        for n, (_, size) in enumerate(self.steps):
-            parts[0][before:, n] = size
-        for n, (_, size) in enumerate(self.impulses, len(self.steps)):
-            parts[0][before, n] = size * rate
+        """Inputs of `Sampled.run`: noise grows in some samples `before`, then the rest acts."""
         total = before + count
+        pushes = np.zeros((total, len(self.forces)))
+        for n, (_, size) in enumerate(self.steps):
+            pushes[before:, n] = size
+        for n, (_, size) in enumerate(self.impulses, len(self.steps)):
+            pushes[before, n] = size * rate
+        random = self._draw(plant, total, rate)
+        rising = int(RISING * before)
+        random[:rising] *= np.sin(np.pi / 2 * np.arange(rising)[:, None] / max(rising, 1)) ** 2
+        return np.concatenate([pushes, random], axis=1)
+
+    def _draw(self, plant: Plant, total: int, rate: float) -> Any:
+        """Draw the motions of the support, then noise of channels and of actuators."""
         generator = np.random.default_rng(self.seed)
 
         def draw(density: Callable[[Array], Array]) -> Array:
             return time_domain.draw_noise(density, total, rate, generator)
 
-        parts += [draw(spectrum.at)[:, None] for spectrum in self.motions.values()]
+        parts: list[Array] = [draw(spectrum.at)[:, None] for spectrum in self.motions.values()]
         sensing = np.zeros((total, len(plant.channels)))
         pushing = np.zeros((total, len(plant.osems) + len(_loops_alone(plant))))
         if self.noise:
@@ -189,12 +200,14 @@ def solve(analysis: Analysis, run: Run) -> Simulation:
     moved = [signals.parse_input(f"support.{dof}", known) for dof in causes.motions]
     plant = local_control.build_plant(design, solver)
     sampled = time_domain.sample(plant, rate, causes.forces, moved, outputs)
-    growth = time_domain.largest_growth(sampled.linear()[0])
+    growth = time_domain.largest_growth(sampled.linear())
     if growth > 1 + ROUNDING and not growing:
         problem = f"the sampled loops are unstable at {rate:g} Hz (|z| = {growth:.6g})"
         remedy = "give a higher --rate, less delay or gain, or --allow-unstable"
         raise InputError.of("--rate", problem, remedy, f"{rate:g}")
-    before = _run_in(growth, rate, count) if causes.is_random else 0
+    for line in time_domain.rounded_delays(plant, rate):
+        run.log.warn(f"{line} at {rate:g} Hz")
+    before = _run_in(run, growth, rate) if causes.is_random else 0
     given = causes.act(plant, before, count, rate)
     with run.log.progress() as bar:
         found, limited = sampled.run(given, lambda done: bar(done, len(given), 0.0))
@@ -238,12 +251,22 @@ def _parse_push(text: str, known: tuple[str, ...], option: str) -> tuple[Signal,
     return signal, value
 
 
-def _run_in(growth: float, rate: float, count: int) -> int:
-    """Number of samples that noise acts before the run, so that motions are steady."""
-    if growth >= 1:
-        return count
-    slowest: Any = -1 / (rate * np.log(growth))
-    return int(min(SETTLED * slowest * rate, count))
+def _run_in(run: Run, growth: float, rate: float) -> int:
+    """Number of samples that noise acts before the run, so that motions are steady.
+
+    Warns if that takes too many. `growth` is the largest modulus of a pole z.
+    """
+    needed = np.inf if growth >= 1 else -SETTLED / np.log(growth)
+    if needed > MOST_BEFORE:
+        slowest = "has no damping"
+        if growth < 1:
+            slowest = f"takes {needed / rate / SETTLED:.3g} s to fall to 1/e"
+        run.log.warn(
+            f"{run.name}: the slowest motion {slowest}, and noise acts {MOST_BEFORE / rate:.3g} s"
+            " before the run: resonances with so little damping are smaller than in budget;"
+            " damp them, or look at motions in which they do not matter"
+        )
+    return int(min(needed, MOST_BEFORE))
 
 
 def _loops_alone(plant: Plant) -> list[Loop]:

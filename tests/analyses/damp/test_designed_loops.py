@@ -52,6 +52,19 @@ def test_noise_of_one_loop_is_that_of_its_table(found):
     assert noise == pytest.approx(1e-9 * last.noise, rel=1e-3)
 
 
+def test_noise_through_the_response_of_a_sensor():
+    """The noise of a sensor is a motion, and reaches the loop through its response."""
+    low_pass = {"control.loop.yaw.sensor_response": 'pole(5,"n")'}
+    design = sus.read(DESIGN).replace(low_pass)
+    how = {"fidelity": "string", "frequency": [10.0], "duration": 1.0, "output": "test.yaw"}
+    found = sus.damp(
+        design, method="lqg", redesigned=["yaw"], settling=20.0, sensitivity=2.5, **how
+    )
+    [one] = found.designed
+    noise = found.noise[0, found.sensor.index("yaw")]
+    assert noise == pytest.approx(1e-9 * one.noise, rel=1e-3)
+
+
 def test_the_design_with_the_loops_is_written(tmp_path):
     how = ("--design", "lqg", "--redesign", "yaw", "--settling", "12", "--json")
     result = run("damp", DESIGN, *LIGHT, *how, "--out", tmp_path)
@@ -72,7 +85,7 @@ def test_the_design_with_the_loops_is_written(tmp_path):
 
 
 def test_a_computed_sensor_is_refused():
-    with pytest.raises(InputError, match="reads or feeds a sensor that is computed"):
+    with pytest.raises(InputError, match="a sensor that is computed, or that has a response"):
         sus.damp(
             CONFIGS / "triple-estimator.toml",
             method="lqg",

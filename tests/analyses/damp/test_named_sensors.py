@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import tomli_w
 
+import suspension_cli as sus
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design import foton
 from suspension_cli.errors import InputError
@@ -14,6 +16,7 @@ from suspension_cli.physics import closed_loop, local_control, noise_budget
 from suspension_cli.physics.closed_loop import build_closed_loop
 from suspension_cli.physics.ground import Spectrum
 from tests.support import plants, scenes
+from tests.support.commandline import run
 
 GRID = np.geomspace(0.07, 40.0, 60)
 LEAD = 'zpk([0],[40;40],20.0,"n")'
@@ -24,8 +27,8 @@ SLOW = 'zpk([],[9],1,"n")'
 
 ESTIMATOR = {
     "sensor": [
-        {"name": "shadow", "motion": "upper~support.x", "noise": 1e-10},
-        {"name": "platform", "motion": "support.x", "noise": 3e-12, "response": SLOW},
+        {"name": "shadow", "motion": "upper~support.x", "sensor_noise": 1e-10},
+        {"name": "platform", "motion": "support.x", "sensor_noise": 3e-12, "response": SLOW},
         {
             "name": "estimate",
             "inputs": [
@@ -42,7 +45,7 @@ ESTIMATOR = {
 }
 BLEND = {
     "sensor": [
-        {"name": "low", "motion": "upper~support.x", "noise": 1e-10},
+        {"name": "low", "motion": "upper~support.x", "sensor_noise": 1e-10},
         {"name": "high", "motion": {"upper.x": 0.5, "upper.x@0,0.1,0": 0.5}, "response": SLOW},
         {
             "name": "blend",
@@ -53,7 +56,7 @@ BLEND = {
     "loop": [{"name": "x", "sensor": "blend", "actuator": "upper.force_x", "filter": LEAD}],
 }
 FORWARD = {
-    "sensor": [{"name": "platform", "motion": "support.x", "noise": 1e-11}],
+    "sensor": [{"name": "platform", "motion": "support.x", "sensor_noise": 1e-11}],
     "loop": [
         {"name": "damping", "sensor": "upper.x", "actuator": "upper.force_x", "damper": 4.0},
         {"name": "forward", "sensor": "platform", "actuator": "upper.force_x", "filter": LOW},
@@ -209,7 +212,6 @@ def _return_difference(closed, s):
     model = closed.model
     pencil = closed.solver.pencil
     there = pencil.at_poles(np.array([s]), "all", np.array([s.imag]))
-    whole = 1.0
     matrix = np.zeros((model.size, model.size), dtype=complex)
     for block in closed.solver.blocks:
         own = block.at(there).matrix[:, 6:, 0]
@@ -225,12 +227,29 @@ def _return_difference(closed, s):
     ):
         matrix = matrix + np.outer(form, row @ closed.sensed)
     sign, _ = np.linalg.slogdet(matrix[np.ix_(free, free)])
-    return whole * sign
+    return sign
+
+
+@pytest.mark.parametrize("how", ["file", "points"])
+def test_noise_of_a_sensor_by_file_or_points(how, tmp_path):
+    """As that of loops, without a warning that frequencies are no noise."""
+    (tmp_path / "noise.csv").write_text("frequency (Hz),noise (nm/sqrt(Hz))\n1,2\n100,2\n")
+    noise = {"file": "noise.csv", "points": [[1.0, 2e-9], [100.0, 2e-9]]}[how]
+    sensor = {"name": "shadow", "motion": "upper~support.x", "sensor_noise": noise}
+    loop = {"name": "x", "sensor": "shadow", "actuator": "upper.force_x", "filter": LEAD}
+    raw = plants.raw("triple") | {"control": {"sensor": [sensor], "loop": [loop]}}
+    file = tmp_path / "design.toml"
+    file.write_text(tomli_w.dumps(raw))
+    design = sus.read(file)
+    closed = local_control.build_plant(design.design, registry.STRING.system(design.design))
+    found = local_control.evaluate_noise(closed.channels[0], np.array([3.0]))
+    np.testing.assert_allclose(found, [2e-9], rtol=1e-9)
+    assert "sensor_noise" not in run("check", file).stderr
 
 
 def test_noise_of_one_sensor_is_coherent_in_two_loops():
     """Two loops that read one sensor are as one loop with both gains."""
-    shadow = {"name": "shadow", "motion": "upper~support.x", "noise": 1e-10}
+    shadow = {"name": "shadow", "motion": "upper~support.x", "sensor_noise": 1e-10}
     halves = [
         {"name": name, "sensor": "shadow", "actuator": "upper.force_x", "filter": LEAD}
         for name in ("one", "two")

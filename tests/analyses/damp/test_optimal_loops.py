@@ -19,7 +19,7 @@ SECTIONS = 10
 def length_loop(**how):
     loop = {"name": "length", "sensor": "shadow", "actuator": "top.force_x"} | how
     loop["reference"] = "inertial"
-    sensor = {"name": "shadow", "motion": "top.x", "noise": NOISE}
+    sensor = {"name": "shadow", "motion": "top.x", "sensor_noise": NOISE}
     return scenes.design_of(
         plants.raw("triple") | {"control": {"sensor": [sensor], "loop": [loop]}}
     )

@@ -59,7 +59,7 @@ def damped_quadruple():
         allowed=np.ones((size, size), dtype=bool),
     )
     control = {
-        "sensor": [{"name": "shadow", "motion": "top.x", "noise": NOISE}],
+        "sensor": [{"name": "shadow", "motion": "top.x", "sensor_noise": NOISE}],
         "loop": [
             {
                 "name": "length",

@@ -8,7 +8,7 @@ from scipy import signal
 from scipy.linalg import expm
 
 import suspension_cli as sus
-from suspension_cli.errors import InputError
+from suspension_cli.errors import InputError, PendsusWarning
 from suspension_cli.linear import statespace
 from suspension_cli.linear.statespace import with_constant_loss
 from suspension_cli.models import registry
@@ -63,7 +63,7 @@ def test_poles_are_those_of_the_loops_with_the_hold_as_delay(rate, error):
     plant = local_control.build_plant(design.design, model)
     motions = plants.motions(model, "test.x")
     sampled = time_domain.sample(plant, rate, [], [], motions)
-    z = np.linalg.eigvals(sampled.linear()[0].a)
+    z = np.linalg.eigvals(sampled.linear().a)
     found = np.log(z[np.abs(z) > 1e-3].astype(complex)) * rate
     names = [loop.name for loop in design.control.loop]
     late = design.replace({f"control.loop.{name}.delay": 0.5 / rate for name in names})
@@ -98,7 +98,7 @@ def test_a_coil_at_its_limit_pushes_with_its_limit():
     watched = plants.motions(model, "upper.x")
     pushed = plants.drives(model, "upper.force_x")
     sampled = time_domain.sample(plant, 128.0, pushed, [], watched)
-    given = np.zeros((128 * 120, sampled.linear()[0].b.shape[1]))
+    given = np.zeros((128 * 120, sampled.linear().b.shape[1]))
     given[:, 0] = 0.3
     found, at_limit = sampled.run(given)
     force = found[-1, sampled.motions :]
@@ -111,19 +111,23 @@ def test_a_coil_at_its_limit_pushes_with_its_limit():
 
 
 def test_spectra_are_those_of_the_budget():
-    """Averages of 40 pieces scatter by 1 / sqrt(40) in each of some hundred bins."""
+    """Averages of 30 pieces scatter in each of some eighty bins. The hold is half a sample of
+    delay. Above 4 Hz the microseism leaks through the sidelobes of the window."""
     rate = 128.0
     how = {"ground": ["nlnm"], "fidelity": "string", "outputs": ["test.x", "upper.yaw"]}
+    design = sus.read(DAMPED)
+    names = [loop.name for loop in design.control.loop]
+    held = design.replace({f"control.loop.{name}.delay": 0.5 / rate for name in names})
     found = sus.simulate(DAMPED, rate=rate, duration=1200.0, seed=3, **how)
     frequency, power = signal.welch(found.value.T, rate, nperseg=int(40 * rate), detrend=False)
-    some = (frequency > 0.8) & (frequency < 6.0)
-    expected = sus.budget(DAMPED, frequency=frequency[some].tolist(), **how)
+    some = (frequency > 0.8) & (frequency < 4.0)
+    expected = sus.budget(held, frequency=frequency[some].tolist(), **how)
     # without thermal noise, which simulate leaves out
     known = np.array([cause != "thermal" for cause in expected.cause])
     density = (expected.contribution[:, :, known] ** 2).sum(-1)
     ratio = power[:, some].T / density
     smooth = np.abs(np.gradient(np.log(density), axis=0)).max(1) < 0.1
-    assert smooth.sum() > 60
+    assert smooth.sum() > 50
     for own in ratio[smooth].T:
         assert own.mean() == pytest.approx(1.0, abs=0.08)
         assert own.std() < 0.35
@@ -171,3 +175,82 @@ def test_a_filter_of_another_rate():
     other = design.replace({"control.loop": [loop]})
     with pytest.raises(InputError, match="has a rate of 512 Hz; give rate=512"):
         sus.simulate(other, duration=1.0, fidelity="string", rate=1024.0)
+
+
+def coil(**how):
+    """A coil on the upper mass at its COM, along x."""
+    place = {"stage": "upper", "at": [0.0, 0.0, 0.0], "direction": "x"}
+    return {"name": "F", "coil": 0.5, "transconductance": 0.1} | place | how
+
+
+def of_loop(loop, *osems):
+    """The triple with one loop in x."""
+    ends = {"name": "x", "sensor": "upper.x", "actuator": "upper.force_x"}
+    control = {"loop": [ends | loop]} | ({"osem": list(osems)} if osems else {})
+    return sus.example("triple-damped").replace({"control": control})
+
+
+def test_the_start_of_a_run_is_as_loud_as_the_rest():
+    """Noise has grown, and damped motions have settled, before."""
+    how = {"rate": 64.0, "duration": 200.0, "fidelity": "string", "outputs": ["upper.yaw"]}
+    found = sus.simulate(DAMPED, **how)
+    first = np.sqrt((found.value[: 64 * 50] ** 2).mean())
+    assert first == pytest.approx(found.rms[0], rel=0.2)
+
+
+def test_motions_that_never_settle_are_warned_of():
+    """Without loops the modes of steel wires take hours."""
+    how = {"rate": 256.0, "duration": 2.0, "fidelity": "string", "ground": ["nlnm"]}
+    with pytest.warns(PendsusWarning, match="resonances with so little damping are smaller"):
+        sus.simulate(sus.example("double"), **how)
+
+
+def test_an_undamped_suspension_follows_slow_ground_and_does_not_ring(tmp_path):
+    """Ground far below the modes moves all as one. A start with a jump would ring at 0.7 Hz for
+    hours, as much as the ground moves."""
+    slow = tmp_path / "slow.csv"
+    slow.write_text("frequency (Hz),x (m/sqrt(Hz))\n0.001,1e-6\n0.02,1e-6\n0.2,1e-16\n10,1e-16\n")
+    how = {"rate": 16.0, "duration": 800.0, "fidelity": "string", "outputs": ["test.x"]}
+    with pytest.warns(PendsusWarning, match="so little damping"):
+        found = sus.simulate(sus.example("double"), ground=[f"x={slow}"], **how)
+    frequency, power = signal.welch(found.value[:, 0], 16.0, nperseg=16 * 100, detrend=False)
+    of_modes = power[(frequency > 0.4) & (frequency < 3.0)].sum() * frequency[1]
+    assert found.rms[0] > 5e-8
+    assert np.sqrt(of_modes) < 1e-3 * found.rms[0]
+
+
+def test_delays_are_rounded_with_a_warning():
+    late = of_loop({"gain": 1e6, "zeros": [0.0], "poles": [20.0, [10.0, 17.3]], "delay": 1e-4})
+    how = QUIET | {"rate": 2048.0, "duration": 0.1}
+    with pytest.warns(PendsusWarning, match="delay of 0.0001 s is rounded to 0 samples at 2048"):
+        sus.simulate(late, step=["upper.force_x=1e-3"], **how)
+
+
+def test_a_range_before_a_driver_with_a_response_is_refused():
+    others = [
+        coil(name="A", at=[0.0, 0.1, 0.0]),
+        coil(name="B", at=[0.0, 0.0, 0.1]),
+    ]
+    limited = coil(range=1.0, driver_response='pole(10,"n")')
+    design = of_loop({"damper": 20.0}, limited, *others)
+    with pytest.raises(InputError, match=r"control.osem.F.range: .*before driver_response"):
+        sus.simulate(design, duration=0.1, fidelity="string")
+
+
+def test_unstable_loops_are_refused_or_grow():
+    """A damper of the wrong sign, by the poles of the loops."""
+    design = of_loop({"damper": -20.0})
+    how = QUIET | {"duration": 20.0, "rate": 256.0, "step": ["upper.force_x=1e-6"]}
+    with pytest.raises(InputError, match="the closed loop is unstable"):
+        sus.simulate(design, outputs=["upper.x"], **how)
+    with pytest.warns(PendsusWarning, match="unstable"):
+        found = sus.simulate(design, outputs=["upper.x"], allow_unstable=True, **how)
+    late = np.abs(found.value[-256 * 5 :]).max()
+    assert late > 10 * np.abs(found.value[: 256 * 5]).max()
+
+
+def test_loops_that_only_the_rate_makes_unstable_are_refused():
+    """At 32 Hz the hold is 16 ms of delay."""
+    strong = of_loop({"gain": 3e4 * 2 * np.pi * 300.0, "zeros": [0.0], "poles": [300.0]})
+    with pytest.raises(InputError, match="the sampled loops are unstable at"):
+        sus.simulate(strong, rate=1024.0, duration=1.0, **QUIET)
