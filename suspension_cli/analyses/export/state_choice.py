@@ -254,12 +254,14 @@ def _pose(
         ]
     )
     deformations, which = np.unique(rows, axis=0, return_inverse=True)
-    o, i, product = _products(solver, deformations, wanted)
+    outputs, inputs, product = _products(solver, deformations, wanted)
     moved = wanted.shape @ deformations.T
     product = np.concatenate(
         [product.reshape(-1, len(deformations)), moved**2 / wanted.width[:, None]]
     )
-    repeated = np.append(np.full(len(wanted.frequency), len(o)), np.ones(len(wanted.pole), int))
+    repeated = np.append(
+        np.full(len(wanted.frequency), len(outputs)), np.ones(len(wanted.pole), int)
+    )
     change = np.empty((len(product), count), dtype=complex)
     for n, one in enumerate(candidates):
         change[:, n] = product[:, which[n]] * np.repeat(one.at(omega), repeated)
@@ -274,10 +276,18 @@ def _pose(
     target += change[:, wires].sum(1)
     highest = 2 * np.pi * wanted.frequency[-1]
     inside = np.array([one.rate <= highest for one in candidates], dtype=bool)
-    quadrature = np.append(np.ones(len(wanted.frequency) * len(o)), wanted.in_quadrature)
+    quadrature = np.append(np.ones(len(wanted.frequency) * len(outputs)), wanted.in_quadrature)
     change *= weight[:, None]
     return Group(
-        o, i, change, weight * target, weight, quadrature, len(wanted.pole), states, wires & inside
+        outputs,
+        inputs,
+        change,
+        weight * target,
+        weight,
+        quadrature,
+        len(wanted.pole),
+        states,
+        wires & inside,
     )
 
 
@@ -294,6 +304,7 @@ def _products(
     moved, _ = response.transfer(solver, omega, drives, acts, deformations)
     pushed, _ = response.transfer(solver, omega, deformations, forces, rows)
     reached = np.any(pushed, axis=(0, 2))[:, None] & np.any(moved, axis=(0, 1))
-    o, i = np.nonzero(reached & wanted.size.all(0))
-    product = pushed[:, o] * np.swapaxes(moved, 1, 2)[:, i] / wanted.size[:, o, i, None]
-    return o, i, product
+    outputs, inputs = np.nonzero(reached & wanted.size.all(0))
+    size = wanted.size[:, outputs, inputs, None]
+    product = pushed[:, outputs] * np.swapaxes(moved, 1, 2)[:, inputs] / size
+    return outputs, inputs, product
