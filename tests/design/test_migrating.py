@@ -4,6 +4,7 @@ the names given for migrating exist."""
 from __future__ import annotations
 
 import re
+import tomllib
 
 import numpy as np
 import pytest
@@ -29,30 +30,8 @@ KINDS = {
     "materials.NAME": schema.Material,
 }
 
-THEIRS = {
-    "longitudinal, pitch": (
-        0.32559688,
-        0.43983243,
-        0.98479415,
-        1.19114502,
-        1.50510165,
-        1.97806785,
-        2.98622224,
-        3.38919394,
-    ),
-    "transverse, roll": (
-        0.46710375,
-        0.75937334,
-        1.04854259,
-        2.10090951,
-        2.62861902,
-        3.29053631,
-        5.55105334,
-        12.46672542,
-    ),
-    "vertical": (0.67118632, 2.50715177, 4.23310881, 8.76208064),
-    "yaw": (0.59025836, 1.33574898, 2.38344551, 3.01330517),
-}
+NUMBERS = ROOT / "measured" / "ligo" / "ligo-quad-2005.toml"
+THEIRS = tomllib.loads(NUMBERS.read_text("utf-8"))["modes"]
 """Frequencies in Hz that the matrices of M. Barton's Mathematica model (symbexport4.m) have with
 the numbers of quadopt.m: docs/migrating.md."""
 

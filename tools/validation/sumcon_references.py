@@ -1,8 +1,9 @@
 """Designs and reference numbers of KAGRA's suspensions, from a copy of gw-vis/SuspensionModel.
 
 `python -m tools.validation.sumcon_references FOLDER` reads SUMCON's saves and state spaces in a
-checkout, and writes `configs/built/kagra-*.toml` and `measured/sumcon/kagra-*.toml`. With
-`--survey` it converts every save and writes `measured/sumcon/survey.csv`.
+checkout, and writes `configs/built/kagra-*.toml` and `measured/sumcon/kagra-*.toml`, for SR3 with
+the wires that its matrices have. With `--survey` it converts every save and writes
+`measured/sumcon/survey.csv`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import hashlib
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,10 @@ BUILT = {
     "kagra-typea": ("sumcon_typeA.m", ""),
 }
 """Save of each design, and its state space; without one the matrices in the save itself."""
+EDITED = {"kagra-sr3"}
+"""Saves whose wires were edited after their matrices were computed."""
+OTHER_TENSIONS = {"kagra-srm"}
+"""Saves whose matrices have the hinges of tensions that the wires do not carry."""
 FREQUENCY = np.geomspace(0.02, 20.0, 31)
 AXES = {"x": "z", "y": "x", "z": "y", "roll": "roll", "pitch": "pitch", "yaw": "yaw"}
 """SUMCON's name of each of our coordinates."""
@@ -115,6 +121,47 @@ def _matlab(text: str, name: str) -> np.ndarray:
     return np.array([line.split(";")[0].split() for line in body.splitlines()], dtype=float)
 
 
+def wires_of_the_matrices(text: str, design: str) -> dict[str, float]:
+    """Values of a design for the wires in `wirelist`, from which SUMCON derived its matrices.
+
+    Their ends are SUMCON's hinges. The loaded length is the natural one with the tension that the
+    wires of the save carry. `design` is the text of the converted design.
+    """
+    (own,) = re.findall(r"^wirelist = .*?(?=^wirelist /:)", text, re.DOTALL | re.MULTILINE)
+    own = re.sub(r"\s*\+\s*hGAS\d", "", own)  # heights of keystones, which have their own place
+    own = re.sub(r"[-\d.]+ \+ (\w+)", r"\1", own)
+    stages = {stage["name"]: stage for stage in tomllib.loads(design)["stage"]}
+    changes: dict[str, float] = {}
+    wires = zip(read_list(text, "save$wire") or [], read_list(own, "wirelist") or [], strict=True)
+    for saved, derived in wires:
+        above, name, _ = str(saved[12]).split("-")
+        stage = stages[name]
+        on_keystone = "filter" in stages[above] and stage.get("hangs_from") != above
+        upper, lower = derived[1][1], derived[3][1]
+        natural, k, torsion = derived[4:7]
+        stretch = (stage["wires"]["l"] - saved[5]) * stage["wires"]["k"] / k
+        path = f"stage.{name}.wires"
+        changes |= {f"{path}.l": natural + stretch, f"{path}.k": k, f"{path}.torsion": torsion}
+        changes[f"{path}.d"] = lower
+        changes |= (
+            {f"stage.{above}.filter.at.3": upper} if on_keystone else {f"{path}.d_upper": -upper}
+        )
+    return {path: float(f"{value:.9g}") for path, value in changes.items()}
+
+
+def ends_of_wires(design: str) -> dict[str, float]:
+    """Lengths of wires and heights of their ends, by dotted path."""
+    values: dict[str, float] = {}
+    for stage in tomllib.loads(design)["stage"]:
+        path = f"stage.{stage['name']}"
+        wires = stage["wires"] if "wires" in stage else {}
+        keys = ("l", "d", "d_upper")
+        values |= {f"{path}.wires.{key}": wires[key] for key in keys if key in wires}
+        if "filter" in stage:
+            values[f"{path}.filter.at.3"] = stage["filter"]["at"][2]
+    return values
+
+
 def write(folder: Path, name: str, save: str, space: str, commit: str) -> None:
     """Write a design and its reference numbers."""
     where = f"{REPOSITORY} at {commit[:7]} (MIT licence, (c) 2019 KousekiMiyo)"
@@ -140,6 +187,18 @@ def write(folder: Path, name: str, save: str, space: str, commit: str) -> None:
         if values is not None and abs(values).max() > 0:
             row = np.array2string(values, separator=", ", formatter=NUMBER)
             lines += [f'"{output} / {source}" = {row}']
+    changes: dict[str, float] = {}
+    if name in EDITED:
+        changes = wires_of_the_matrices((folder / file).read_text(encoding="utf-8"), found.text)
+    if name in OTHER_TENSIONS:
+        hinged = convert.read(folder / SAVES / save, name, reference, bending_points=True)
+        changes = ends_of_wires(hinged.text)
+    if changes:
+        lines += [
+            "",
+            "[wires_of_the_matrices]  # values of the design between SUMCON's hinges",
+            *(f'"{path}" = {value!r}' for path, value in changes.items()),
+        ]
     write_bytes(ROOT / "measured" / "sumcon" / f"{name}.toml", "\n".join([*lines, ""]).encode())
 
 
