@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -75,3 +77,26 @@ def test_ligo_production_model():
     assert abs(found.error("string")).max() < 1e-5
     assert abs(found.error("beam")).max() < 3e-4
     assert np.median(found.response_error()) < 2e-6 and found.response_error().max() < 1e-2
+
+
+def test_measured_loss_of_the_bounce_mode():
+    """Two readings of one decay of LIGO's bounce mode lie on both sides of the computed Q."""
+    known = tomllib.loads((ROOT / "measured" / "ligo" / "published.toml").read_text("utf-8"))
+    low, high = sorted(known["quadruple"]["undamped_bounce"]["q"].values())
+    found = sus.modes(CONFIGS / "built" / "ligo-quad.toml", fidelity="beam")
+    bounce = max(n for n, label in enumerate(found.label) if "vertical" in label)
+    assert low < found.q[bounce] < high
+
+
+def test_measured_violin_lines_of_steel_wires():
+    """Widths of initial LIGO's lines, and how far a second mode lies above twice the first."""
+    known = tomllib.loads((ROOT / "measured" / "ligo" / "published.toml").read_text("utf-8"))
+    found = sus.modes(
+        CONFIGS / "built" / "ligo-initial.toml", fidelity="violin", max_frequency=750.0
+    )
+    violin = found.frequency > 100.0
+    first, second = found.frequency[violin][0], found.frequency[violin][-1]
+    for line in known["initial"]["lines"].values():
+        q = np.array(line["violin_hz"]) / np.array(line["width_hz"])
+        assert q.min() < found.q[violin][0] < 1.05 * q.max()
+    assert second / first - 2 == pytest.approx(2.3e-4, rel=0.1)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from suspension_cli.files.whole_files import write_bytes
 from tools.tables import ROOT
-from tools.validation import geo, kagra, kagra_measured, ligo
+from tools.validation import geo, kagra, kagra_measured, ligo, measured_losses
 from tools.validation.page import percent
 
-SECTIONS = [kagra, kagra_measured, ligo, geo]
+SECTIONS = [kagra, kagra_measured, ligo, measured_losses, geo]
 
 
 def main() -> None:
