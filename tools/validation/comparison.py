@@ -9,10 +9,16 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
+from suspension_cli.drawing.style import (
+    PALETTE,
+    house_style,
+    new_figure,
+    save,
+    write_heading,
+)
 from tools.tables import ROOT
 from tools.validation import undamped
-from tools.validation.page import percent, table
+from tools.validation.page import percent
 
 MODELS = ("string", "beam")
 HEAD = [
@@ -26,6 +32,10 @@ HEAD = [
     "median",
 ]
 """Columns of the table of all suspensions."""
+MODES_HEAD = ["design", "mode", "theirs_hz", "string_hz", "string_off", "beam_hz", "beam_off"]
+"""Columns of `results/validation_modes.csv`; deviations are relative."""
+CLOSE = 1e-3
+"""Deviation within which a mode counts as the same."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,24 @@ class Comparison:
         """Relative deviations of our modes."""
         return self.ours[model] / self.known - 1
 
+    @property
+    def within(self) -> str:
+        """How many modes of the string model are the same."""
+        error = self.error("string")
+        return f"{(abs(error) < CLOSE).sum()} of {len(error)} modes within 0.1 %"
+
+    def modes(self) -> list[list[str]]:
+        """Rows of all modes, see `MODES_HEAD`."""
+        return [
+            [self.name, label, f"{known:.9g}"]
+            + [
+                cell
+                for model in MODELS
+                for cell in (f"{self.ours[model][n]:.9g}", f"{self.error(model)[n]:+.2e}")
+            ]
+            for n, (label, known) in enumerate(zip(self.label, self.known, strict=True))
+        ]
+
     def response_error(self) -> np.ndarray:
         """Relative deviations of our responses, all in one list."""
         return np.concatenate([abs(ours / known - 1) for known, ours in self.responses.values()])
@@ -96,7 +124,7 @@ def compare(name: str, title: str, why: str, *, peer: str, folder: str) -> Compa
 def row(one: Comparison) -> list[str]:
     """Row of the table of all suspensions, see `HEAD`."""
     error, beam, response = one.error("string"), one.error("beam"), one.response_error()
-    cells = [one.title, str(len(error)), str(int((abs(error) < 1e-3).sum()))]
+    cells = [one.title, str(len(error)), str(int((abs(error) < CLOSE).sum()))]
     cells.append(f"{100 * np.median(abs(error)):.1g} %")
     for part in (error, beam):
         n = int(np.argmax(abs(part)))
@@ -106,32 +134,33 @@ def row(one: Comparison) -> list[str]:
 
 
 def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
-    """Lines on one suspension, with its picture and all modes."""
+    """Lines on one suspension, with its picture."""
     picture = f"validation_{one.name.replace('-', '_')}.png"
     with house_style():
         save(draw(one, shown), ROOT / "results" / picture)
-    rows = [
-        [label, f"{known:.5g}"]
-        + [cell for m in MODELS for cell in (f"{one.ours[m][n]:.5g}", percent(one.error(m)[n]))]
-        for n, (label, known) in enumerate(zip(one.label, one.known, strict=True))
-    ]
     lines = ["", f"### {one.title}", "", one.why, "", f"![{one.title}]({picture})", ""]
-    lines += [f"Design `configs/built/{one.name}.toml`; numbers: {one.source['what']},"]
-    lines += [f"{one.source['file']} in {one.source['repository']}."]
+    file = f"{one.source['file']} in {one.source['repository']}"
+    lines += [f"`configs/built/{one.name}.toml`; {one.source['what']}: {file}."]
     if one.unstable:
         lines += [f"{one.peer} has {one.unstable} modes more, below 1 mHz or unstable."]
-    lines += ["", "<details><summary>All modes</summary>", ""]
-    lines += table(["mode", f"{one.peer} (Hz)", "string (Hz)", "", "beam (Hz)", ""], rows)
-    return [*lines, "</details>"]
+    return lines
+
+
+SMALLEST = 1e-3
+"""Deviation in % below which the axis of the picture is linear."""
 
 
 def draw(one: Comparison, shown: tuple[str, ...]) -> Figure:
-    """Draw the deviations of modes, and responses."""
-    figure = new_figure(4.55, 4.6)
+    """Draw the deviations of modes with their sign, and responses."""
+    figure = new_figure(4.55, 4.8)
     upper, lower = figure.subplots(2, 1, gridspec_kw={"height_ratios": [1, 1.3]})
+    upper.axhspan(-100 * CLOSE, 100 * CLOSE, color="0.9", linewidth=0)
     for model, colour, mark in zip(MODELS, PALETTE, ("o", "x"), strict=False):
-        error = np.maximum(abs(one.error(model)), 1e-9)
-        upper.loglog(one.known, 100 * error, mark, color=colour, markersize=3, label=model)
+        error = 100 * one.error(model)
+        upper.semilogx(one.known, error, mark, color=colour, markersize=3, label=model)
+    upper.set_yscale("symlog", linthresh=SMALLEST)
+    upper.set_yticks([-10, -0.1, 0, 0.1, 10], ["-10", "-0.1", "0", "+0.1", "+10"])
+    upper.minorticks_off()
     upper.set_xlabel("frequency of the mode (Hz)")
     upper.set_ylabel("deviation (%)")
     upper.legend(loc="best")
@@ -143,6 +172,10 @@ def draw(one: Comparison, shown: tuple[str, ...]) -> Figure:
     lower.set_xlabel(f"frequency (Hz); circles: {one.peer}, lines: string model at the same points")
     lower.set_ylabel("response (m/m, rad/(N m))")
     lower.legend(loc="best")
-    figure.suptitle(f"{one.title}: modes and responses against {one.peer}")
-    figure.tight_layout()
+    figure.tight_layout(rect=(0, 0, 1, 0.9))
+    write_heading(
+        figure,
+        f"{one.title}: {one.within}",
+        f"string and beam models against {one.peer}; grey: within 0.1 %",
+    )
     return figure

@@ -18,6 +18,15 @@ from tools.validation.page import percent, table
 LEG_YAW = "stage.F0.spring.1.stiffness.6"
 BLADES_OF_BF = {"stage.BF.filter.keystone.mass": 1e-6, "stage.BF.filter.mass_coupling": 0.0}
 
+INERTIAS_OF_PRM = {
+    "stage.IM.body.inertia.2": 0.2202,
+    "stage.IM.body.inertia.3": 0.31687,
+    "stage.RM.body.inertia.2": 0.17296,
+    "stage.RM.body.inertia.3": 0.15113,
+    "stage.TM.body.inertia.3": 0.047656,
+}
+"""Inverse of the drive of SUMCON's state space, where it differs from the save, kg m^2."""
+
 
 @dataclass(frozen=True)
 class Change:
@@ -53,6 +62,8 @@ CHANGES = [
     Change("kagra-sr3", "and legs' yaw 35 N m/rad (save: 650)", "F0 yaw", {LEG_YAW: 35.0}, True),
     Change("kagra-bs-2019", "as in the save", "F0 yaw"),
     Change("kagra-bs-2019", "legs' yaw 75 N m/rad (save: 80)", "F0 yaw", {LEG_YAW: 75.0}),
+    Change("kagra-prm", "as in the save", "IM pitch"),
+    Change("kagra-prm", "inertias of the matrices", "IM pitch", INERTIAS_OF_PRM),
     Change("kagra-typea", "as in the save", "JB vertical"),
     Change("kagra-typea", "blades of BF without inertia", "JB vertical", BLADES_OF_BF),
 ]

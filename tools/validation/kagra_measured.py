@@ -132,14 +132,12 @@ def section() -> Section:
     result = Section("KAGRA: measured transfer functions")
     kept = tomllib.loads(FOUND.read_text("utf-8"))
     result.lines += [
-        "Mirrors were shaken by their coils, from the recoil mass RM, and observed by optical"
-        " levers and by the sensors of the intermediate mass IM: diagnostics files in"
-        " archive/examples/legacy/data of github.com/terrencetec/kontrol at c612ebc (MIT licence,"
-        " (c) 2020-2023 TSANG Terrence Tak Lun); resonances and fits are in"
-        " `measured/kagra/found.toml`. Drives are in counts, so that one factor per drive is free;"
-        " sensors are in µm and µrad, as KAGRA calibrates them. The models are those of SUMCON's"
-        " saves of August 2019, a year older than the measurements. Of SRM along the beam"
-        " (SRM_TML_200722) no copy was available. Which loops were closed is unknown.",
+        "Coils on the recoil mass RM shook the mirrors; optical levers and the sensors of the"
+        " intermediate mass IM observed them: diagnostics files in archive/examples/legacy/data of"
+        " github.com/terrencetec/kontrol at c612ebc (MIT licence, (c) 2020-2023 TSANG Terrence Tak"
+        " Lun), reduced in `measured/kagra/found.toml`. Drives are in counts, so that one factor"
+        " per drive is free. The designs are SUMCON's saves of August 2019, a year older than the"
+        " measurements. Which loops were closed is unknown.",
     ]
     for name in SUSPENSIONS:
         rows = _resonances(name, kept[name])
@@ -192,9 +190,8 @@ def _resonances(name: str, kept: dict[str, Any]) -> list[Resonance]:
 
 WHY = {
     "kagra-srm": (
-        "In the highest mode of pitch IM and RM rock against each other on the wires of RM; its"
-        " frequency is that of their stiffness times the square of their separation, and the save"
-        " has both as designed."
+        "In the highest mode of pitch IM and RM rock against each other on the wires of RM. The fit"
+        " explains it by softer wires (below), which nobody has measured."
     ),
     "kagra-bs-2019": (
         "In the highest mode of pitch IM and RM rock against each other on the tungsten wires of"
@@ -229,18 +226,6 @@ def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[st
         ]
         for part in kept["parameter"]
     ]
-    free += [
-        [part["name"], "", f"{part['value']:.3g} ± {part['sigma']:.2g}"] for part in kept["channel"]
-    ]
-    chi2 = [
-        [
-            part["name"],
-            f"{part['numbers']:.0f}",
-            f"{part['before'] / part['numbers']:.3g}",
-            f"{part['after'] / part['numbers']:.3g}",
-        ]
-        for part in kept["function"]
-    ]
     per = kept["chi_squared"] / kept["freedom"]
     return [
         "",
@@ -253,12 +238,9 @@ def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[st
         "",
         "Points are measured; lines are modelled, each scaled by one number. `pendsus fit"
         f" --fidelity {MODEL}` ends with χ² per degree of freedom of {per:.3g}"
-        f" ({kept['freedom']} degrees of freedom). χ² per number, for the design with the"
-        " guessed factors of the drives:",
-        *table(["function", "numbers", "design", "fitted"], chi2),
-        f"Uncertainties are {kept['scale']:.2g} times those of the data, as the model does not"
-        " explain them completely:",
-        *table(["parameter or channel (SI; gains relative)", "design", "fitted"], free),
+        f" ({kept['freedom']} degrees of freedom; a repeated measurement has 1 to 2). Uncertainties"
+        f" are multiplied by {kept['scale']:.2g}, as the model does not explain the data:",
+        *table(["parameter (SI)", "design", "fitted"], free),
         *(f"{line[0].upper()}{line[1:]}." for line in kept["determined"][:1]),
         "",
         REST[name],
@@ -267,19 +249,18 @@ def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[st
 
 REST = {
     "kagra-srm": (
-        "Resonances of pitch come within 0.4 %, and χ² near that of repeated measurements (1 to 2,"
-        " see below). But the ends of RM's wires rise by 8 mm and the inertias of TM and RM by 13"
-        " and 11 %, four times their priors: of these the data determine that of TM alone, and"
-        " only together with the factor of the drive. What they do say is that the stiffness of"
-        " pitch between IM and RM, over their inertia, is 28 % below that of the save."
+        "Resonances of pitch come within 0.4 %. But the ends of RM's wires rise by 8 mm and the"
+        " inertias of TM and RM by 13 and 11 %, four times their priors; the data determine the"
+        " inertia of TM alone, and only together with the factor of the drive. What they do say:"
+        " the stiffness of pitch between IM and RM, over their inertia, is 28 % below the save's."
     ),
     "kagra-bs-2019": (
-        "Resonances of pitch come within 0.7 %, except that of F1, which is 1.9 % off. But the "
-        "fit lifts the ends of RM's wires by 9.5 mm and reduces the inertia of IM by 16 %, five "
-        "times their priors: parameters absorb something that the model lacks, such as loops that"
-        " were closed, cables between IM and RM, or clamps. What the data do say is that the "
-        "stiffness of pitch between IM and RM, over their inertia, is 13 % below that of the "
-        "save. Below 0.4 Hz, which is not fitted, pitch is a quarter larger than modelled."
+        "Resonances of pitch come within 0.7 %, but for F1 (1.9 %). But the ends of RM's wires rise"
+        " by 9.5 mm and the inertia of IM falls by 16 %, five times their priors: parameters absorb"
+        " something that the model lacks, such as closed loops, cables between IM and RM, or"
+        " clamps. What the data do say: the stiffness of pitch between IM and RM, over their"
+        " inertia, is 13 % below the save's. Below 0.4 Hz, which is not fitted, pitch is a quarter"
+        " larger than modelled."
     ),
 }
 """What the fit of each says."""
@@ -389,25 +370,18 @@ def _odd(kept: dict[str, Any]) -> list[str]:
         "### Unexplained features",
         "",
         "- **Common to both fits.** RM's tungsten wires are 21 and 26 % softer than in the saves:"
-        " in both their modulus would be 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa, that of bulk "
-        "tungsten, or the clamps are compliant. The sensors of IM read 32 and 31 % less than "
-        "modelled: a calibration.",
-        "- **Repeated, the drive in pitch of BS had changed.** A second run the same day is "
+        " either their modulus is 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa, that of bulk tungsten,"
+        " or the clamps are compliant. The sensors of IM read 32 and 31 % less than modelled.",
+        "- **Drive in pitch of BS.** A second run the same day is "
         f"{100 * (min(pitch) - 1):.0f} to {100 * (max(pitch) - 1):.0f} % larger in pitch of TM "
-        f"and {100 * (1 - max(yaw[1:])):.0f} to {100 * (1 - min(yaw[1:])):.0f} % smaller in yaw "
-        "(0.45 Hz and up), with a mean square of up to 50 times the variance: coils were "
-        "rebalanced, or a filter was changed. Along the beam the repetition agrees from 0.45 Hz "
-        f"on (mean square {min(along):.1f} to {max(along):.1f} of the variance), so uncertainties"
-        " from the coherences are about right and a perfect model would have χ² per degree of "
-        "freedom of 1 to 2.",
-        "- **Pushed along the beam, BS also turns.** Yaw of the mirror over its own resonances has"
-        f" a phase of {', '.join(phase)}, while no motion of bodies gives other phases than 0 and"
-        " 180°: as if one of the four coils had a pole or zero near 1.3 Hz that the others have"
-        " not. The same coils tilt the mirror, with a phase near -130° at 1 Hz. These functions"
-        " are not fitted; their resonances are right.",
+        f"and {100 * (1 - max(yaw[1:])):.0f} to {100 * (1 - min(yaw[1:])):.0f} % smaller in yaw, up"
+        " to 50 times the variance: coils were rebalanced, or a filter changed. Along the beam it"
+        f" repeats from 0.45 Hz on ({min(along):.1f} to {max(along):.1f} of the variance).",
+        f"- **Yaw of BS pushed along the beam** has a phase of {', '.join(phase)}, where bodies"
+        " alone give 0 or 180°: as if one of the four coils had a pole or zero near 1.3 Hz. These"
+        " functions are not fitted.",
         "- **Phase.** Driven in pitch, BS lags behind the model by 6° at 0.35 Hz, 11° at 1.1 Hz"
-        " and 18° at 4.9 Hz, which no delay does, but a pole and a zero below 1 Hz do, as in those"
-        " coils; SRM lags as by a delay of 4 to 5 ms. All signs are as in the model.",
+        " and 18° at 4.9 Hz, as a pole and a zero below 1 Hz do; SRM lags as by 4 to 5 ms.",
     ]
 
 

@@ -36,13 +36,13 @@ def section() -> Section:
         "",
         "### Not compared",
         "",
-        "Of these only an abstract or the first page could be read, without the numbers that a"
-        " comparison needs: the small suspensions of Advanced LIGO's input optics (HAUX,"
-        " arXiv:1606.09159), thermal noise of a pendulum at Kamioka (arXiv:0908.3227), Q of pitch"
-        " of the quadruple's prototype (LIGO-T0900103), violin modes of a mode-cleaner mirror"
-        " (LIGO-T1200418), Q of 57.1 million of a silica rod whose diameter is missing"
-        " (gr-qc/0009035), the theses of Torrie and Husman and the companion paper of Plissi et"
-        " al. on GEO 600. arXiv:1901.03053 and klog 17956 could not be had.",
+        "Only an abstract or a first page could be read of: HAUX (arXiv:1606.09159), thermal noise of"
+        " a pendulum at Kamioka (arXiv:0908.3227), Q of pitch of the quadruple's prototype"
+        " (LIGO-T0900103), violin modes of a mode-cleaner mirror (LIGO-T1200418), Q of a silica rod"
+        " without its diameter (gr-qc/0009035), the theses of Torrie and Husman, Plissi et al. on"
+        " GEO 600. arXiv:1901.03053 and klog 17956 could not be had. Parameters are not public of"
+        " BSFM, HTTS and BBSS (nodus ENG_Labs/236 and 246, LHO 84712 and 83461); of single fibres no"
+        " profile is.",
     ]
     return result
 

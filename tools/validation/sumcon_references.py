@@ -154,7 +154,7 @@ def ends_of_wires(design: str) -> dict[str, float]:
     values: dict[str, float] = {}
     for stage in tomllib.loads(design)["stage"]:
         path = f"stage.{stage['name']}"
-        wires = stage["wires"] if "wires" in stage else {}
+        wires = stage.get("wires", {})
         keys = ("l", "d", "d_upper")
         values |= {f"{path}.wires.{key}": wires[key] for key in keys if key in wires}
         if "filter" in stage:
