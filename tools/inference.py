@@ -1,7 +1,8 @@
 """Parameters missing from Tables I and II of the paper, inferred by `pendsus fit`.
 
-The data are the paper's theoretical frequencies. Writes `results/table1-inference.md` and
-`results/table2-inference.md`. Run by `make inference`.
+The data are the paper's theoretical frequencies. Writes tables of docs/paper.md and, in results/,
+`table1-combinations.csv`, `table2-inference.csv`, `table2-modes.csv` and `table2-combinations.csv`.
+Run by `make inference`.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ import numpy as np
 from suspension_cli.analyses.fit import solve as fit
 from suspension_cli.design import measured, reader
 from suspension_cli.design.measured import Measured
-from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.models.registry import STRING
 from suspension_cli.studies import parameters
+from tools.appendix import write_block, write_csv
 from tools.tables import FAMILIES, PAPER, ROOT, matched
 from tools.youngs_modulus import table
 
@@ -37,8 +38,8 @@ def with_uncertainty(value: float, sigma: float) -> str:
     )
 
 
-def combinations(found: fit.Fitted) -> list[str]:
-    """List the combinations of parameters that the modes alone determine, best first."""
+def combinations(found: fit.Fitted) -> list[list[str]]:
+    """Rows of the combinations of parameters that the modes alone determine, best first."""
     rows = []
     for n, (value, row) in enumerate(zip(found.singular, found.direction, strict=True), 1):
         largest = np.argsort(-np.abs(row))[:LISTED]
@@ -48,10 +49,14 @@ def combinations(found: fit.Fitted) -> list[str]:
             if abs(row[k]) >= 0.1
         )
         rows.append([str(n), f"{100 / value:.2g} %", parts])
-    return table(["", "known to", "combination of relative changes (largest parts)"], rows)
+    return rows
 
 
-def table1() -> str:
+COMBINATION = ["number", "known_to", "combination"]
+"""Columns of files of combinations of relative changes, with their largest parts."""
+
+
+def table1() -> None:
     """Infer the moments of inertia and the wire radius of Table I."""
     data = measured.read(FOLDER / "table1-theory.toml")
     texts = [(FOLDER / item.design).read_text() for item in data.experiment or ()]
@@ -62,14 +67,7 @@ def table1() -> str:
             found.name, found.value, found.sigma, found.start, strict=True
         )
     ]
-    lines = ["# What Table I does not print", ""]
-    lines += [
-        (
-            "`pendsus fit measured/husman2000/table1-theory.toml`: the 24 frequencies of the"
-            " paper's theory, E = 1.7e11 Pa, one set for all four cases."
-        ),
-        "",
-    ]
+    lines: list[str] = []
     lines += table(["number (SI)", "fit", "configs/husman2000", "apart (σ)"], rows)
     lines += [
         (
@@ -78,21 +76,20 @@ def table1() -> str:
         ),
         "",
     ]
-    lines += ["IZ from rotation alone:", ""]
-    rows = []
-    for n, (text, item) in enumerate(zip(texts, data.experiment or (), strict=True)):
+    alone = []
+    for text, item in zip(texts, data.experiment or (), strict=True):
         yaw = Measured(
             mode=[mode for mode in item.mode if mode.label == "test yaw"],
             parameter=[data.parameter[2]],
         )
-        alone = fit.solve([text], yaw, level=STRING.name)
-        rows.append([str(n + 1), f"{alone.measured[0]:g}", f"{alone.value[0]:.4f}"])
-    lines += table(["case", "rotation (Hz)", "IZ (kg m²)"], rows)
-    lines += combinations(found)
-    return "\n".join(lines)
+        alone.append(fit.solve([text], yaw, level=STRING.name).value[0])
+    values = ", ".join(f"{value:.4f}" for value in alone)
+    lines.append(f"IZ from rotation alone is {values} kg m² in cases 1 to 4.")
+    write_block("inference-1", lines)
+    write_csv("table1-combinations", COMBINATION, combinations(found))
 
 
-def table2() -> str:
+def table2() -> None:
     """Infer all unknown parameters of Table II's triple pendulum."""
     data, text = measured.read(FOLDER / "table2.toml"), TRIPLE.read_text()
     found = fit.solve([text], data, level=STRING.name, starts=STARTS)
@@ -115,36 +112,24 @@ def table2() -> str:
             ]
         )
     same = int((found.ends <= 1.001 * found.ends[0]).sum())
-    lines = ["# What the paper does not say of Table II's triple pendulum", ""]
     more = f"the next best at {found.ends[same]:.1f}" if same < len(found.ends) else "and no other"
-    lines += [
-        "`pendsus fit configs/husman2000/table2.toml measured/husman2000/table2.toml --starts"
-        f" {STARTS}`, on `string`."
+    block = [
+        f"χ² is {found.chi_squared:.1f} for {found.freedom} degrees of freedom (18 frequencies, 25"
+        f" hints of the text, 28 parameters); {same} of {len(found.ends)} searches ended there,"
+        f" {more}.",
     ]
-    lines += [
-        f"χ² {found.chi_squared:.1f} for {found.freedom} degrees of freedom (18 frequencies, 25"
-        " hints, 28 numbers);"
-    ]
-    lines += [
-        f"{same} of {len(found.ends)} searches ended there, {more}.",
-        "",
-        "## Numbers (SI)",
-        "",
-    ]
-    lines += table(["number", "hint", "fit", "σ of the hint's", "table2.toml"], rows)
-    lines += [
-        "## Frequencies (Hz)",
-        "",
-        *_frequencies(found),
-        "## What the 18 frequencies alone determine",
-        "",
-        *combinations(found),
-    ]
-    return "\n".join(lines)
+    write_block("inference-2", block)
+    write_csv("table2-inference", ["parameter", "hint", "fit", "sigma_ratio", "design"], rows)
+    write_csv("table2-modes", MODES, _frequencies(found))
+    write_csv("table2-combinations", COMBINATION, combinations(found))
 
 
-def _frequencies(found: fit.Fitted) -> list[str]:
-    """List all modes: measured, the paper's theory, and the fitted design in both models."""
+MODES = ["mode", "experiment_hz", "theory_hz", "string_hz", "difference", "residual", "force_hz"]
+"""Columns of `results/table2-modes.csv`."""
+
+
+def _frequencies(found: fit.Fitted) -> list[list[str]]:
+    """Rows of all modes: measured, the paper's theory, and the fitted design in both models."""
     design = reader.parse(found.toml[0])
     force = eigenmodes.solve(registry.FORCE.system(design))
     rows, start = [], 0
@@ -172,25 +157,13 @@ def _frequencies(found: fit.Fitted) -> list[str]:
                 ]
             )
         start += len(theory)
-    return table(
-        [
-            "mode",
-            "experiment",
-            "paper's theory",
-            "fit, string",
-            "fit - theory",
-            "residual (σ)",
-            "fit, force",
-        ],
-        rows,
-    )
+    return rows
 
 
 def main() -> None:
-    """Write both pages."""
-    for name, text in (("table1", table1()), ("table2", table2())):
-        write_bytes(ROOT / "results" / f"{name}-inference.md", text.encode())
-        print(text)
+    """Infer both."""
+    table1()
+    table2()
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 Cases 1 to 3 were measured on a frame that "still couples with the pendulum to give a lower
 frequency" (section 4c). Here the suspension point stands on a vertical spring, with and without
-mass, whose stiffness is fitted to each measured frequency. Writes
-`results/support.md` and `.png`. Run by `make support`.
+mass, whose stiffness is fitted to each measured frequency. Writes the table of docs/paper.md and
+`results/support.png`. Run by `make support`.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from suspension_cli.design.reader import parse_with_overrides
 from suspension_cli.design.schema import Design
 from suspension_cli.drawing import curves, labels
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save, write_heading
-from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.scene.arrays import Array
+from tools.appendix import write_block
 from tools.margins import set_margins
 from tools.tables import PAPER, ROOT
 
@@ -127,7 +127,7 @@ def mega(stiffness: float) -> str:
 
 
 def report() -> str:
-    """Format the page."""
+    """Format the tables."""
     rows = []
     for case in CASES:
         springs, series = by_hand(case)
@@ -157,31 +157,14 @@ def report() -> str:
     return WORDS.format(rows="\n".join(rows), shared="\n".join(shared), mass=FRAME_MASS)
 
 
-WORDS = """# A support that gives way: vertical frequencies of Table I
-
-Cases 1 to 3 of Table I were measured on a frame that was not rigid, case 4 on a stiffer one (the paper, section 4c). Which vertical
-stiffness of the frame would explain each measured frequency? *By hand* is the closed form for springs in series, with the four wires'
-4 k cos²Ω + m g sin²Ω / (l cos Ω); *model* is `pendsus modes` with `[support]`. Frame stiffnesses are in MN/m.
-
-| case | measured (Hz) | rigid frame (Hz) | four wires (kN/m) | frame, model | frame, by hand | measured ± 0.1 Hz | frame of {mass:.0f} kg |
+WORDS = """
+| case | measured (Hz) | rigid frame (Hz) | wires (kN/m) | frame, model | by hand | measured ± 0.1 Hz | frame of {mass:.0f} kg |
 |---:|---:|---:|---:|---:|---:|---:|---:|
 {rows}
 
-![Vertical frequency against the stiffness of the frame](support.png)
-
-One frame for all three, nearest by least squares (Hz, and what is left over):
-
-| frame | stiffness (MN/m) | mass (kg) | case 1 | case 2 | case 3 |
+| one frame for cases 1 to 3 | stiffness (MN/m) | mass (kg) | case 1 (Hz) | case 2 (Hz) | case 3 (Hz) |
 |---|---:|---:|---:|---:|---:|
 {shared}
-
-**No one frame explains all three.** Each case alone needs a believable stiffness, but they differ by a factor of two. The experimental error of
-0.1 Hz lets cases 2 and 3 meet at 0.477 MN/m, but not case 1. No mass of the frame mends that: on any one frame the stiffer set
-of wires has the higher frequency, and the wires of case 1 are stiffer than those of case 2, while its measured frequency is the lower one. Either the
-frame was braced differently from case to case (the paper says that bracing moved the measured frequency), or it gave way differently where the
-wires were clamped: the stiffness found falls as the upper ends stand further apart (t1 = 0, 47 and 133 mm in cases 3, 2, 1), as it would for a
-top plate that bends. Three numbers cannot tell. The frame of case 4 was at least five times stiffer: 2.8 MN/m and anything above give 11.4 Hz
-within the error.
 """
 
 
@@ -227,13 +210,10 @@ def draw(stiffness: Array) -> Figure:
 
 def main() -> None:
     """Write the page and draw the figure."""
-    text = report()
-    (ROOT / "results").mkdir(exist_ok=True)
-    write_bytes(ROOT / "results" / "support.md", text.encode())
+    write_block("support", report().splitlines())
     stiffness = np.geomspace(*RANGE, 81)
     with house_style():
         save(draw(stiffness), ROOT / "results" / "support.png")
-    print(text)
 
 
 if __name__ == "__main__":

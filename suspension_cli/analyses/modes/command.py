@@ -137,7 +137,7 @@ class ModesAnalysis(Analysis):
         column = f"{damper.removeprefix('the ')}\n%"
         columns[column] = ".1f", ["" if result.order[n] else 100 * fraction[n] for n in first]
         what = [_describe(result, group, verdicts) for group in groups]
-        failing = f"; why damping at {damper} fails" * any(";" in text for text in what)
+        failing = f"; why it cannot be damped at {damper}" * any(";" in text for text in what)
         columns[f"mode, by fraction of kinetic energy{failing}"] = "", what
         forms = {head: form for head, (form, _) in columns.items()}
         rows = zip(*(values for _, values in columns.values()), strict=True)

@@ -206,7 +206,7 @@ def test_a_table_of_all_modes_of_wires_is_refused(tmp_path):
 
 
 def test_errors_are_judged_against_the_motion_of_the_body():
-    """As docs/promises.md does: a response of 1e-17 of its body's motion is a rounding error."""
+    """As docs/accuracy.md does: a response of 1e-17 of its body's motion is a rounding error."""
     design = sus.read(CONFIGS / "triple-damped.toml")
     model = registry.BEAM.system(design.design)
     inputs = plants.drives(model, "support.pitch")
