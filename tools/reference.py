@@ -75,14 +75,49 @@ USUAL = {
 """Parameters of most analyses, whose options the head of docs/commands.md explains once."""
 SHARED = USUAL | {
     *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume"),
+    *("every_point", "observe", "over", "under"),
 }
 """These, and those of several commands, which the head explains too."""
 LIKE = {
+    "BodyPart": (bodies.Solid, "`body`"),
     "Wire": (wires.AnyWire, "`[stage.wires]`"),
     "Blade": (wires.AnyBlade, "`[stage.blades]`"),
 }
 """Tables whose keys from a common base are described in another table: the base, and the heading of
 the other in docs/design-file.md."""
+
+NOISE = "`{ asd, corner, frequency, file, column, source }`"
+BRIEF = {
+    f"number or text or 2 rows of numbers or {NOISE}, default `0.0`": "noise",
+    "number, default ": "",
+    "text or table": "filter",
+    ", default ": ", ",
+    "`true`, `false`, `": "`",
+    'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these': (
+        "a Foton string"
+    ),
+    "a Foton string; or a digital filter": "",
+    ": a Foton string": "",
+    "letters, digits, _ and -, starting with a letter": "",
+    'the two bodies: a stage first, then another stage, "support" (the suspension point) or "ground"'
+    " (beside it)": "the two bodies",
+    "the common point, from the COM of the first body, nominal pose, m": "from the first COM, m",
+    "it may give power to the motion, as a sensor with an actuator does; otherwise negative damping"
+    " and loss are refused": "it may give power to the motion",
+    '"loaded-length": the wire is trimmed to its nominal tension in the nominal pose;'
+    ' "natural-length": its unstretched length stays': "what stays when the wire changes",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "6 or 6x6, N/m, N m/rad",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "6 or 6x6, N s/m, ...",
+    "six elements or a full 6x6: N s/m, N m s/rad": "6 or 6x6, N s/m, N m s/rad",
+}
+"""Values and meanings of keys that occur in many tables: docs/design-file.md explains them once."""
+
+
+def brief(text: str) -> str:
+    """Shorten what the head of docs/design-file.md explains."""
+    for long, short in BRIEF.items():
+        text = text.replace(long, short)
+    return "" if text == "number" else text.strip(", ")
 
 
 def page(text: str) -> str:
@@ -126,7 +161,7 @@ def keys(name: str) -> str:
             continue
         hint = hints[field.name]
         given = ", required" if field.required else default(field.default)
-        row = (takes(hint) + given, description(hint))
+        row = (brief(takes(hint) + given), brief(description(hint)))
         if rows and rows[-1][1:] == row:
             rows[-1] = (f"{rows[-1][0]}, `{field.name}`", *row)
         else:
@@ -265,6 +300,27 @@ def description(hint: Any) -> str:
     return text
 
 
+BRIEF_OPTIONS = {
+    "Frequencies, Hz: start:stop:count[:log\\|lin], a comma list or a number.": "Grid, Hz.",
+    "Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.": "Grid, Hz.",
+    "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable).": "Output (repeatable).",
+    "Input: support.x, upper.force_x, upper.torque_pitch, ... (repeatable).": "Input (repeatable).",
+    "SI units and Hz, margins in dB and degrees ": "",
+    " INTEGER RANGE": " N",
+    " FLOAT RANGE": " NUMBER",
+}
+"""Words of many options: docs/response.md explains signals and grids."""
+
+
+def brief_option(text: str) -> str:
+    """Shorten an option."""
+    text = re.sub(r"; (x>=?[\d.e-]+|[\d.e-]+<=?x<=?[\d.e+-]+)\]", "]", text)
+    text = re.sub(r" \[(x>=?[\d.e-]+|[\d.e-]+<=?x<=?[\d.e+-]+)\]", "", text)
+    for long, short in BRIEF_OPTIONS.items():
+        text = text.replace(long, short)
+    return text
+
+
 def options(name: str) -> str:
     """Format usage and options of a command from `--help`; shared options are only named."""
     command = main.get_command(click.Context(main), name)
@@ -281,7 +337,7 @@ def options(name: str) -> str:
         if param.name in SHARED:
             shared.append(f"`{longest}`")
         elif record is not None and isinstance(param, click.Option):
-            rows.append((f"`{record[0]}`", " ".join(record[1].split())))
+            rows.append((f"`{brief_option(record[0])}`", brief_option(" ".join(record[1].split()))))
     parts = [f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"]
     parts += [table(("option", "meaning"), rows)] if rows else []
     shared = [*(["those of all analyses"] if is_usual else []), *shared]
