@@ -15,7 +15,7 @@ RESULTS := tables fig3 fig4 fig5 fig6 modulus inference support blades thermal s
 # Python keeps what it compiles, whatever the shell says: tests and commands start in half the time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help all $(RESULTS) test test-kernels test-oldest test-pythons lint docs reference tutorial bench golden loops mutations dist clean
+.PHONY: help all $(RESULTS) test test-kernels test-oldest test-pythons lint docs reference tutorial face bench golden loops mutations dist clean
 
 help:            ## show the targets
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | expand -t 14
@@ -39,7 +39,6 @@ $(DIST_READY): $(READY)
 	@touch $@
 
 all: $(RESULTS)  ## every table, figure and chart, into results/
-	$(BIN)/python -m tools.overview
 
 tables: $(READY) ## Tables I and II of the paper, into results/
 	$(BIN)/python -m tools.tables
@@ -85,6 +84,9 @@ cavity: $(READY) ## optical spring of an arm between two quadruples, by pendsus 
 
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
 	$(BIN)/python -m tools.optimise
+
+face: $(READY)   ## the picture at the top of README.md
+	$(BIN)/python -m tools.face
 
 simulated: $(READY) ## simulated measurements of imperfect triples (measured/triple/, measured/diagnosis/)
 	$(BIN)/python -m tools.simulated

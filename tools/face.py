@@ -1,7 +1,7 @@
 """The picture at the top of README.md: a triple pendulum, drawn, and its modes.
 
-Runs `pendsus new triple`, `pendsus draw` and `pendsus modes`, and writes `docs/images/face.png` with
-both pictures side by side. Run by `make face`.
+Runs `pendsus new triple`, `pendsus draw` and `pendsus modes`, and writes `docs/images/face.png`
+with both pictures side by side. Run by `make face`.
 """
 
 from __future__ import annotations

@@ -99,15 +99,15 @@ BRIEF = {
     "a Foton string; or a digital filter": "",
     ": a Foton string": "",
     "letters, digits, _ and -, starting with a letter": "",
-    'the two bodies: a stage first, then another stage, "support" (the suspension point) or "ground"'
-    " (beside it)": "the two bodies",
+    "the two bodies: a stage first, then another stage,"
+    ' "support" (the suspension point) or "ground" (beside it)': "the two bodies",
     "the common point, from the COM of the first body, nominal pose, m": "from the first COM, m",
     "it may give power to the motion, as a sensor with an actuator does; otherwise negative damping"
     " and loss are refused": "it may give power to the motion",
     '"loaded-length": the wire is trimmed to its nominal tension in the nominal pose;'
     ' "natural-length": its unstretched length stays': "what stays when the wire changes",
-    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "6 or 6x6, N/m, N m/rad",
-    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "6 or 6x6, N s/m, ...",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "6 or 6x6",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "6 or 6x6",
     "six elements or a full 6x6: N s/m, N m s/rad": "6 or 6x6, N s/m, N m s/rad",
 }
 """Values and meanings of keys that occur in many tables: docs/design-file.md explains them once."""

@@ -1,11 +1,14 @@
 """Time and error of all models, and of common methods for a response.
 
-Writes `results/tradeoff.md`, `tradeoff.png` (which model to use for the fused-silica triple),
-`tradeoff_single.png`, ... (for other pendulums) and `tradeoff_methods.png`. Run by `make tradeoff`.
+Writes `results/tradeoff.md`, `tradeoff.csv` (all designs), `tradeoff.png` (which model to use for
+the fused-silica triple), `tradeoff_single.png`, ... (for other pendulums) and
+`tradeoff_methods.png`. Run by `make tradeoff`.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import platform
 import sys
 from collections.abc import Callable
@@ -17,13 +20,10 @@ import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from suspension_cli.analyses import known_analyses
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
-from suspension_cli.analyses.record import Origin
 from suspension_cli.analyses.tradeoff.measure import (
     Entry,
     Measured,
-    Tradeoff,
     draw,
     format_time,
     measure,
@@ -48,7 +48,7 @@ from suspension_cli.linear import response, signals, statespace
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models.choice import percent
-from suspension_cli.models.registry import STRING, Choice
+from suspension_cli.models.registry import STRING
 from tests.support.paths import ROOT
 from tools.stability import naive
 from tools.stability.references import compare
@@ -64,7 +64,9 @@ CHARTS = {
     "geo-silica-triple": "tradeoff",
     "quadruple": "tradeoff_quadruple",
 }
-"""Designs that are shown in full, and the names of their pictures."""
+"""Designs that the page shows, and the names of their pictures."""
+COLUMNS = ["design", "question", "model", "error", "time", "best"]
+"""Columns of `results/tradeoff.csv`."""
 BAND = (0.1, 1000.0)
 TIMED, CHECKED = 200, 25
 """Frequencies of a response whose time is measured, and at which its error is."""
@@ -140,6 +142,8 @@ def tabulate(found: dict[str, Measured], question: str) -> list[str]:
     models = list(next(iter(rows.values())))
     lines = [f"| {question} | {' | '.join(models)} |", "|---|" + "---|" * len(models)]
     for name, entries in rows.items():
+        if name not in CHARTS:
+            continue
         best = [one.best for one in found[name].answers if one.question == question]
         cells = [_cell(entries[model], *best) for model in models] if best else ["–"] * len(models)
         lines.append(f"| {name} | {' | '.join(cells)} |")
@@ -154,7 +158,24 @@ def _cell(entry: Entry, best: Entry | None) -> str:
     return f"**{text}**" if entry == best else text
 
 
-def document(found: dict[str, Measured], methods: Any, text: dict[str, str]) -> str:
+def table_of_all(found: dict[str, Measured]) -> str:
+    """CSV of errors and times of all designs, see `COLUMNS`."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for name, one in found.items():
+        best = [answer.best for answer in one.answers]
+        for entry in one.entries:
+            if not entry.left_out:
+                error = percent(entry.error) if entry.error else "reference"
+                chosen = "best" if entry in best else ""
+                writer.writerow(
+                    [name, entry.question, entry.model, error, format_time(entry.time), chosen]
+                )
+    return stream.getvalue()
+
+
+def document(found: dict[str, Measured], methods: Any) -> str:
     """Format the page."""
     versions = (
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
@@ -163,16 +184,16 @@ def document(found: dict[str, Measured], methods: Any, text: dict[str, str]) -> 
         "# Speed against accuracy",
         "",
         f"Made by `make tradeoff` in one run, on one thread ({platform.machine()}, {versions})."
-        " Times are processor times, medians of samples that all models or methods take in turns."
-        " [Choosing the model](../docs/choosing.md#by-hand-speed-against-accuracy) says what to use"
-        " when.",
-        "",
-        "![Which model to use for a fused-silica triple](tradeoff.png)",
+        " Times are processor times, medians of samples that all models or methods take in turns;"
+        " this is the only page with times per result. [Choosing the"
+        " model](../docs/choosing.md#by-hand-speed-against-accuracy) says what to use when.",
         "",
         "## Models",
         "",
         "Largest error against the `violin` model · processor time of one result, design or build."
-        " Bold: the fastest within 0.1 %. A dash: not valid for this design, or for this question.",
+        " Bold: the fastest within 0.1 %. A dash: not valid for this design, or for this question."
+        " [tradeoff.csv](tradeoff.csv) has all of the paper's designs, too;"
+        " `pendsus tradeoff DESIGN` measures any.",
         "",
     ]
     for question in dict.fromkeys(
@@ -185,7 +206,11 @@ def document(found: dict[str, Measured], methods: Any, text: dict[str, str]) -> 
         "![Error of methods for a response against time](tradeoff_methods.png)",
         "",
         f"Largest error from {BAND[0]:g} to {BAND[1]:g} Hz, against 50 digits on the same matrices,"
-        f" and time of a response at {TIMED} frequencies, from the matrices on.",
+        f" and time of a response at {TIMED} frequencies, from the matrices on. Body by body is the"
+        " slowest of the five. What it buys: it needs no other method for any design, as its error"
+        " stays below 1e-12 where a modal sum is wrong by 1e-4 (triple on silica) or useless"
+        " (quadruple); unlike state space and zpk it takes losses and wires with mass; and it keeps"
+        " exact zeros and tiny couplings, which these responses do not show.",
         "",
         f"| {' | '.join(['design', *METHODS])} |",
         "|---|" + "---|" * len(METHODS),
@@ -193,32 +218,28 @@ def document(found: dict[str, Measured], methods: Any, text: dict[str, str]) -> 
     for name, points in methods.items():
         cells = [f"{error:.0e} · {format_time(time)}" for time, error in points.values()]
         lines.append(f"| {name} | {' | '.join(cells)} |")
+    lines += ["", "## Charts", ""]
     for name, file in CHARTS.items():
-        lines += ["", f"## {name}", "", f"![Which model to use]({file}.png)", ""]
-        lines += ["```text", text[name], "```"]
+        lines += [f"{name}:", "", f"![Which model to use for {name}]({file}.png)", ""]
+    lines.pop()
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     """Measure all designs."""
-    found, methods, text, titles = {}, {}, {}, {}
-    folder, analysis = ROOT / "results", known_analyses.get("tradeoff")
+    found, methods, titles = {}, {}, {}
+    folder = ROOT / "results"
     for file in DESIGNS:
         source = read(file)
         name = source.design.design.name
         print(name, file=sys.stderr)
         found[name] = measure(source)
         if name in CHARTS:
-            origin = Origin(analysis, source, Choice("all", ""))
-            result = Tradeoff.extending(found[name], run=origin)
-            methods[name], text[name], titles[name] = (
-                compare_methods(source.design),
-                str(result),
-                source.title,
-            )
+            methods[name], titles[name] = compare_methods(source.design), source.title
             save(draw(found[name], source.title), folder / f"{CHARTS[name]}.png")
     save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
-    write_bytes(folder / "tradeoff.md", document(found, methods, text).encode())
+    write_bytes(folder / "tradeoff.md", document(found, methods).encode())
+    write_bytes(folder / "tradeoff.csv", table_of_all(found).encode())
 
 
 if __name__ == "__main__":

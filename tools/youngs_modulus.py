@@ -174,7 +174,9 @@ def main() -> None:
     )
     found, thick = fitted(chosen()), on_thicker_wires()
     name = f"z, roll, y, pitch, and wires of {2e6 * THICKER:.0f} µm instead of 285.6 µm"
-    rows.append([name, with_uncertainty(thick, digits=3), f"{thick.chi_squared:.0f}/{thick.freedom}"])
+    rows.append(
+        [name, with_uncertainty(thick, digits=3), f"{thick.chi_squared:.0f}/{thick.freedom}"]
+    )
     lines += table(["frame compliant in", "E, all 24 frequencies", "χ²/dof"], rows)
     write_block("modulus", lines)
     write_csv("youngs-modulus", HEAD, frequencies(found, rigid(["vertical"])[1].value[0]))
