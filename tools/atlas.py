@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from suspension_cli.drawing.style import house_style, save
 from suspension_cli.files.whole_files import write_bytes
@@ -45,21 +46,44 @@ ROWS: dict[str, Callable[[], Row]] = {
     "maps": maps.compute,
 }
 """Rows of the atlas, in order."""
+REAL: dict[str, tuple[float, float]] = {
+    "roll-off": (0.01, 1e3),
+    "long-chain": (1, 12),
+    "beam-functions": (5, 2e3),
+    "tiny-couplings": (1e-5, 2e-3),
+    "large-perturbations": (1e-5, 2e-3),
+    "equal-modes": (1e-6, 1.0),
+    "rigid-wires": (100, 1e4),
+    "rigid-chain": (100, 1e4),
+    "soft-blades": (10, 1e4),
+    "soft-pitch": (1e-2, 1e3),
+    "slack": (0.05, 1.0),
+    "quality": (1.0, 1e9),
+    "masses": (0.05, 1e3),
+    "short-sections": (0.02, 10),
+    "maps": (0.01, 0.5),
+}
+"""Ranges of the parameters in suspensions that were built, by row: from the designs in configs/.
+
+Bodies from KAGRA's junction box (0.08 kg) to its top filters, strains of wires from 0.01 to 1 %,
+blades from a tenth to a ten-thousandth of the stiffness of their wires, silica fibres of LIGO.
+"""
 
 HEAD = f"""# Where methods fail
 
 Each row drives one parameter to where methods are known to fail, and compares each with closed forms or arithmetic of 50 digits and more. A method has
 broken where it is wrong by more than {100 * BROKEN:g} %, from there on. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. What fails here is written as
 people write it (`tools/stability/naive.py`, `tools/stability/energy.py`); the program itself is called through its public functions.
-`make stability` writes this page, `tests/linear/test_stability.py` pins every row.
+`make stability` writes this page, `tests/linear/test_stability.py` pins every row. *Academic* is a trouble in which no method breaks within the
+range of suspensions that were built (REAL in `tools/atlas.py`; grey in the picture).
 
 ![How far each trouble can be driven before a method breaks](stability.png)
 
-For each trouble the picture shows how far a common method gets before it breaks, and how far the
-program does; the panels behind it, with the same letters, follow the table.
+For each trouble the picture shows how far the worst and the best common method get before they break,
+and how far the program does; the panels behind it, with the same letters, follow the table.
 
-| | driven by | other methods break at | largest error of pendsus | its limit, and what it says there |
-|---|---|---|---|---|
+| | driven by | built | other methods break at | largest error of pendsus | its limit, and what it says there |
+|---|---|---|---|---|---|
 """
 
 
@@ -79,11 +103,24 @@ def table_row(row: Row) -> str:
     cells = (
         f"**{row.title}**",
         row.driver.replace("|", r"\|"),
+        _describe_real(row),
         "<br>".join(breaks + holds),
         "<br>".join(own),
         row.limit,
     )
     return "| " + " | ".join(cells) + " |"
+
+
+def _describe_real(row: Row) -> str:
+    """Describe the range of real suspensions, and whether a method breaks in it."""
+    if not row.real:
+        return ""
+    text = " to ".join(map(format_number, row.real))
+    return (
+        text
+        if any(row.is_real(row.broken_at(name)) for name in row.others)
+        else f"{text}: academic"
+    )
 
 
 def _describe_valid(row: Row, name: str) -> str:
@@ -123,7 +160,7 @@ def main() -> None:
     rows = []
     for name, make in ROWS.items():
         start = time.perf_counter()
-        rows.append(make())
+        rows.append(replace(make(), real=REAL[name]))
         print(f"{name:20} {time.perf_counter() - start:5.1f} s", flush=True)
     errors = {trouble: map_errors.compare(make()) for trouble, make in map_errors.TROUBLES.items()}
     text = report(rows, map_errors.table(errors))

@@ -38,6 +38,8 @@ class Row:
         Limit of the program's own method, and its message there.
     mark : mapping of str to float
         Values of the parameter worth a line in the chart, by their label.
+    real : tuple of float
+        Smallest and largest value of the parameter in real suspensions; empty if not known.
     """
 
     title: str
@@ -48,6 +50,7 @@ class Row:
     finding: str
     limit: str
     mark: Mapping[str, float] = field(default_factory=dict)
+    real: tuple[float, ...] = ()
 
     @property
     def shipped(self) -> list[str]:
@@ -64,6 +67,10 @@ class Row:
         good = np.flatnonzero(self.error[method] <= BROKEN)
         last = int(good[-1]) if len(good) else -1
         return None if last + 1 == len(self.value) else float(self.value[last + 1])
+
+    def is_real(self, value: float | None) -> bool:
+        """Whether a value of the parameter occurs in real suspensions."""
+        return value is not None and bool(self.real) and self.real[0] <= value <= self.real[1]
 
     def worst(self, method: str) -> float:
         """Return the largest error of a method along the row."""
