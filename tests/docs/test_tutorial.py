@@ -125,7 +125,7 @@ def test_pictures_are_all_used():
     used = {
         step.rpartition("/")[2]
         for page in tutorial.PAGES
-        for step in re.findall(r"\]\((?:\.\./)?(images/[^)]*)\)", text_of(page))
+        for step in re.findall(r"\]\((?:\.\./|docs/)?(images/[^)]*)\)", text_of(page))
     }
     assert {path.name for path in (tutorial.DOCS / "images").iterdir()} == used
 
