@@ -110,11 +110,11 @@ def draw_overview(rows: list[Row]) -> Figure:
     best = sum(all(breaks(row, [name]) for name in row.others) for row in rows)
     built = sum(any(row.is_real(row.broken_at(name)) for name in row.others) for row in rows)
     heading = (
-        f"Within built suspensions (grey) a method breaks in {built} of {len(rows)} troubles;",
-        f"to the end the best one breaks in {best}, and pendsus in {len(rows) - count}",
+        f"In built suspensions (grey) a method breaks in {built} of {len(rows)} troubles;",
+        f"at the extremes the best breaks in {best}, pendsus in {len(rows) - count}",
     )
     for n, line in enumerate(heading):
-        write_text(figure, SIDE, 0.08 + 0.17 * n, line, 9, bold=True)
+        write_text(figure, SIDE, 0.08 + 0.17 * n, line, 8.5, bold=True)
     text = "A method breaks where its relative error exceeds 0.1 % and stays there."
     write_text(figure, SIDE, 0.45, text, 8, NOTE)
     axes = add_axes(figure, SIDE, TOP, BARS, PITCH * len(rows))

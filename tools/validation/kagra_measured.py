@@ -218,14 +218,6 @@ def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[st
         for one in found
     ]
     head = ["function", "mode of the design", "measured (Hz)", "design (Hz)", "", "fitted (Hz)", ""]
-    free = [
-        [
-            part["name"].removeprefix("stage."),
-            f"{part['start']:.5g}",
-            f"{part['value']:.5g} ± {part['sigma']:.2g}",
-        ]
-        for part in kept["parameter"]
-    ]
     per = kept["chi_squared"] / kept["freedom"]
     return [
         "",
@@ -239,8 +231,9 @@ def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[st
         "Points are measured; lines are modelled, each scaled by one number. `pendsus fit"
         f" --fidelity {MODEL}` ends with χ² per degree of freedom of {per:.3g}"
         f" ({kept['freedom']} degrees of freedom; a repeated measurement has 1 to 2). Uncertainties"
-        f" are multiplied by {kept['scale']:.2g}, as the model does not explain the data:",
-        *table(["parameter (SI)", "design", "fitted"], free),
+        f" are multiplied by {kept['scale']:.2g}, as the model does not explain the data; the parameters are in"
+        " `measured/kagra/found.toml`.",
+        "",
         *(f"{line[0].upper()}{line[1:]}." for line in kept["determined"][:1]),
         "",
         REST[name],
