@@ -7,6 +7,7 @@ designs are valid both on the site and in the repository.
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,9 @@ from sphinx.util.logging import getLogger
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tools import reference  # noqa: E402
 
 logger = getLogger(__name__)
 
@@ -51,7 +55,14 @@ def setup(app: Sphinx) -> None:
     """Render equations at build time, and redirect the top of the site to the first page."""
     app.add_html_math_renderer("mathml", (in_line, None), (displayed, None))
     app.connect("build-finished", redirect)
+    app.connect("source-read", expand_options)
     app.connect("autodoc-process-docstring", escape_dimensions, priority=600)  # after napoleon
+
+
+def expand_options(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Give the page on commands the meaning of every option, as `--help` prints it."""
+    if page == "docs/commands":
+        source[0] = reference.expand(source[0])
 
 
 def escape_dimensions(

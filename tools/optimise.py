@@ -56,38 +56,6 @@ def listed(found: dict[str, Any], before: dict[str, Any], after: dict[str, Any])
     return lines
 
 
-def numbers(found: dict[str, Any]) -> list[str]:
-    """List the parameters before and after."""
-    lines = ["| number | before | after | bounds | |", "|---|---:|---:|---|---|"]
-    for row in found["parameters"]:
-        remark = (
-            "follows"
-            if row["follows"]
-            else f"at its {row['at_bound']} bound"
-            if row["at_bound"]
-            else ""
-        )
-        lines.append(
-            f"| `{row['name']}` | {row['before']:.4g} | {row['after']:.4g} | {row['lower']:g} to"
-            f" {row['upper']:g} | {remark} |"
-        )
-    return lines
-
-
-def limits(found: dict[str, Any]) -> list[str]:
-    """List the limits with least room, and all that do not concern modes."""
-    lines = ["| limit | value | room | |", "|---|---:|---:|---|"]
-    for row in found["limits"]:
-        modal = row["goal"] in ("damping band", "coupling to the top mass")
-        if row["active"] or not row["met"] or not modal or row["room"] < 0.1:
-            word = "active" if row["active"] else ""
-            lines.append(
-                f"| {row['limit'].replace('|', chr(92) + '|')} | {row['value']:.4g} |"
-                f" {100 * row['room']:+.1f} % | {word if row['met'] else 'NOT MET'} |"
-            )
-    return lines
-
-
 def main() -> None:
     """Optimise, check and write the page."""
     with tempfile.TemporaryDirectory() as folder:
@@ -121,11 +89,8 @@ def main() -> None:
         "",
         *listed(found, before, after),
         "",
-        *numbers(found),
-        "",
-        "Limits with less than 10 % of room, and all that are not about modes:",
-        "",
-        *limits(found),
+        "All parameters and limits, before and after, are comments of"
+        " [optimise.toml](optimise.toml).",
         "",
     ]
     page = "\n".join(lines)

@@ -300,29 +300,29 @@ def description(hint: Any) -> str:
     return text
 
 
-BRIEF_OPTIONS = {
-    "Frequencies, Hz: start:stop:count[:log\\|lin], a comma list or a number.": "Grid, Hz.",
-    "Frequencies, Hz: start:stop:count[:log|lin], a comma list or a number.": "Grid, Hz.",
-    "Output: test.x, test.pitch, test.x@0,0,0.001, ... (repeatable).": "Output (repeatable).",
-    "Input: support.x, upper.force_x, upper.torque_pitch, ... (repeatable).": "Input (repeatable).",
-    "SI units and Hz, margins in dB and degrees ": "",
-    " INTEGER RANGE": " N",
-    " FLOAT RANGE": " NUMBER",
-}
-"""Words of many options: docs/response.md explains signals and grids."""
-
-
-def brief_option(text: str) -> str:
-    """Shorten an option."""
-    text = re.sub(r"; (x>=?[\d.e-]+|[\d.e-]+<=?x<=?[\d.e+-]+)\]", "]", text)
-    text = re.sub(r" \[(x>=?[\d.e-]+|[\d.e-]+<=?x<=?[\d.e+-]+)\]", "", text)
-    for long, short in BRIEF_OPTIONS.items():
-        text = text.replace(long, short)
-    return text
-
-
 def options(name: str) -> str:
-    """Format usage and options of a command from `--help`; shared options are only named."""
+    """Format usage and names of options of a command; the site has `table_of_options` instead."""
+    usage, rows, shared = _options(name)
+    listed = ", ".join(option for option, _ in rows)
+    lines = [f"{usage}: {listed} (`pendsus {name} --help`)." if rows else f"{usage}."]
+    return "\n\n".join([*lines, *shared])
+
+
+def table_of_options(name: str) -> str:
+    """Format usage and options of a command as `--help` has them."""
+    usage, rows, shared = _options(name)
+    return "\n\n".join([usage, *([table(("option", "meaning"), rows)] if rows else []), *shared])
+
+
+def expand(text: str) -> str:
+    """Put tables of options, with their meanings, into a page of the site."""
+    return BLOCK.sub(
+        lambda found: table_of_options(found[2]) if found[1] == "options" else found[0], text
+    )
+
+
+def _options(name: str) -> tuple[str, list[tuple[str, str]], list[str]]:
+    """Usage, options with their help, and the line of shared options."""
     command = main.get_command(click.Context(main), name)
     if command is None:
         raise KeyError(name)
@@ -337,12 +337,10 @@ def options(name: str) -> str:
         if param.name in SHARED:
             shared.append(f"`{longest}`")
         elif record is not None and isinstance(param, click.Option):
-            rows.append((f"`{brief_option(record[0])}`", brief_option(" ".join(record[1].split()))))
-    parts = [f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"]
-    parts += [table(("option", "meaning"), rows)] if rows else []
+            rows.append((f"`{record[0]}`", " ".join(record[1].split())))
+    usage = f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"
     shared = [*(["those of all analyses"] if is_usual else []), *shared]
-    parts += [f"Shared options: {', '.join(shared)}."] if shared else []
-    return "\n\n".join(parts)
+    return usage, rows, [f"Shared options: {', '.join(shared)}."] if shared else []
 
 
 def stability(_: str) -> str:

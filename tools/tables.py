@@ -165,10 +165,10 @@ def main() -> None:
     }
     notes = (
         "Single pendulums on four wires, 20 kg. The paper gives neither the moments of inertia nor"
-        " the wire radius of each case: one set was\ninferred from the 24 theory values"
-        " (`results/table1-inference.md`). The captions of cases 1 and 2 are swapped in print"
-        " (`docs/paper.md`).\nThe vertical frequencies of cases 1 to 3 were measured on a frame"
-        " that was not rigid (the paper, section 4c)."
+        " the wire radius: one set was fitted\nto the 24 theory values (`docs/paper.md`). The"
+        " captions of cases 1 and 2 are swapped in print. The paper says that cases 1 to 3\nwere"
+        " measured on a frame that was not rigid; that this explains their vertical frequencies is"
+        " a conjecture."
     )
     save(
         "table1",
@@ -179,10 +179,10 @@ def main() -> None:
     )
     notes = (
         "The prototype triple pendulum of GEO 600 with two stages of cantilevers. Its parameters"
-        " are not in the paper: a plausible set was inferred\n(`results/table2-inference.md`;"
-        " `configs/husman2000/table2.toml` marks what is given and what is inferred). *Ours* is the"
-        " force model, which like\nthe paper's takes blades in series with the wires; *string* has"
-        " the blade tips as coordinates, and the last column shows what the series costs."
+        " are not in the paper: a plausible set was fitted to\nthese modes (`docs/paper.md`;"
+        " `configs/husman2000/table2.toml` marks what is given). *Ours* is the force model, which"
+        " like the paper's takes blades\nin series with the wires; *string* has the blade tips as"
+        " coordinates, and the last column shows what the series costs."
     )
     heads |= {"string": "string (Hz)", "series": "force - string"}
     save(
