@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tools import reference  # noqa: E402
+from tools import reference
 
 logger = getLogger(__name__)
 

@@ -72,7 +72,6 @@ def show(name: str) -> None:
 
 def write(sections: list[Section]) -> None:
     """Write the page and the table of modes, and the tables of evidence into all pages."""
-    worst = sorted((one for part in sections for one in part.worst), key=lambda one: -abs(one[0]))
     lines = [
         "# Comparison with suspensions that were built",
         "",
@@ -81,12 +80,10 @@ def write(sections: list[Section]) -> None:
         " (of KAGRA's measured functions `tools/validation/kagra_measured.py` made fits and"
         " pictures); `python -m tools.validation NAME` prints the modes of one design. All modes,"
         " without damping and links, are in [validation_modes.csv](validation_modes.csv). With"
-        " damping they differ: `pendsus modes configs/built/kagra-bs.toml` has 0.24595 Hz for"
+        " damping they differ: `pendsus modes configs/built/kagra-bs.toml --fidelity"
+        " string` has 0.24595 Hz for"
         " vertical of F2, the table 0.24161 Hz.",
         "",
-        "The three largest deviations:",
-        "",
-        *(f"- {percent(value)}: {text}" for value, text in worst[:3]),
     ]
     for kind in evidence.KINDS:
         lines += ["", *evidence.marked(kind, "short")]

@@ -139,8 +139,7 @@ def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
     with house_style():
         save(draw(one, shown), ROOT / "results" / picture)
     lines = ["", f"### {one.title}", "", one.why, "", f"![{one.title}]({picture})", ""]
-    file = f"{one.source['file']} in {one.source['repository']}"
-    lines += [f"`configs/built/{one.name}.toml`; {one.source['what']}: {file}."]
+    lines += [f"`configs/built/{one.name}.toml` against {one.source['what']}."]
     if one.unstable:
         lines += [f"{one.peer} has {one.unstable} modes more, below 1 mHz or unstable."]
     return lines

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 
-import numpy as np
-
 from tools.tables import ROOT
 from tools.validation import counter_tests
 from tools.validation.comparison import HEAD, Comparison, compare, details, row
@@ -78,10 +76,6 @@ def section() -> Section:
     ]
     result.lines += table(HEAD, [row(one) for one in found])
     for one in found:
-        error = one.error("string")
-        for n in np.argsort(-abs(error))[:1]:
-            text = f"{one.title}, {one.label[n]} at {one.known[n]:.4g} Hz. {one.why}"
-            result.worst.append((float(error[n]), text))
         result.modes += one.modes()
     result.lines += [
         "",

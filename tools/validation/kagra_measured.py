@@ -142,11 +142,7 @@ def section() -> Section:
     for name in SUSPENSIONS:
         rows = _resonances(name, kept[name])
         result.lines += _details(name, kept[name], rows)
-        worst = max(rows, key=lambda row: abs(np.nan_to_num(row.error)))
-        title = SUSPENSIONS[name][0]
-        text = f"{title}, measured: {worst.mode} at {worst.measured:.4g} Hz. {WHY[name]}"
-        result.worst.append((worst.error, text))
-    result.lines += _older(result)
+    result.lines += _older()
     result.lines += _odd(kept)
     return result
 
@@ -160,11 +156,6 @@ class Resonance:
     measured: float
     designed: float
     fitted: float
-
-    @property
-    def error(self) -> float:
-        """Relative deviation of the design."""
-        return self.designed / self.measured - 1
 
 
 def _resonances(name: str, kept: dict[str, Any]) -> list[Resonance]:
@@ -303,7 +294,7 @@ def _draw(one: Suspension) -> Figure:
     return figure
 
 
-def _older(result: Section) -> list[str]:
+def _older() -> list[str]:
     """Pitch of the other save of BS."""
     modes = sus.modes(_design("kagra-bs"), fidelity=MODEL)
     pitch = [
@@ -317,7 +308,6 @@ def _older(result: Section) -> list[str]:
         " wires of 0.65 mm, as the measurement says."
     )
     error = pitch[-1] / known - 1
-    result.worst.append((error, f"BS, design `kagra-bs`, measured: IM pitch at {known} Hz. {why}"))
     return [
         "",
         f"The other save of BS (`configs/built/kagra-bs.toml`) has this mode of pitch at"

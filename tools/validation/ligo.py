@@ -78,10 +78,6 @@ def quadruple_of_2005() -> list[str]:
 
 def _quadruple(result: Section, known: dict[str, Any]) -> None:
     one = ligo_production.compare_with_production_model()
-    error = one.error("string")
-    n = int(np.argmax(abs(error)))
-    text = f"{one.title}, production model, {one.label[n]}. {one.why}"
-    result.worst.append((float(error[n]), text))
     result.modes += one.modes()
     result.lines += ligo_production.lines(one)
     _bounce_mode(result, known)
@@ -142,10 +138,9 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
     lines = {
         name: [float(one(*fibre)[0, 0]) for one in looked_up] for name, fibre in PUBLIC.items()
     }
-    rows, fitted, off = [], {}, []
+    rows, fitted = [], {}
     for fibre in fibres:
         order, value = np.array(fibre["harmonic"]), np.array(fibre["measured_hz"])
-        off.append(lines["205 µm, ends of 20 mm"][0] / value[0] - 1)
         cells = [
             "" if n + 1 not in order else f"{value[list(order).index(n + 1)]:.1f}"
             for n in range(HARMONICS)
@@ -177,7 +172,6 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
         [f"*computed, {name}*", "", *(f"{value:.1f}" for value in values), "", "", ""]
         for name, values in lines.items()
     ]
-    worst = off[int(np.argmax(np.abs(off)))]
     radii = [100 * one[0] for one in fitted.values()]
     ends = [10 * one[1] for one in fitted.values()]
     best = [float(np.median(radii)) * 1e-6, float(np.median(ends)) * 1e-3]
@@ -190,9 +184,6 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
         "The first mode depends on the radius of the fibre and hardly on its ends: 205 µm give the"
         " observatory's predictions, 200 µm (quadopt.m) what was measured. The overtones depend on"
         " the thick ends, which are stiff for the first mode and bend in the higher ones."
-    )
-    result.worst.append(
-        (float(worst), f"LIGO's fibres, first violin mode, fibres of 205 µm. {why}")
     )
     quadruple = QUADRUPLE.read_text("utf-8")
     bounce = sorted(

@@ -15,15 +15,12 @@ class Section:
     ----------
     lines
         Markdown, below the title.
-    worst
-        Relative deviations with what deviates and why, for the top of the page.
     modes
         Rows of `results/validation_modes.csv`.
     """
 
     title: str
     lines: list[str] = field(default_factory=list)
-    worst: list[tuple[float, str]] = field(default_factory=list)
     modes: list[list[str]] = field(default_factory=list)
 
 
