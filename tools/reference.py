@@ -91,8 +91,7 @@ BRIEF = {
     f"number or text or 2 rows of numbers or {NOISE}, default `0.0`": "noise",
     "number, default ": "",
     "text or table": "filter",
-    ", default ": ", ",
-    "`true`, `false`, `": "`",
+    "`true`, `false`, default `": "`",
     'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these': (
         "a Foton string"
     ),
