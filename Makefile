@@ -80,7 +80,7 @@ validation: $(READY) ## suspensions that were built, held against numbers of oth
 
 cavity: $(READY) ## optical spring of an arm between two quadruples, by pendsus and by finesse
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[finesse]'
-	cd results && MPLBACKEND=agg ../$(BIN)/python -W ignore ../docs/notebooks/cavity.py
+	$(BIN)/python -m tools.cavity
 
 optimise: $(READY) ## from vertical wires to a triple all of whose modes can be damped
 	$(BIN)/python -m tools.optimise
