@@ -69,3 +69,10 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
         "b.html: a.html#nowhere: no such anchor",
         "b.html: c.html: no such file",
     ]
+
+
+def test_the_site_has_the_meaning_of_options():
+    text = "<!-- options: damp -->\n\nshort\n\n<!-- end -->\n<!-- keys: Gas -->\nkept\n<!-- end -->"
+    found = reference.expand(text)
+    assert "| `--highest FLOAT RANGE` | Frequency in Hz up to which modes are damped" in found
+    assert "short" not in found and "kept" in found
