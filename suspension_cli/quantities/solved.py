@@ -90,8 +90,7 @@ class Solved:
         (count,) = model.batch
         status = np.full(count, builds.GOOD, dtype=np.uint8)
         wire = np.full(count, -1, dtype=np.int16)
-        mirrors = np.zeros((count, 2), dtype=bool)
-        found = Builds(model, status, wire, np.full(count, np.nan), mirrors)
+        found = Builds(model, status, wire, np.full(count, np.nan), (False, False))
         return cls([design] * count, found, level, Needs(), lambda _: iter(()))
 
     @property
