@@ -41,7 +41,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.physics import local_control, margins
 from suspension_cli.physics.local_control import Plant
-from suspension_cli.physics.loop_network import Node
+from suspension_cli.physics.loop_network import Network, Node
 from suspension_cli.physics.margins import Margins, SensitivityPeak
 
 if TYPE_CHECKING:
@@ -97,21 +97,28 @@ LOOP = Signal("", "", 0, (0.0, 0.0, 0.0), acts=True)
 
 def find_margins(plant: Plant, closed: Poles) -> tuple[tuple[Margins, ...], SensitivityPeak]:
     """Find the margins of each loop and of all at once, from stable closed-loop poles."""
-    corners = _find_corner_frequencies(plant, closed)
-    gain = partial(local_control.compute_loop_gains, plant)
+    corners = find_corner_frequencies(plant.network, closed.value)
     peak = margins.find_peak(partial(local_control.compute_sensitivity, plant), corners)
-    return tuple(margins.compute_margins(gain, corners)), peak
+    return tuple(find_margins_of_loops(plant, closed)), peak
 
 
-def _find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
-    """Find frequencies (Hz) of closed-loop poles and of roots of filters, and beside them.
+def find_margins_of_loops(plant: Plant, closed: Poles) -> list[Margins]:
+    """Find the margins of each loop, from stable closed-loop poles."""
+    corners = find_corner_frequencies(plant.network, closed.value)
+    return margins.compute_margins(partial(local_control.compute_loop_gains, plant), corners)
+
+
+def find_corner_frequencies(
+    network: Network, poles: Complex[np.ndarray, " pole"]
+) -> Float[np.ndarray, " frequency"]:
+    """Find frequencies (Hz) of closed-loop poles (rad/s) and of roots of filters, and beside them.
 
     A resonance narrow in a loop gain L with the others closed is as near to a closed-loop pole,
     where 1 + L is 0, as it is wide.
     """
-    filters = [node.filter.continuous for node in plant.network.nodes]
+    filters = [node.filter.continuous for node in network.nodes]
     found = [root for one in filters for root in (*one.zeros, *one.poles)]
-    every: Complex[np.ndarray, " root"] = np.append(closed.value / (2 * np.pi), found)
+    every: Complex[np.ndarray, " root"] = np.append(poles / (2 * np.pi), found)
     every = every[np.abs(every) > 0]
     centre = np.abs(np.imag(every))
     width = np.abs(np.real(every))
@@ -720,9 +727,13 @@ def compute_margins(system: Solvable, design: Design) -> Float[np.ndarray, "loop
     closed = find_poles(plant)
     if not closed.stable:
         return np.full((len(plant.loops), len(MARGINS)), np.nan)
-    found, _ = find_margins(plant, closed)
-    rows = []
-    for one in found:
-        gain = min(one.gain_up_db, -one.gain_down_db)
-        rows.append([gain, one.phase, one.delay, one.distance])
+    return tabulate_margins(find_margins_of_loops(plant, closed))
+
+
+def tabulate_margins(found: Sequence[Margins]) -> Float[np.ndarray, "loop margin"]:
+    """List the `MARGINS` of loops."""
+    rows = [
+        [min(one.gain_up_db, -one.gain_down_db), one.phase, one.delay, one.distance]
+        for one in found
+    ]
     return np.array(rows)
