@@ -201,7 +201,7 @@ def close_loops(
     o = len(outputs)
     # velocity dampers are part of the damping matrix, which may become asymmetric
     viscous = np.zeros(count)
-    viscous[: len(plant.loops)] = [_viscous(loop) for loop in plant.loops]
+    viscous[: len(plant.loops)] = [viscous_damper(loop) for loop in plant.loops]
     model = replace(model, damping=model.damping + (pushed.T * viscous) @ sensed)
     drives, rows = (
         np.concatenate([given.reshape(-1, model.size), own])
@@ -213,7 +213,7 @@ def close_loops(
     )
     if not count:
         return bare
-    made = [_realise_node(plant, n) for n in range(count)]
+    made = realise_nodes(plant)
     filters = [(f.A, f.B, f.C, f.D) for f in made]
     # inputs: external ones, forces of loops, what filters sense; outputs likewise
     a, b, c, d = (
@@ -246,15 +246,17 @@ def close_loops(
     )
 
 
-def _viscous(loop: Loop) -> float:
+def viscous_damper(loop: Loop) -> float:
     """Force per velocity of a damper without sensor dynamics, N s/m or N m s/rad; else 0."""
     return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
 
 
-def _realise_node(plant: Plant, number: int) -> Any:
-    """Realise a node of the network of a plant, see `realise`."""
-    damper = _viscous(plant.loops[number]) if number < len(plant.loops) else 0.0
-    return realise(plant.network.nodes[number], damper)
+def realise_nodes(plant: Plant) -> list[Any]:
+    """Realise the nodes of the network of a plant, see `realise`; of dampers without dynamics 0."""
+    dampers = [viscous_damper(loop) for loop in plant.loops]
+    others = len(plant.network.nodes) - len(dampers)
+    every = zip(plant.network.nodes, [*dampers, *[0.0] * others], strict=True)
+    return [realise(node, damper) for node, damper in every]
 
 
 def realise(node: Node, damper: float = 0.0) -> Any:
@@ -689,6 +691,20 @@ class DampedModes:
     dilution: Float[np.ndarray, " mode"]
     fraction: Float[np.ndarray, "mode place"]
 
+    @staticmethod
+    def of_poles(
+        value: Complex[np.ndarray, " mode"],
+        motion: Complex[np.ndarray, "mode coordinate"],
+        model: LinearSystem,
+    ) -> DampedModes:
+        """Modes of poles with loops (rad/s), and the motions in each."""
+        oscillates = np.imag(value) > 0
+        unknown = np.full(len(value), np.nan)
+        q = np.where(oscillates, Poles(value, ("",) * len(value)).q, 0.0)
+        frequency = np.where(oscillates, np.abs(value) / (2 * np.pi), 0.0)
+        fraction = np.concatenate(mode_content.energy_fractions(model, motion), axis=1)
+        return DampedModes(frequency, q, -np.real(value), unknown, fraction)
+
 
 def solve_modes(system: Solvable, design: Design) -> DampedModes:
     """Solve for the modes of a design's bodies, on wires without mass, with its loops closed.
@@ -705,29 +721,26 @@ def solve_modes(system: Solvable, design: Design) -> DampedModes:
     poles = find_poles(local_control.build_plant(design, solver))
     assert poles.motion is not None
     bodily = np.array([not statespace.is_of_filter(name) for name in poles.state], dtype=bool)
-    value = poles.value[bodily]
-    motion = poles.motion[bodily][:, : model.size]  # without states of light
-    fraction = np.concatenate(mode_content.energy_fractions(model, motion), axis=1)
-    unknown = np.full(len(value), np.nan)
-    q = np.where(np.imag(value) > 0, poles.q[bodily], 0.0)
-    frequency = np.where(np.imag(value) > 0, np.abs(value) / (2 * np.pi), 0.0)
-    return DampedModes(frequency, q, -np.real(value), unknown, fraction)
+    # without states of light
+    return DampedModes.of_poles(poles.value[bodily], poles.motion[bodily][:, : model.size], model)
 
 
 MARGINS = {"gain": "dB", "phase": "deg", "delay": "s", "distance": "1"}
 """Margins of a loop, with their units."""
 
 
-def compute_margins(system: Solvable, design: Design) -> Float[np.ndarray, "loop margin"]:
-    """Compute the `MARGINS` of all loops of a design, the smaller one of the gain; NaN if unstable.
+def compute_margins(
+    system: Solvable, design: Design
+) -> tuple[bool, Float[np.ndarray, "loop margin"]]:
+    """Compute whether a design is stable with its loops closed, and the `MARGINS` of all loops.
 
-    An infinite one means that nothing limits.
+    Of the gain the smaller one; NaN if unstable. An infinite one means that nothing limits.
     """
     plant = local_control.build_plant(design, system)
     closed = find_poles(plant)
     if not closed.stable:
-        return np.full((len(plant.loops), len(MARGINS)), np.nan)
-    return tabulate_margins(find_margins_of_loops(plant, closed))
+        return False, np.full((len(plant.loops), len(MARGINS)), np.nan)
+    return True, tabulate_margins(find_margins_of_loops(plant, closed))
 
 
 def tabulate_margins(found: Sequence[Margins]) -> Float[np.ndarray, "loop margin"]:

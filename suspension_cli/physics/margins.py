@@ -95,7 +95,7 @@ class Margins:
         Delay margin, s: smallest delay that brings a pole to the imaginary axis; and its frequency,
         Hz. Inf and NaN without limit.
     distance_frequency
-        Frequency of the smallest \|1 + L\|, Hz.
+        Frequency of the smallest |1 + L|, Hz.
     """
 
     in_json: ClassVar = Layout(

@@ -34,6 +34,34 @@ class Margin(Quantity):
         return solved.margins[:, self.loop, list(MARGINS).index(self.which)]
 
 
+@dataclass(frozen=True)
+class Stable(Quantity):
+    """Whether no pole grows with all loops closed: 1 or 0, so that its mean is a yield."""
+
+    slow: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, 1.0)
+    missing = "has poles that were not found"
+
+    def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
+        """Find the poles of each design."""
+        return solved.is_stable_closed
+
+
+STABLE = "stable"
+"""Name of this quantity."""
+
+
+def parse_stable(text: str, names: Names, option: str) -> Quantity | None:
+    """Parse ``stable``."""
+    if text != STABLE:
+        return None
+    if names.design.control is None or not names.design.control.loop:
+        problem = "needs loops"
+        remedy = "give [[control.loop]] tables; pendsus modes tells whether a design hangs stably"
+        raise InputError.of(option, problem, remedy, format_value(text))
+    return Stable(text, "1")
+
+
 def parse(text: str, names: Names, option: str) -> Quantity | None:
     """Parse ``margin pitch.gain``, ``.phase``, ``.delay`` and ``.distance``."""
     if not text.startswith("margin "):
@@ -57,5 +85,12 @@ KINDS = (
         "dB, deg, s, 1",
         "stability margin of a loop of local control, the others closed",
         parse,
+    ),
+    Kind(
+        STABLE,
+        STABLE,
+        "1",
+        "1 if no pole grows with all loops closed, else 0",
+        parse_stable,
     ),
 )
