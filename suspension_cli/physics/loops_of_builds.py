@@ -13,7 +13,9 @@ and with the exact filters, T(s) x = 0, by inverse iteration,
 
     T(s) y = T'(s) x,    s' = s - x^H x / (x^H y),
 
-which converges with second order (Ruhe, SIAM J. Numer. Anal. 10, 674 (1973)).
+which converges with second order (Ruhe, SIAM J. Numer. Anal. 10, 674 (1973)). The inertia of
+massive wires, in D too, is that at the frequency of oscillation, which is exact at the limit of
+stability.
 
 **Margins** are those of `margins.compute_margins_of_designs` with a sum over modes for the response
 G from actuators to sensors. The eigenvalues of Lambda + D, with D of each mode at its own
@@ -40,7 +42,7 @@ from suspension_cli.linear import batch_modes, statespace
 from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
 from suspension_cli.linear.roots import Feedback
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.linear.wire_term import WireTerm
+from suspension_cli.linear.wire_term import WireTerm, is_massive
 from suspension_cli.physics import closed_loop, local_control, margins
 from suspension_cli.physics.closed_loop import DampedModes
 from suspension_cli.physics.local_control import Plant
@@ -73,15 +75,11 @@ SMALL = 0.01
 def is_possible(model: LinearSystem) -> bool:
     """Whether the equations of builds have the form that is solved here.
 
-    Wires without mass; losses that are small; no damping of coordinates without mass.
+    Terms that change little between resonances; no damping of coordinates without mass.
     """
     inert = model.massless
-    for term in model.terms:
-        if isinstance(term, WireTerm):
-            if term.strand.massive:
-                return False
-        elif type(term) not in (StructuralLoss, Damper):
-            return False
+    if any(type(term) not in (WireTerm, StructuralLoss, Damper) for term in model.terms):
+        return False
     dampers = [term.matrix for term in model.terms if isinstance(term, Damper)]
     return not any(np.any(matrix[..., inert, :]) for matrix in (model.damping, *dampers))
 
@@ -552,7 +550,8 @@ class ClosedBuilds:
     def modes(self) -> dict[int, DampedModes]:
         """Find the modes of those builds that are done here, by number, as `closed_loop` does."""
         builds = self.builds
-        if any(node.delay for node in builds.network.nodes):
+        late = any(node.delay for node in builds.network.nodes)
+        if late or any(map(is_massive, builds.model.terms)):
             return {}
         fraction = self.poles.mechanical
         near = np.abs(fraction / statespace.NAMED - 1) < UNCLEAR

@@ -20,9 +20,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Margin(Quantity):
-    """A margin of one loop (`physics.margins.Margins`); of the gain the smaller one, up or down."""
+    """A margin of one loop (`physics.margins.Margins`); of the gain the smaller one, up or down.
 
-    loop: int
+    Without a loop it is the smallest of all.
+    """
+
+    loop: int | None
     which: str
 
     largest: ClassVar[float] = 1e3
@@ -31,7 +34,8 @@ class Margin(Quantity):
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Compute the margins of each design; infinite where nothing limits."""
-        return solved.margins[:, self.loop, list(MARGINS).index(self.which)]
+        found = solved.margins[:, :, list(MARGINS).index(self.which)]
+        return found.min(1) if self.loop is None else found[:, self.loop]
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,8 @@ class Stable(Quantity):
 
 STABLE = "stable"
 """Name of this quantity."""
+ALL = "loops"
+"""Stands for the loop with the smallest margin."""
 
 
 def parse_stable(text: str, names: Names, option: str) -> Quantity | None:
@@ -63,7 +69,7 @@ def parse_stable(text: str, names: Names, option: str) -> Quantity | None:
 
 
 def parse(text: str, names: Names, option: str) -> Quantity | None:
-    """Parse ``margin pitch.gain``, ``.phase``, ``.delay`` and ``.distance``."""
+    """Parse ``margin pitch.gain``, ``.phase``, ``.delay`` and ``.distance``, ``margin loops.gain``."""
     if not text.startswith("margin "):
         return None
     loop, _, which = text.removeprefix("margin ").rpartition(".")
@@ -72,6 +78,8 @@ def parse(text: str, names: Names, option: str) -> Quantity | None:
     if which not in MARGINS or not loop:
         remedy = f"write margin LOOP.{'|'.join(MARGINS)}"
         raise InputError.of(option, "is no margin", remedy, format_value(text))
+    if known and loop == ALL and loop not in known:
+        return Margin(text, MARGINS[which], None, which)
     if loop not in known:
         remedy = suggest(loop, known) if known else "give [[control.loop]] tables"
         raise InputError.of(option, "names no loop", remedy, format_value(text))
@@ -83,7 +91,7 @@ KINDS = (
         "margin LOOP.gain|phase|delay|distance",
         "margin pitch.gain",
         "dB, deg, s, 1",
-        "stability margin of a loop of local control, the others closed",
+        "stability margin of a loop, the others closed; the smallest of all: margin loops.gain",
         parse,
     ),
     Kind(
