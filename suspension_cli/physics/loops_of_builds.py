@@ -109,7 +109,8 @@ class ClosedPoles:
     @property
     def stable(self) -> Bool[np.ndarray, " build"]:
         """Whether no pole of a build grows."""
-        return ~(np.real(self.value) > 0).any(1)
+        grows = np.real(self.value) > 0
+        return ~np.asarray(grows.any(1))
 
 
 class ModalBuilds:

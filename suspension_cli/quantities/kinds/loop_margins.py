@@ -43,6 +43,7 @@ class Stable(Quantity):
     """Whether no pole grows with all loops closed: 1 or 0, so that its mean is a yield."""
 
     slow: ClassVar[bool] = True
+    jumps: ClassVar[bool] = True
     within: ClassVar[tuple[float, float]] = (0.0, 1.0)
     missing = "has poles that were not found"
 
@@ -69,7 +70,7 @@ def parse_stable(text: str, names: Names, option: str) -> Quantity | None:
 
 
 def parse(text: str, names: Names, option: str) -> Quantity | None:
-    """Parse ``margin pitch.gain``, ``.phase``, ``.delay`` and ``.distance``, ``margin loops.gain``."""
+    """Parse ``margin pitch.gain``, ``.phase``, ``.delay``, ``.distance``; ``margin loops.gain``."""
     if not text.startswith("margin "):
         return None
     loop, _, which = text.removeprefix("margin ").rpartition(".")
