@@ -437,11 +437,11 @@ def _move_filter_poles(
             continue
         near = [(abs(value[n] + 2 * np.pi * p), one.rate) for one in made.parts for p in one.poles]
         if near and (rate := min(near)[1]):
-            result[n] = _move(result[n], rate)
+            result[n] = move_pole(result[n], rate)
     return result
 
 
-def _move(w: complex, rate: float) -> complex:
+def move_pole(w: complex, rate: float) -> complex:
     """Move a pole of a digital filter from w to s = 2 rate artanh(w / 2 rate), with Im s >= 0.
 
     Where w is real and beyond 2 rate, z is negative, and the pole is at half the rate; where it is
@@ -628,7 +628,7 @@ class _Within:
         """
         loops = self.block.loops
         parts = [one for loop in loops for one in loop.filter.parts if one.rate]
-        every = [_move(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
+        every = [move_pole(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
         start = np.array([one for one in every if np.isfinite(one) and one != 0], dtype=complex)
         if not missing.any() or not len(start):
             return

@@ -56,8 +56,8 @@ CHUNK = 64
 """Builds whose margins are searched at once: their grids take some 100 MB."""
 STEPS = 8
 """Most steps of the iteration of a pole (usually 2 or 3)."""
-CONVERGED = 1e-12
-"""Relative step at which it ends."""
+CONVERGED = 1e-9
+"""Relative step at which it ends: the next one would be some 1e-18."""
 STRAYED = 0.02
 """Relative distance from its start beyond which a pole may be another one."""
 SAME = 1e-6
@@ -66,7 +66,7 @@ STEADY = 1e-9
 """Decay rate over the modulus of a pole below which it may be a rounding error."""
 BESIDE = 1e-9
 """Relative step for the slope of a loop gain against frequency."""
-UNCLEAR = 0.02
+UNCLEAR = 0.005
 """Relative distance from `statespace.NAMED` of a fraction that may be on either side."""
 SMALL = 0.01
 """Largest relative correction of a loop gain whose square is neglected."""
@@ -267,10 +267,11 @@ class ModalBuilds:
     def poles(self) -> ClosedPoles:
         """Find the poles with all loops closed."""
         start, states, mechanical = self._starts()
-        delay = max(node.delay for node in self.network.nodes)
+        delay = max(node.delay + node.filter.period for node in self.network.nodes)
         upper = np.imag(start) >= 0
         # a pole that decays within a delay may be one of the fraction that stands for it
         upper &= -np.real(start) * delay <= closed_loop.SURE
+        start = self._move_filter_poles(start, upper & (mechanical < statespace.NAMED))
         wanted = upper & (start != 0)
         most = int(wanted.sum(1).max(initial=0))
         modes = self.squared.shape[1]
@@ -340,6 +341,24 @@ class ModalBuilds:
         mechanical = self._mechanical_fractions(vector, damping)
         return value, np.concatenate([motion, forces], axis=1), mechanical
 
+    def _move_filter_poles(
+        self,
+        start: Complex[np.ndarray, "build state"],
+        of_filters: Bool[np.ndarray, "build state"],
+    ) -> Complex[np.ndarray, "build state"]:
+        """Move starts that are poles of digital filters to where these are."""
+        parts = [part for node in self.network.nodes for part in node.filter.parts]
+        poles = np.array([pole for part in parts for pole in part.poles])
+        rates = np.array([part.rate for part in parts for _ in part.poles])
+        if not rates.any():
+            return start
+        result = start.copy()
+        for place in zip(*np.nonzero(of_filters), strict=True):
+            rate = rates[np.abs(start[place] + 2 * np.pi * poles).argmin()]
+            if rate:
+                result[place] = closed_loop.move_pole(start[place], rate)
+        return result
+
     def _mechanical_fractions(
         self,
         right: Complex[np.ndarray, "build state state"],
@@ -407,10 +426,12 @@ class ModalBuilds:
             with np.errstate(all="ignore"):
                 y = solve_each(matrix, right[:, :, None])[:, :, 0]
                 step = (own.conj() * own).sum(1) / (own.conj() * y).sum(1)
-                value[moving] = s - step
-                x[moving] = y / np.sqrt((np.abs(y) ** 2).sum(1))[:, None]
+                exact = ~np.isfinite(step)  # s is a root to the last bit
+                value[moving] = np.where(exact, s, s - step)
+                shape = y / np.sqrt((np.abs(y) ** 2).sum(1))[:, None]
+                x[moving] = np.where(exact[:, None], own, shape)
                 far = ~(np.abs(value[moving] - start[moving]) <= STRAYED * np.abs(start[moving]))
-                done = np.abs(step) <= CONVERGED * np.abs(s)
+                done = exact | (np.abs(step) <= CONVERGED * np.abs(s))
             lost[moving[far]] = True
             moving = moving[~(done | far)]
         lost[moving] = True
@@ -551,7 +572,7 @@ class ClosedBuilds:
     def modes(self) -> dict[int, DampedModes]:
         """Find the modes of those builds that are done here, by number, as `closed_loop` does."""
         builds = self.builds
-        late = any(node.delay for node in builds.network.nodes)
+        late = any(node.delay or node.filter.period for node in builds.network.nodes)
         if late or any(map(is_massive, builds.model.terms)):
             return {}
         fraction = self.poles.mechanical
@@ -571,12 +592,12 @@ class ClosedBuilds:
 def close_builds(model: LinearSystem, design: Design) -> list[ClosedBuilds]:
     """Close the loops of builds of a design, given by their linear systems.
 
-    Returns none if `is_possible` does not admit them, or a filter is digital.
+    Returns none if `is_possible` does not admit them.
     """
     if not is_possible(model):
         return []
     plant = local_control.build_plant(design, model)
-    if not plant.loops or any(node.filter.period for node in plant.network.nodes):
+    if not plant.loops:
         return []
     result = []
     for start in range(0, model.batch[0], CHUNK):
