@@ -28,6 +28,7 @@ and `closed_loop` has them.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,7 +39,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import solve_each
-from suspension_cli.linear import batch_modes, statespace
+from suspension_cli.linear import batch_modes, quality, statespace
 from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
 from suspension_cli.linear.roots import Feedback
 from suspension_cli.linear.system import LinearSystem
@@ -262,7 +263,12 @@ class ModalBuilds:
     def gains(self, build: Index, frequency: Array) -> Complex[np.ndarray, "point loop"]:
         """Compute gains of loops, the others closed, from sums over modes."""
         with np.errstate(all="ignore"):
-            return self.close(frequency, self.respond(build, frequency))
+            result = self.close(frequency, self.respond(build, frequency))
+            singular = ~np.isfinite(result).all(1)
+            if singular.any():  # at a resonance without loss
+                beside = frequency[singular] * (1 + local_control.BESIDE)
+                result[singular] = self.close(beside, self.respond(build[singular], beside))
+        return result
 
     def poles(self) -> ClosedPoles:
         """Find the poles with all loops closed."""
@@ -356,7 +362,7 @@ class ModalBuilds:
         for place in zip(*np.nonzero(of_filters), strict=True):
             rate = rates[np.abs(start[place] + 2 * np.pi * poles).argmin()]
             if rate:
-                result[place] = closed_loop.move_pole(start[place], rate)
+                result[place] = closed_loop.move_pole(complex(start[place]), rate)
         return result
 
     def _mechanical_fractions(
@@ -435,10 +441,30 @@ class ModalBuilds:
             lost[moving[far]] = True
             moving = moving[~(done | far)]
         lost[moving] = True
-        value = np.where(oscillates, value, np.real(value))
+        value = np.where(oscillates, self._refine_decays(build, value, loss, x), np.real(value))
         lost |= oscillates != (np.imag(value) > 0)
         lost |= np.abs(np.real(value)) <= STEADY * np.abs(value)
         return value, x, lost
+
+    def _refine_decays(
+        self,
+        build: Int[np.ndarray, " pole"],
+        value: Complex[np.ndarray, " pole"],
+        loss: Complex[np.ndarray, "pole mode mode"],
+        x: Complex[np.ndarray, "pole unknown"],
+    ) -> Complex[np.ndarray, " pole"]:
+        """Compute slow decays from dissipation and the power of loops (see `linear.quality`)."""
+        omega = np.imag(value)
+        slow = np.abs(np.real(value)) <= quality.SLOW * omega
+        modes = loss.shape[1]
+        q = x[:, :modes]
+        resisting = loss + 1j * omega[:, None, None] * self.damping[build]
+        lost = np.einsum("pn,pnm,pm->p", q.conj(), resisting, q)
+        pushed = np.einsum("pkn,pn->pk", self._node_pushed[build], q)
+        power = np.imag(lost + (pushed.conj() * x[:, modes:]).sum(1))
+        inertia = (np.abs(q) ** 2).sum(1)
+        sigma = -power / np.where(slow, 2 * omega * inertia, 1.0)
+        return np.where(slow, sigma + 1j * omega, value)
 
     def _equations(
         self,
@@ -533,16 +559,22 @@ NONE = np.zeros(0)
 """Stands for what filters read and push, which their functions do not depend on."""
 
 
+def _close_pairs(
+    value: Complex[np.ndarray, "build pole"],
+) -> Bool[np.ndarray, "build pole pole"]:
+    """Mark poles that are close to one before them."""
+    near = np.abs(value[:, :, None] - value[:, None]) <= SAME * np.abs(value[:, None])
+    return np.tril(near, -1)
+
+
 def _repeated(
     value: Complex[np.ndarray, "build pole"], motion: Complex[np.ndarray, "build pole mode"]
 ) -> Bool[np.ndarray, " build"]:
     """Find builds in which a pole was found twice: its shape too."""
-    with np.errstate(all="ignore"):
-        near = np.abs(value[:, :, None] - value[:, None]) <= SAME * np.abs(value[:, None])
+    with np.errstate(all="ignore"):  # filters alone have none
         shape = motion / np.sqrt((np.abs(motion) ** 2).sum(2))[:, :, None]
         alike = np.abs(shape.conj() @ np.swapaxes(shape, -1, -2)) > 1 - SAME
-    twice = near & (alike | ~np.isfinite(alike))
-    return np.tril(twice, -1).any((1, 2))
+    return np.asarray((_close_pairs(value) & alike).any((1, 2)))
 
 
 @dataclass(frozen=True)
@@ -552,6 +584,12 @@ class ClosedBuilds:
     number: Int[np.ndarray, " build"]
     builds: ModalBuilds
     poles: ClosedPoles
+
+    @staticmethod
+    def of(number: Int[np.ndarray, " build"], plant: Plant) -> ClosedBuilds:
+        """Close the loops of some builds of all those of a plant."""
+        builds = ModalBuilds(plant.select_builds(number))
+        return ClosedBuilds(number, builds, builds.poles())
 
     def margins(self) -> tuple[Int[np.ndarray, " good"], Float[np.ndarray, "good loop margin"]]:
         """Compute the margins of those stable builds that are done here, and their numbers."""
@@ -564,7 +602,9 @@ class ClosedBuilds:
         if len(good) < len(self.number):
             builds = ModalBuilds(builds.plant.select_builds(good))
         values = [value[np.isfinite(value)] for value in self.poles.value[good]]
-        found = builds.margins(values)
+        found: list[list[Margins] | None] = []
+        with contextlib.suppress(np.linalg.LinAlgError):  # a pole on the imaginary axis
+            found = builds.margins(values)
         done = [n for n, one in enumerate(found) if one is not None]
         rows = [closed_loop.tabulate_margins(one) for one in found if one is not None]
         return self.number[good[done]], np.array(rows).reshape(-1, *none.shape[1:])
@@ -576,9 +616,11 @@ class ClosedBuilds:
         if late or any(map(is_massive, builds.model.terms)):
             return {}
         fraction = self.poles.mechanical
-        near = np.abs(fraction / statespace.NAMED - 1) < UNCLEAR
+        unclear = (np.abs(fraction / statespace.NAMED - 1) < UNCLEAR).any(1)
+        # shapes of a degenerate pair, by which names find modes, are not determined
+        unclear |= _close_pairs(self.poles.value).any((1, 2))
         result = {}
-        for n in np.flatnonzero(self.poles.known & ~near.any(1)).tolist():
+        for n in np.flatnonzero(self.poles.known & ~unclear).tolist():
             # NaN where there is no pole
             bodily = np.flatnonzero(fraction[n] >= statespace.NAMED)
             order = bodily[np.argsort(np.abs(self.poles.value[n, bodily]), kind="stable")]
@@ -599,9 +641,9 @@ def close_builds(model: LinearSystem, design: Design) -> list[ClosedBuilds]:
     plant = local_control.build_plant(design, model)
     if not plant.loops:
         return []
+    every = np.arange(model.batch[0])
     result = []
-    for start in range(0, model.batch[0], CHUNK):
-        some = np.arange(start, min(start + CHUNK, model.batch[0]))
-        builds = ModalBuilds(plant.select_builds(some))
-        result.append(ClosedBuilds(some, builds, builds.poles()))
+    for start in range(0, len(every), CHUNK):
+        with contextlib.suppress(np.linalg.LinAlgError):
+            result.append(ClosedBuilds.of(every[start : start + CHUNK], plant))
     return result
