@@ -42,7 +42,7 @@ from suspension_cli.physics import loop_network
 from suspension_cli.physics.loop_network import Network
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float
+    from jaxtyping import Bool, Complex, Float, Int
 
 BESIDE = 1e-13
 """Relative step from a frequency where the open- or closed-loop response is infinite."""
@@ -74,8 +74,8 @@ class Plant:
     loops: Sequence[Loop]
     network: Network
     channels: Sequence[Channel]
-    sensed: Float[np.ndarray, "channel coordinate"]
-    pushed: Float[np.ndarray, "loop coordinate"]
+    sensed: Float[np.ndarray, "*#build channel coordinate"]
+    pushed: Float[np.ndarray, "*#build loop coordinate"]
     osems: Sequence[Osem]
     reading: Float[np.ndarray, "channel osem"]
     driving: Float[np.ndarray, "osem loop"]
@@ -131,6 +131,15 @@ class Plant:
             driving=self.driving[:, keep],
         )
 
+    def select_builds(self, which: Int[np.ndarray, " build"]) -> Plant:
+        """Select some of many builds."""
+        size = self.model.size
+        count = self.model.batch[0]
+        sensed = np.broadcast_to(self.sensed, (count, len(self.channels), size))
+        pushed = np.broadcast_to(self.pushed, (count, len(self.loops), size))
+        selected = self.with_model(self.model.select(which))
+        return replace(selected, sensed=sensed[which], pushed=pushed[which])
+
     def without_loops(self) -> Plant:
         """Open all loops."""
         none = np.zeros((0, 0))
@@ -158,7 +167,7 @@ def demand_loops(design: Design) -> None:
 
 
 def build_plant(design: Design, system: Solvable) -> Plant:
-    """Build the plant of a design's loops, if it has any, on its model.
+    """Build the plant of a design's loops, if it has any, on its model, or on that of many builds.
 
     Raises `InputError` if a sensor or actuator names no signal of the model.
     """
@@ -177,8 +186,8 @@ def build_plant(design: Design, system: Solvable) -> Plant:
         loops=loops,
         network=network,
         channels=[_make_channel(*both) for both in zip(owners, read, strict=True)],
-        sensed=np.array([_sense(end, model) for end in read]).reshape(len(owners), model.size),
-        pushed=np.array(forms).reshape(len(loops), model.size),
+        sensed=_stack([_sense(end, model) for end in read], model),
+        pushed=_stack(forms, model),
         osems=osems,
         reading=np.reshape([end.weights for end in read], (len(owners), len(osems))),
         driving=np.reshape([end.weights for end in pushed], (len(loops), len(osems))).T,
@@ -207,8 +216,17 @@ def _sense(read: LoopEnd, model: LinearSystem) -> Float[np.ndarray, " coordinate
     form = np.zeros(model.size)
     for factor, signal in read.motions:
         if not signal.is_ground:
-            form += factor * signals.linear_form(signal, model)
+            form = form + factor * signals.linear_form(signal, model)
     return form
+
+
+def _stack(
+    forms: Sequence[Float[np.ndarray, "*#build coordinate"]], model: LinearSystem
+) -> Float[np.ndarray, "*#build form coordinate"]:
+    """Stack linear forms; builds, if there are any, stay in front."""
+    if not forms:
+        return np.zeros((0, model.size))
+    return np.stack(np.broadcast_arrays(*forms), axis=-2)
 
 
 def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
@@ -478,11 +496,16 @@ def compute_loop_gains(
     without loss the gain is taken beside it. With S = (1 + K G)^-1 it is (S K G)_kk / S_kk. Sensors
     that read the force of a loop read what it demands.
     """
-    gain = compute_open_loop(plant, frequency)
-    one = np.broadcast_to(np.eye(gain.shape[-1]), gain.shape)
-    both = np.linalg.solve(one + gain, np.concatenate([gain, one], axis=-1))
-    closed, sensitivity = (np.einsum("fkk->fk", part) for part in np.split(both, 2, axis=-1))
-    return closed / sensitivity
+    return close_others(compute_open_loop(plant, frequency))
+
+
+def close_others(
+    gain: Complex[np.ndarray, "frequency loop loop"],
+) -> Complex[np.ndarray, "frequency loop"]:
+    """Compute the gain of each loop, the others closed, from K G."""
+    sensitivity = np.linalg.inv(np.eye(gain.shape[-1]) + gain)
+    closed = np.einsum("fkl,flk->fk", sensitivity, gain)
+    return closed / np.einsum("fkk->fk", sensitivity)
 
 
 def compute_sensitivity(

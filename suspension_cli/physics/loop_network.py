@@ -99,9 +99,12 @@ class Network:
         gains = np.array([node.at(frequency) for node in self.nodes], dtype=complex)
         gains = gains.reshape(len(self.nodes), len(frequency)).T[:, :, None]
         driven = gains * self.of_channels
-        if not self.of_nodes.any():
-            return driven
-        return np.linalg.solve(np.eye(len(self.nodes)) - gains * self.of_nodes, driven)
+        coupled = np.flatnonzero(self.of_nodes.any(0) | self.of_nodes.any(1))
+        if len(coupled):
+            own = np.ix_(coupled, coupled)
+            matrix = np.eye(len(coupled)) - gains[:, coupled] * self.of_nodes[own]
+            driven[:, coupled] = np.linalg.solve(matrix, driven[:, coupled])
+        return driven
 
     def controllers(
         self, frequency: Float[np.ndarray, " frequency"]
