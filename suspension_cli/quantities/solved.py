@@ -94,6 +94,19 @@ class Solved:
         found = Builds(model, status, wire, np.full(count, np.nan), mirrors)
         return cls([design] * count, found, level, Needs(), lambda _: iter(()))
 
+    def with_loops(self, designs: Sequence[Design]) -> Solved:
+        """Take other loops of local control on the same mechanics, which are solved once."""
+        made = Solved(
+            designs,
+            self.found,
+            self.level,
+            self.needs,
+            self._balance_again,
+            exact_modes=self.exact_modes,
+        )
+        made._solvers = self._solvers
+        return made
+
     @property
     def count(self) -> int:
         """Number of designs."""

@@ -37,9 +37,11 @@ DESIGNING = (
     option(
         "--design",
         "method",
-        type=click.Choice(["lqg"]),
-        help="Find the filters of loops first: lqg damps all modes within --settling, with the"
-        " least noise of the sensor. Writes the design with them to DIR/NAME-lqg.toml.",
+        type=click.Choice(["lqg", "h2", "hinf"]),
+        help="Find the filters of loops first, which damp all modes within --settling, with the"
+        " largest margins to the design's [[requirement]] tables, or without any the least noise of"
+        " the sensor: lqg least squares with a prescribed decay, h2 without it, hinf H-infinity."
+        " Writes the design with them to DIR/NAME-lqg.toml, ...",
     ),
     option(
         "--redesign",
@@ -51,14 +53,13 @@ DESIGNING = (
     option(
         "--settling",
         type=click.FloatRange(1e-3, 1e6),
-        default=10.0,
-        help="Longest time, s, in which the amplitude of a mode falls to 1/e, for --design.",
+        help="Longest time, s, in which the amplitude of a mode falls to 1/e, for --design."
+        "  [default: as required, else 10]",
     ),
     option(
         "--sensitivity",
         type=click.FloatRange(1.0, 100.0, min_open=True),
-        default=2.0,
-        help="Largest magnitude of the sensitivity, for --design.",
+        help="Largest magnitude of the sensitivity, for --design.  [default: as required, else 2]",
     ),
     option(
         "--quiet-at",
@@ -159,7 +160,8 @@ class DampAnalysis(Analysis):
         design = result.run.design
         written = []
         if result.designed:
-            written.append(path.with_name(f"{design.stem()}-lqg.toml"))
+            method = result.run.options["method"]
+            written.append(path.with_name(f"{design.stem()}-{method}.toml"))
             whole_files.write_bytes(written[-1], design.text.encode())
         if result.run.options.get("foton"):
             written.append(path.with_name(f"{design.stem()}-foton.txt"))
@@ -292,6 +294,21 @@ def _designed(result: Damped) -> Iterator[str]:
             one.left_out,
         )
         for one in result.designed
+    ]
+    yield tables.render(columns, rows)
+    yield ""
+    if not result.required:
+        return
+    columns = {"": "", "value": ".4g", "unit": "", "margin\n%": "+.3g", "requirement": ""}
+    rows = [
+        (
+            "met" if one.met else "NOT met",
+            "none" if math.isnan(one.value) else one.value,
+            one.unit,
+            100 * one.margin,
+            one.requirement,
+        )
+        for one in result.required
     ]
     yield tables.render(columns, rows)
     yield ""

@@ -45,6 +45,7 @@ class _FromBudget(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    of_loops: ClassVar[bool] = True
     within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = UNSTABLE
 
