@@ -65,8 +65,8 @@ CLOSER = 1.02
 RIGHT = 1e-8
 """Largest relative residual of a solution of a Riccati equation."""
 REACHED = 1e-4
-"""Strength of a mode between force and reading, over that of the strongest, below which it is left
-out."""
+"""Strength of a mode between force and reading, over that of the strongest, from which it is damped
+unless another limit is given."""
 UNTOUCHED = 1e-12
 """The same of a mode of another symmetry, by rounding errors."""
 STILL = 1e-9
@@ -106,6 +106,8 @@ class Wanted:
         Frequency of that noise, Hz.
     highest
         Frequency up to which modes are damped, Hz.
+    reached
+        Strength of a mode, over that of the strongest, from which it is damped.
     margins
         Computes the margins to all that the design requires, of a filter; these count instead of
         the noise.
@@ -116,6 +118,7 @@ class Wanted:
     output: str
     quiet_at: float
     highest: float
+    reached: float = REACHED
     margins: Callable[[Filter], Sequence[float]] | None = None
 
 
@@ -190,7 +193,7 @@ def solve(
     name = plant.loops[number].name
     _demand_alone(plant, number)
     opened = _open(plant, number, wanted.output)
-    modes = _Modes.of(opened, wanted.highest)
+    modes = _Modes.of(opened, wanted)
     if not modes.kept.any():
         problem = f"reaches no mode below {wanted.highest:g} Hz"
         raise InputError.of(f"control.loop.{name}", problem, "raise --highest, or move the loop")
@@ -331,8 +334,8 @@ class _Modes:
     weak: Bool[np.ndarray, " mode"]
 
     @staticmethod
-    def of(opened: StateSpace, highest: float) -> _Modes:
-        """Find the modes of a plant; those up to a frequency (Hz) that are reached are kept."""
+    def of(opened: StateSpace, wanted: Wanted) -> _Modes:
+        """Find the modes of a plant; those up to a frequency that are reached are kept."""
         own = opened.balanced()
         every, shapes = np.linalg.eig(own.a)
         driven = np.linalg.solve(shapes, own.b.astype(complex))[:, 0]
@@ -340,8 +343,8 @@ class _Modes:
         one = np.imag(every) >= 0
         value = every[one]
         size = np.abs(driven[one] * sensed[one]) / np.maximum(np.abs(value), 1e-300)
-        low = np.abs(value) <= 2 * np.pi * highest
-        reached = size > REACHED * size.max(initial=0.0)
+        low = np.abs(value) <= 2 * np.pi * wanted.highest
+        reached = size > wanted.reached * size.max(initial=0.0)
         weak = low & ~reached & (size > UNTOUCHED * size.max(initial=0.0))
         return _Modes(value, driven[one], sensed[one], low & reached, weak)
 
@@ -355,9 +358,10 @@ class _Modes:
 
         A weak filter of gain g moves a pole by g driven sensed, to first order.
         """
-        missing = np.maximum(rate + np.real(self.value), 0.0)
-        force = missing / np.abs(self.driven * self.sensed)
-        return int(np.where(self.kept, force, -1.0).argmax())
+        kept = np.flatnonzero(self.kept)
+        missing = np.maximum(rate + np.real(self.value[kept]), 0.0)
+        force = missing / np.abs(self.driven[kept] * self.sensed[kept])
+        return int(kept[force.argmax()])
 
     @property
     def compliance_left(self) -> float:

@@ -26,7 +26,7 @@ from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.models.choice import shifts
 from suspension_cli.models.surroundings import nominal_positions, surrounded
-from suspension_cli.physics import closed_loop, wire_modes
+from suspension_cli.physics import closed_loop, local_control, wire_modes
 from suspension_cli.physics.thermal_noise import compute_densities
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.scene.arrays import Array
@@ -38,8 +38,10 @@ from suspension_cli.studies.job import nominal_system
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+    from suspension_cli.linear.statespace import Poles
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.physics.closed_loop import DampedModes
+    from suspension_cli.physics.local_control import Plant
 
 Part = tuple["Int[np.ndarray, ' place']", "Solved"]
 """Places in a batch, and the designs there, solved together."""
@@ -83,6 +85,7 @@ class Solved:
         self._solvers: dict[int, Solver] = {}
         self._shifts: dict[tuple[str, int], Array] = {}
         self._followed: dict[str, Array] = {}
+        self._closed: dict[int, tuple[Plant, Poles]] = {}
 
     @classmethod
     def of_systems(cls, model: LinearSystem, design: Design, level: str) -> Solved:
@@ -259,6 +262,16 @@ class Solved:
                 made = surrounded(bare, design, nominal_positions(design))
             self._solvers[number] = Solver(made)
         return self._solvers[number]
+
+    def closed_loops(self, number: int) -> tuple[Plant, Poles]:
+        """Loops of one design on its linear system, and its closed-loop poles.
+
+        Raises `InputError` if it does not balance, or if a pole is lost.
+        """
+        if number not in self._closed:
+            plant = local_control.build_plant(self.designs[number], self.solver(number))
+            self._closed[number] = plant, closed_loop.find_poles(plant)
+        return self._closed[number]
 
     def shifts_from(self, old: Solved, number: int) -> Float[np.ndarray, " mode"]:
         """Relative changes of the modes of one design from another model to this one.

@@ -37,18 +37,26 @@ DESIGNING = (
     option(
         "--design",
         "method",
-        type=click.Choice(["lqg", "h2", "hinf"]),
+        type=click.Choice(["lqg", "h2", "hinf", "blend"]),
         help="Find the filters of loops first, which damp all modes within --settling, with the"
         " largest margins to the design's [[requirement]] tables, or without any the least noise of"
-        " the sensor: lqg least squares with a prescribed decay, h2 without it, hinf H-infinity."
-        " Writes the design with them to DIR/NAME-lqg.toml, ...",
+        " the sensor: lqg least squares with a prescribed decay, h2 without it, hinf H-infinity;"
+        " or blend the filters of blends of two sensors, from their noise. Writes the design with them to DIR/NAME-lqg.toml, ...",
     ),
     option(
         "--redesign",
         "redesigned",
         multiple=True,
         metavar="NAME",
-        help="Loop whose filter is found (repeatable).  [default: all, in their order]",
+        help="Loop, or blend, whose filter is found (repeatable)."
+        "  [default: all, in their order]",
+    ),
+    option(
+        "--order",
+        type=click.IntRange(1, 8),
+        default=3,
+        help="Poles of the fitted ratio of two noises, for --design blend, whose filters have up to"
+        " twice as many.",
     ),
     option(
         "--settling",
@@ -73,6 +81,14 @@ DESIGNING = (
         type=click.FloatRange(1e-3, 1e5),
         default=10.0,
         help="Frequency in Hz up to which modes are damped, for --design.",
+    ),
+    option(
+        "--reached",
+        type=click.FloatRange(1e-9, 1.0, max_open=True),
+        default=1e-4,
+        help="Response of a mode to the loop's force, over that of the strongest mode, from which"
+        " the loop has to damp it, for --design: 0.01 leaves modes of coupled motions to their own"
+        " loops.",
     ),
 )
 
@@ -150,7 +166,8 @@ class DampAnalysis(Analysis):
         if run.design.control is not None:
             known = [loop.name for loop in run.design.control.loop]
             _chosen(run.setting["loops"], known)
-            _chosen(run.setting["redesigned"], known, "--redesign")
+            if run.setting["method"] != "blend":
+                _chosen(run.setting["redesigned"], known, "--redesign")
         return solve.close_loops(self, run)
 
     def others(self, result: Damped, path: Path) -> list[Path]:
@@ -159,7 +176,7 @@ class DampAnalysis(Analysis):
 
         design = result.run.design
         written = []
-        if result.designed:
+        if result.designed or result.blends:
             method = result.run.options["method"]
             written.append(path.with_name(f"{design.stem()}-{method}.toml"))
             whole_files.write_bytes(written[-1], design.text.encode())
@@ -204,7 +221,7 @@ class DampAnalysis(Analysis):
                 size = "grows"
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
-        lines += [result.run.choice.line, "", *_designed(result)]
+        lines += [result.run.choice.line, "", *_designed(result), *_blends(result)]
         lines += [tables.render(columns, rows), ""]
         lines += _matrices(result)
         if result.margin is None:
@@ -309,6 +326,37 @@ def _designed(result: Damped) -> Iterator[str]:
             one.requirement,
         )
         for one in result.required
+    ]
+    yield tables.render(columns, rows)
+    yield ""
+
+
+def _blends(result: Damped) -> Iterator[str]:
+    """Tabulate complementary filters that were found."""
+    if not result.blends:
+        return
+    columns = {
+        "blend found": "",
+        "filter K": "",
+        "1 - K": "",
+        "alike at\nHz": ".3g",
+        "bound": ".4g",
+        "poles": "",
+        "error of fit\n%": ".2g",
+        "largest ratio": ".4g",
+    }
+    rows = [
+        (
+            one.blended,
+            one.first,
+            one.second,
+            one.crossing,
+            one.bound,
+            one.poles,
+            100 * one.misfit,
+            one.largest,
+        )
+        for one in result.blends
     ]
     yield tables.render(columns, rows)
     yield ""

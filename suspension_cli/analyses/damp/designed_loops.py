@@ -97,6 +97,7 @@ def solve(run: Run) -> tuple[Run, tuple[DesignedLoop, ...], tuple[RequiredResult
             output=output,
             quiet_at=setting["quiet_at"],
             highest=setting["highest"],
+            reached=setting["reached"],
             margins=margins if required.requirements else None,
         )
         found = optimal_loops.solve(source.design, model, number, wanted, setting["method"])

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from suspension_cli.analyses.damp import designed_loops
+from suspension_cli.analyses.damp import designed_blends, designed_loops
+from suspension_cli.analyses.damp.designed_blends import DesignedBlend
 from suspension_cli.analyses.damp.designed_loops import DesignedLoop
 from suspension_cli.analyses.damp.required_margins import RequiredResult
 from suspension_cli.analyses.record import Record
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.scene.arrays import Array
 
+BLEND = "blend"
+"""Value of --design that finds filters of sensors, not of loops."""
 SAMPLES = 4001
 """Number of times of impulse responses."""
 
@@ -84,7 +87,7 @@ class LocalControl:
         rows={"loop": "margins"},
         names={"closed": "poles", "drive": "impulse"},
         without="open time impulse undamped sensor noise gain",
-        sparse="osems designed required",
+        sparse="osems designed required blends",
     )
     loop: tuple[str, ...]
     open: Poles
@@ -138,6 +141,8 @@ class Damped(Record, LocalControl):
         What filters that were found do; None if none was asked for.
     required
         How the design with them meets its requirements on loops; None without any.
+    blends
+        What complementary filters that were found do; None if none were asked for.
     """
 
     fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
@@ -148,6 +153,7 @@ class Damped(Record, LocalControl):
     required: tuple[RequiredResult, ...] | None = field(
         default=None, metadata=along("requirement")
     )
+    blends: tuple[DesignedBlend, ...] | None = field(default=None, metadata=along("blended"))
 
     @property
     def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency l"]]:
@@ -162,7 +168,10 @@ def close_loops(analysis: Analysis, run: Run) -> Damped:
     setting = run.setting
     designed = None
     required = None
-    if setting["method"]:
+    blends = None
+    if setting["method"] == BLEND:
+        run, blends = designed_blends.solve(run)
+    elif setting["method"]:
         run, designed, required = designed_loops.solve(run)
     choice, model = model_choice.for_modes(
         run.source, setting["fidelity"], setting["tolerance"], massless=True
@@ -189,7 +198,8 @@ def close_loops(analysis: Analysis, run: Run) -> Damped:
     curve = add_from_model(lambda: (gains, no_modes), frequency, found.gain[:, None])
     origin = run.origin(analysis, choice)
     curves = {"fine_frequency": curve[0], "fine": curve[1][:, 0]}
-    return Damped.extending(found, **curves, designed=designed, required=required, run=origin)
+    made = {"designed": designed, "required": required, "blends": blends}
+    return Damped.extending(found, **curves, **made, run=origin)
 
 
 def _push_along(output: str, model: LinearSystem) -> str:
