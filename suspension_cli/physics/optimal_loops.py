@@ -60,7 +60,7 @@ RATES = (1.05, 1.3, 1.7, 2.2, 3.0)
 """Decay rates that are tried, over the slowest that is allowed."""
 WEIGHTS = (1e4, 1e2, 1.0)
 """Weights of the force, and of sensor noise, that are tried, over those of the coordinates."""
-CLOSER = 1.02
+CLOSER = 1.1
 """Ratio of two bounds gamma, of which one is possible and one is not, that ends their bisection."""
 RIGHT = 1e-8
 """Largest relative residual of a solution of a Riccati equation."""
@@ -145,7 +145,7 @@ METHODS = {
     "lqg": Method(RATES, WEIGHTS),
     # the same without the prescribed decay, which weights alone have to bring
     "h2": Method((0.0,), tuple(10.0**power for power in range(2, -7, -1))),
-    "hinf": Method((1.05, 1.7, 3.0), WEIGHTS, (1.1, 2.0)),
+    "hinf": Method((1.05, 2.0), WEIGHTS, (1.2, 2.0)),
 }
 """Kinds of optimal filters by name."""
 
