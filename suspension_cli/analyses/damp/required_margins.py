@@ -114,11 +114,12 @@ class LoopRequirements:
 
     @property
     def settling(self) -> float | None:
-        """Shortest settling time (s) that is required of modes; None if there is none."""
+        """Shortest settling time (s) that is required of all modes; None if there is none."""
         limits = [
             one.limits.high
             for one in self.requirements
-            if isinstance(one.quantity, Decay) and one.quantity.what == "settling"
+            if isinstance(one.quantity, Decay)
+            and (one.quantity.what, one.quantity.mode) == ("settling", None)
         ]
         return min(limits, default=None)
 

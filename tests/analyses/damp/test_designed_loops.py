@@ -117,9 +117,8 @@ def test_requirements_decide(tmp_path):
     assert margin.distance < 0.7
     wanted = plain.replace({"requirement": REQUIRED, "analysis.budget.ground": ["aligo-isi"]})
     found = sus.damp(wanted, fidelity="beam", **how)
-    # 12 s and 1/0.7 are limits of the search, too
+    # 1/0.7 is a limit of the search, too
     [one] = found.designed
-    assert one.settling < 12
     assert one.sensitivity < 1 / 0.7
     assert [row.met for row in found.required] == [True, True, True, True, False]
     again = {one.requirement.description: one for one in sus.check(found.run.design).verdicts}
