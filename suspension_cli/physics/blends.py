@@ -12,9 +12,9 @@ noises w1 and w2 this is the estimation of e = w2 / r from y = r w1 - w2 / r,
     x' = A x + B w,    y = C x + D w,    e = C_e x + D_e w.
 
 The part K_0 = -D_e D' (D D')^-1 of y makes the direct noise of the error orthogonal to D. What is
-left of e has C_0 = C_e + K_0 C and D_0 = D_e + K_0 D, and with the variances R = diag(D D', D_0 D_0'
-- gamma^2) and S = B (D', D_0') the H-infinity filter for a bound gamma follows from the stabilising
-solution of
+left of e has C_0 = C_e + K_0 C and D_0 = D_e + K_0 D, and with S = B (D', D_0') and the variances
+R = diag(D D', D_0 D_0' - gamma^2) the H-infinity filter for a bound gamma follows from the
+stabilising solution of
 
     A Y + Y A' + B B' - (Y (C', C_0') + S) R^-1 (Y (C', C_0') + S)' = 0
 
@@ -39,16 +39,18 @@ import numpy as np
 from suspension_cli.design.foton import Filter
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float
+    from jaxtyping import Float
 
 ABOVE = 1.0005
 """gamma of a filter over the smallest possible one, next to which it has poles without bound."""
 CLOSER = 1.00005
 """Ratio of two bounds gamma, of which one is possible and one is not, that ends their bisection."""
+LEAST, LARGEST = 1e-3, 1e6
+"""Smallest and largest gamma that is tried."""
 RIGHT = 1e-6
 """Largest relative residual of a solution of a Riccati equation."""
 RANGES = (1e3, 300.0, 100.0, 30.0, 10.0)
-"""Largest ratios of noises that are tried: far beyond, filters as zeros and poles lose their digits."""
+"""Largest ratios of noises that are tried: far beyond, zeros and poles have too few digits."""
 KEPT = 1e-3
 """Largest relative excess over the bound by rounding of zeros and poles."""
 FAR = 1e3
@@ -160,9 +162,10 @@ def fit_ratio(
     misfit = float(np.abs(np.expm1(residual(found))).max())
     zeros = sorted(found[:order])
     poles = sorted(found[order:])
-    pairs = [(z, p) for z, p in zip(zeros, poles, strict=True) if abs(z - p) > SAME]
-    roots = [tuple(complex(math.exp(one)) for one in own) for own in zip(*pairs, strict=True)]
-    return Filter(gain, *(roots or [(), ()])), misfit
+    kept = [(z, p) for z, p in zip(zeros, poles, strict=True) if abs(z - p) > SAME]
+    own_zeros = tuple(complex(math.exp(z)) for z, _ in kept)
+    own_poles = tuple(complex(math.exp(p)) for _, p in kept)
+    return Filter(gain, own_zeros, own_poles), misfit
 
 
 @dataclass(frozen=True)
@@ -186,8 +189,8 @@ class _Estimation:
         """Set up the estimation for a ratio of noises."""
         from scipy.linalg import block_diag
 
-        roots = np.abs([*ratio.zeros, *ratio.poles, 1e-300][: 2 * len(ratio.poles) or None])
-        hertz = float(np.exp(np.log(roots).mean())) if ratio.poles else 1.0
+        roots = np.abs([*ratio.zeros, *ratio.poles])
+        hertz = float(np.exp(np.log(roots).mean())) if len(roots) else 1.0
         zeros = np.real(ratio.zeros) / hertz
         poles = np.real(ratio.poles) / hertz
         a_1, b_1, c_1 = _cascade(zeros, poles)
@@ -272,17 +275,15 @@ def _cascade(
 
 def _find_smallest_bound(problem: _Estimation) -> float | None:
     """Find the smallest gamma by bisection."""
-    low = math.sqrt(problem.d_0 @ problem.d_0)
+    low = max(math.sqrt(problem.d_0 @ problem.d_0), LEAST)
     high = max(1.0, 2 * low)
-    for _ in range(40):
-        if problem.solve(high) is not None:
-            break
+    while problem.solve(high) is None:
         low = high
         high *= 2
-    else:
-        return None
-    while high > CLOSER * max(low, 1e-3):
-        middle = math.sqrt(max(low, 1e-3) * high)
+        if high > LARGEST:
+            return None
+    while high > CLOSER * low:
+        middle = math.sqrt(low * high)
         if problem.solve(middle) is None:
             low = middle
         else:

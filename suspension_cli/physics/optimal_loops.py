@@ -19,8 +19,8 @@ and its dual, and Z = (1 - Y X / gamma^2)^-1, the filter is
 
     x' = (A + X / gamma^2 - B B' X / r - Z Y C' C / v) x + Z Y C' y / v,    u = -B' X x / r.
 
-Its limit for a large gamma is the LQG filter. Next to the smallest gamma it has poles at frequencies
-without bound, so gamma is a multiple of that.
+Its limit for a large gamma is the LQG filter. Next to the smallest gamma it has poles at
+frequencies without bound, so gamma is a multiple of that.
 
 Riccati solvers fail or err on unscaled equations of a pendulum. So time is in units of the mean
 frequency of the modes, each mode has coordinates in which it is driven as much as it is sensed, and
@@ -496,9 +496,7 @@ def _distance(pole: complex, made: Filter) -> float:
     return nearest / max(abs(pole.real), 1e-300)
 
 
-def _try_all(
-    scaled: _Scaled, judge: _Judge, wanted: Wanted, method: Method
-) -> Iterator[_Tried]:
+def _try_all(scaled: _Scaled, judge: _Judge, wanted: Wanted, method: Method) -> Iterator[_Tried]:
     """Find filters with all roll-offs, rates and weights, that may do what is wanted."""
     weights = method.weights
     pairs = list(product(range(len(weights)), repeat=2))
@@ -578,9 +576,7 @@ def _find_smallest_bound(
     return high
 
 
-def _solve_bounded(
-    plant: _Scaled, weights: tuple[float, float], bound: float
-) -> _Riccati | None:
+def _solve_bounded(plant: _Scaled, weights: tuple[float, float], bound: float) -> _Riccati | None:
     """Solve both equations for a gamma; None if it is too small."""
     x = _solve_riccati(plant.a, plant.b, weights[0], bound)
     if x is None:

@@ -41,15 +41,15 @@ DESIGNING = (
         help="Find the filters of loops first, which damp all modes within --settling, with the"
         " largest margins to the design's [[requirement]] tables, or without any the least noise of"
         " the sensor: lqg least squares with a prescribed decay, h2 without it, hinf H-infinity;"
-        " or blend the filters of blends of two sensors, from their noise. Writes the design with them to DIR/NAME-lqg.toml, ...",
+        " or blend the filters of blends of two sensors, from their noise. Writes the design with"
+        " them to DIR/NAME-lqg.toml, ...",
     ),
     option(
         "--redesign",
         "redesigned",
         multiple=True,
         metavar="NAME",
-        help="Loop, or blend, whose filter is found (repeatable)."
-        "  [default: all, in their order]",
+        help="Loop, or blend, whose filter is found (repeatable).  [default: all, in their order]",
     ),
     option(
         "--order",

@@ -1,4 +1,4 @@
-"""Complementary filters that are found for the blends of a design, from the noise of two sensors."""
+"""Complementary filters that are found for blends, from the noise of two sensors."""
 
 from __future__ import annotations
 

@@ -150,9 +150,7 @@ class Damped(Record, LocalControl):
     )
     fine: Complex[np.ndarray, "fine_frequency loop"] | None = None
     designed: tuple[DesignedLoop, ...] | None = field(default=None, metadata=along("redesigned"))
-    required: tuple[RequiredResult, ...] | None = field(
-        default=None, metadata=along("requirement")
-    )
+    required: tuple[RequiredResult, ...] | None = field(default=None, metadata=along("requirement"))
     blends: tuple[DesignedBlend, ...] | None = field(default=None, metadata=along("blended"))
 
     @property

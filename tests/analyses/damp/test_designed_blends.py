@@ -20,7 +20,7 @@ FREQUENCY = OMEGA / (2 * np.pi)
 
 
 def published_noises(omega):
-    """Noise of two sensors in the tests of kontrol (terrencetec/kontrol, test_complementary_filter)."""
+    """Noise of two sensors in test_complementary_filter.py of terrencetec/kontrol."""
     s = 1j * omega
     return np.abs(10 * (0.1 * s + 1) / (10 * s + 1)), np.abs((10 * s + 1) / (0.1 * s + 1))
 

@@ -106,9 +106,9 @@ REQUIRED = [
 ]
 
 
-def test_requirements_decide(tmp_path):
+def test_requirements_decide():
     """The quietest filter has 44 degrees of phase margin, and 0.55 of distance. Requirements that
-    this loop does not move (the last two) do not matter for it; `check` computes the same values."""
+    this loop does not move (the last two) do not matter for it; `check` computes the same."""
     how = {"method": "lqg", "redesigned": ["yaw"], "frequency": [10.0], "duration": 1.0}
     plain = sus.read(DESIGN)
     quietest = sus.damp(plain, settling=12.0, sensitivity=2.5, fidelity="string", **how)

@@ -1,4 +1,4 @@
-"""Problems of suspension control with public numbers: six loops of a quadruple, a triple along x."""
+"""Problems of control with public numbers: six loops of a quadruple, a triple along x."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_sensor_noise_of_six_loops(quadruple, motion):
 
 
 def test_modes_and_sensitivity_of_six_loops(quadruple):
-    """All modes below 6 Hz settle within 12 s; no filter needs more sections than a front end has."""
+    """All modes below 6 Hz settle within 12 s; no filter needs more sections than there are."""
     found = sus.damp(quadruple, duration=1.0, frequency=[10.0])
     low = found.closed.frequency < 6
     assert found.stable
@@ -143,9 +143,7 @@ def test_loops_for_the_published_triple(method):
     system = triple_along_x()
     wanted = Wanted(3.0, 1.6, "test.x", quiet_at=10.0, highest=10.0)
     found = optimal_loops.solve(length_loop(damper=1.0), system, 0, wanted, method)
-    closed = local_control.build_plant(
-        length_loop(filter=format_filter(found.filter)), system
-    )
+    closed = local_control.build_plant(length_loop(filter=format_filter(found.filter)), system)
     poles = closed_loop.find_poles(closed)
     own = np.array([".x" in name or name.startswith("loop") for name in poles.state])
     assert -1 / np.real(poles.value[own]).max() == pytest.approx(found.settling, rel=1e-6)
