@@ -28,6 +28,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import noise_spectra
 from suspension_cli.design.control import Loop, Osem
+from suspension_cli.design.derive import gravity_strength
 from suspension_cli.design.locked_stages import as_in_file, locked_names
 from suspension_cli.design.loop_sensors import Sensor
 from suspension_cli.design.noise_spectra import MotionNoise
@@ -177,7 +178,7 @@ def build_plant(design: Design, system: Solvable) -> Plant:
     loops = () if control is None else control.loop
     osems = () if control is None else control.osem
     known = signals.bodies_with_signals(model)
-    network, owners = loop_network.build(control)
+    network, owners = loop_network.build(control, gravity_strength(design))
     read = [parse_sensor(owner, osems, model.body, known) for owner in owners]
     pushed = [parse_actuator(loop, osems, known) for loop in loops]
     forms = [signals.linear_form(end.motions[0][1], model) for end in pushed]

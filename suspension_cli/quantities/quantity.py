@@ -62,6 +62,8 @@ class Quantity(ABC):
         Least and largest value, SI, that any design can have.
     jumps
         Whether it jumps between values, so that it has no derivative.
+    of_loops
+        Whether it depends on loops of local control.
     negligible
         Size below which errors of maps are relative to this size: smaller values are rounding
         errors.
@@ -83,6 +85,7 @@ class Quantity(ABC):
     analytic: ClassVar[bool] = False
     within: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
     jumps: ClassVar[bool] = False
+    of_loops: ClassVar[bool] = False
     negligible: ClassVar[float] = 0.0
 
     @property

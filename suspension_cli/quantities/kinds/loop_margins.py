@@ -30,6 +30,7 @@ class Margin(Quantity):
 
     largest: ClassVar[float] = 1e3
     slow: ClassVar[bool] = True
+    of_loops: ClassVar[bool] = True
     missing = "has no margin: the closed loop is unstable"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
