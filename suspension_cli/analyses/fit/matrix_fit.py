@@ -17,6 +17,12 @@ suspension couples motions, and by errors of calibration. So the scale of each m
 convention, that the nominal sensing matrix reads it right, (S_nominal A)_kk = 1, after sensors with
 a wrong sign are turned, and the relative scales K of coupled motions are fitted beside A and B.
 
+What the sensors and the coils of two coupled motions have in common, as if both were turned, is
+seen in the stiffness alone: inertia is the same for all turned coordinates of unit kinetic energy.
+So it is known as well as the stiffness of the model, whose errors the shifts of the frequencies of
+all coupled modes show (`stiffness_sigma`): a design that was fitted to its modes gives the
+smallest uncertainties.
+
 Peaks of a model with slightly wrong frequencies are at the wrong places, where a search would stop.
 So it begins with data whose uncertainty includes that of the frequencies and dampings (`LADDER`).
 """
@@ -54,8 +60,10 @@ if TYPE_CHECKING:
 
 SCALE_SIGMA = 0.3
 """Prior standard deviation of K, around 1: of what all sensors of a motion share."""
-STIFFNESS_SIGMA = 0.06
-"""Prior standard deviation of the changes e of the stiffness between modes: 3 % of a frequency."""
+STIFFNESS_SIGMA = 0.2
+"""Prior standard deviation of the changes e of the stiffness between modes: 10 % of a frequency."""
+LEAST_STIFFNESS_SIGMA = 0.005
+"""The least that is taken for it from the frequencies of the modes."""
 ALIKE = 1e-6
 """Overlap of the coordinates that two modes move from which they may be coupled."""
 DAMPING_SIGMA = 0.1
@@ -64,8 +72,10 @@ BEYOND = 1.5
 """Factor by which the band of modes that are fitted exceeds the measured one."""
 LADDER = (1.0, 0.2, 0.04, 0.0)
 """Fractions of these uncertainties in that of the data, in the order of the searches."""
-ROUNDS = 10
-"""Alternating linear fits of A and B before the first search."""
+ROUNDS = 400
+"""Most alternating linear fits of A and B before the first search; they converge linearly."""
+SETTLED = 1e-5
+"""Largest relative change of A in a round at which these end."""
 UNDETERMINED = 0.3
 """Standard deviation of an element over the size of its row from which there is no result."""
 CLOSE = 1e-3
@@ -244,9 +254,9 @@ class StageResponses:
 
     With the momenta p_j = M v_j of modes, errors of the stiffness of the model and an added damping
     1/Q = eta_j add the sum of p_j C_jk p_k^T to its dynamic stiffness, C_jk = omega_j omega_k e_jk
-    + i omega omega_j eta_j delta_jk. With the responses of and to the modes this is inverted exactly
-    (Woodbury): G = G0 - U C (1 + Q C)^-1 W. Only modes that move the same coordinates are coupled:
-    other couplings need parts that break the symmetry of the design.
+    + i omega omega_j eta_j delta_jk. With the responses of and to the modes this is inverted
+    exactly (Woodbury): G = G0 - U C (1 + Q C)^-1 W. Only modes that move the same coordinates are
+    coupled: other couplings need parts that break the symmetry of the design.
     """
 
     omega: Float[np.ndarray, " frequency"]
@@ -288,6 +298,16 @@ class StageResponses:
         matrix = np.zeros((len(w), len(w)))
         matrix[self.first, self.second] = matrix[self.second, self.first] = change
         return w[:, None] * matrix * w
+
+    def typical_change(self, change: Float[np.ndarray, " change"]) -> Float[np.ndarray, " change"]:
+        """Typical size of each change e: the root mean square of those of coupled modes' own."""
+        count = len(self.mode_omega)
+        coupled = np.zeros((count, count))
+        coupled[self.first, self.second] = coupled[self.second, self.first] = 1.0
+        own = change[self.first == self.second]
+        size = np.sqrt(coupled @ own**2 / coupled.sum(1))
+        size = np.clip(size, LEAST_STIFFNESS_SIGMA, STIFFNESS_SIGMA)
+        return np.sqrt(size[self.first] * size[self.second])
 
     def frequencies(self, change: Float[np.ndarray, " change"]) -> Float[np.ndarray, " mode"]:
         """Frequencies of the modes with relative changes e, Hz; NaN for an unstable one."""
@@ -342,12 +362,14 @@ class MatrixProblem:
     to the rows of the nominal sensing matrix (motion, number), and the elements of B (motion,
     coil), over the scales of the motions; K - 1; the changes e of the stiffness and the added
     dampings of the modes; the delay in units of the inverse of the highest omega. Elements of
-    motions that the OSEMs do not resolve are nominal. `sign` is that of each sensor.
+    motions that the OSEMs do not resolve are nominal. `sign` is that of each sensor,
+    `stiffness_sigma` the prior standard deviation of each change e.
     """
 
     data: OsemData
     responses: StageResponses
     sign: Float[np.ndarray, " sensor"]
+    stiffness_sigma: Float[np.ndarray, " change"]
 
     @cached_property
     def nominal(self) -> tuple[Float[np.ndarray, "sensor 6"], Float[np.ndarray, "6 coil"]]:
@@ -455,7 +477,7 @@ class MatrixProblem:
         _, _, scale, change, damping, delay = self.parts
         weight = np.zeros(delay + 1)
         weight[scale] = 1 / SCALE_SIGMA
-        weight[change] = 1 / STIFFNESS_SIGMA
+        weight[change] = 1 / self.stiffness_sigma
         weight[damping] = 1 / DAMPING_SIGMA
         return weight
 
@@ -529,7 +551,7 @@ class MatrixProblem:
             return self.data.sigma
         slopes = self.differentiate(z)
         _, _, _, change, damping, _ = self.parts
-        power = STIFFNESS_SIGMA**2 * (np.abs(slopes[change]) ** 2).sum(0)
+        power = np.einsum("k,kfsc->fsc", self.stiffness_sigma**2, np.abs(slopes[change]) ** 2)
         power = power + DAMPING_SIGMA**2 * (np.abs(slopes[damping]) ** 2).sum(0)
         return np.sqrt(self.data.sigma**2 + fraction**2 * power)
 
@@ -540,7 +562,8 @@ def solve(data: OsemData, plant: Plant) -> MatrixSolution:
     Raises `InputError` if the OSEMs resolve no motion, or if the data do not determine an element.
     """
     responses = StageResponses.of(plant, data.stage, data.frequency)
-    problem = MatrixProblem(data, responses, np.ones(len(data.sensors)))
+    wide = np.full(len(responses.first), STIFFNESS_SIGMA)
+    problem = MatrixProblem(data, responses, np.ones(len(data.sensors)), wide)
     if not problem.motion:
         where = f"the OSEMs of {data.stage}"
         text = f"{where} that were measured resolve no motion alone"
@@ -555,6 +578,8 @@ def solve(data: OsemData, plant: Plant) -> MatrixSolution:
     z = problem.pack(a, b)
     for fraction in LADDER:
         z = _minimise(problem, z, problem.widened(z, fraction), CLOSE if fraction else CONVERGED)
+    problem = replace(problem, stiffness_sigma=responses.typical_change(z[problem.parts[3]]))
+    z = _minimise(problem, z, data.sigma, CONVERGED)
     found = MatrixSolution(problem, plant, z)
     found.demand_determined()
     return found
@@ -570,26 +595,33 @@ def _alternate(problem: MatrixProblem) -> tuple[Array, Array]:
     for _ in range(ROUNDS):
         read = a @ stage
         rest = problem.data.value - read[..., ~own] @ b[~own]
-        for n in range(b.shape[1]):
-            b[own, n] = _real_fit(read[..., own], rest[..., n], weight[..., n])
+        b[own] = _real_fits(read[..., own], rest, weight)
         pushed = (stage @ b).swapaxes(1, 2)
-        rest = problem.data.value - (pushed[..., ~own] @ a[:, ~own].T).swapaxes(1, 2)
-        for n in range(len(a)):
-            a[n, own] = _real_fit(pushed[..., own], rest[:, n], weight[:, n])
+        rest = problem.data.value.swapaxes(1, 2) - pushed[..., ~own] @ a[:, ~own].T
+        last = a.copy()
+        a[:, own] = _real_fits(pushed[..., own], rest, weight.swapaxes(1, 2)).T
+        if np.linalg.norm((a - last)[:, own] / problem.size[0]) < SETTLED:
+            break
     return a, b
 
 
-def _real_fit(
-    rows: Complex[np.ndarray, "frequency channel motion"],
-    value: Complex[np.ndarray, "frequency channel"],
-    weight: Float[np.ndarray, "frequency channel"],
-) -> Float[np.ndarray, " motion"]:
-    """Fit real factors of complex columns to complex data."""
-    left = (rows * weight[..., None]).reshape(-1, rows.shape[-1])
-    right = (value * weight).ravel()
-    norm = np.linalg.norm(left, axis=0)
-    norm[norm == 0] = 1.0
-    return np.linalg.lstsq(stack_parts(left / norm), stack_parts(right), rcond=None)[0] / norm
+def _real_fits(
+    columns: Complex[np.ndarray, "frequency channel motion"],
+    value: Complex[np.ndarray, "frequency channel other"],
+    weight: Float[np.ndarray, "frequency channel other"],
+) -> Float[np.ndarray, "motion other"]:
+    """Fit real factors of complex columns to complex data, by normal equations: a mere start."""
+    motions = columns.shape[-1]
+    rows = columns.reshape(-1, motions)
+    power = weight.reshape(len(rows), -1) ** 2
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    rows = rows / size
+    products = np.real(rows.conj()[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+    normal = (power.T @ products).reshape(-1, motions, motions)
+    right = np.real(rows.conj().T @ (power * value.reshape(len(rows), -1))).T
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    return (inverse @ right[..., None])[..., 0].T / size[:, None]
 
 
 def _minimise(problem: MatrixProblem, z: Array, sigma: Array, tolerance: float) -> Array:
@@ -689,12 +721,15 @@ class MatrixSolution:
             return
         others = np.argsort(-relative)[: int((relative > UNDETERMINED).sum())]
         names = " and ".join(motion[k] for k in sorted(others.tolist()))
-        known = f"their elements are known to {100 * relative[n]:.0f} % at best"
+        known = f"an element is known to {100 * relative[n]:.0f} % only"
         if not np.isfinite(relative[n]) or relative[n] > 10:
-            known = "their elements are not known at all"
+            known = "an element is not known at all"
         what = "apart from each other" if len(others) > 1 else "from noise"
         problem = f"these data do not tell {names} of {self.problem.data.stage} {what}: {known}"
-        remedy = "drive more strongly, average longer, or measure in a wider band"
+        remedy = (
+            "fit the design to its modes first, or drive more strongly, average longer, or measure"
+            " in a wider band"
+        )
         raise InputError.of("transfer_function", problem, remedy)
 
     @cached_property
@@ -710,7 +745,8 @@ class MatrixSolution:
         modes = modes_in_band(self.plant, data.frequency)
         nominal = self.plant.modes.frequency[modes]
         per_delay = 1 / problem.responses.omega.max()
-        before, _ = _couplings(problem.nominal_sensing, problem.nominal_driving, data)
+        given = replace(problem, sign=np.ones(len(data.sensors))).nominal_sensing
+        before, _ = _couplings(given, problem.nominal_driving, data)
         after, noise = _couplings(sensing, driving, data)
         own = np.ix_(problem.resolved, problem.resolved)
         stage = problem.changed(z).stage[:, own[0], own[1]]
@@ -722,7 +758,7 @@ class MatrixSolution:
             sensor=tuple(one.name for one in data.sensors),
             coil=tuple(one.name for one in data.coils),
             motion=problem.motion,
-            sensing_nominal=problem.nominal_sensing,
+            sensing_nominal=given,
             sensing=sensing,
             sensing_sigma=sensing_sigma,
             driving_nominal=problem.nominal_driving,
