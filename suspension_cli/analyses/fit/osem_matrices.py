@@ -93,13 +93,13 @@ class OsemFit:
         return (*sensing, *driving)
 
     @property
-    @derived(along="reversed_sensor")
+    @derived()
     def reversed_sensors(self) -> tuple[str, ...]:
         """Sensors whose sign is the opposite of the design's."""
         return self._reversed(self.sensor, self.sensing_nominal, self.sensing)
 
     @property
-    @derived(along="reversed_coil")
+    @derived()
     def reversed_coils(self) -> tuple[str, ...]:
         """Coils whose sign is the opposite of the design's."""
         return self._reversed(self.coil, self.driving_nominal.T, self.driving.T)
