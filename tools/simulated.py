@@ -187,7 +187,9 @@ def wrong_rows(osems: list[Any], random: Any) -> Any:
 def write_matrices() -> None:
     """Write the example of `pendsus fit --matrices`."""
     design = sus.read(MATRICES / "triple.toml")
-    osems = list(design.design.control.osem)
+    control = design.design.control
+    assert control is not None
+    osems = list(control.osem)
     random = np.random.default_rng(49)
     sensing = wrong_rows(osems, random)
     driving = wrong_rows(osems, random)
