@@ -377,6 +377,7 @@ def fit(
     seed: int = 1,
     relative_uncertainty: float | None = None,
     explain: bool = True,
+    matrices: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Fit:
@@ -397,6 +398,9 @@ def fit(
     explain : bool
         With transfer functions, also rank single changes of the design, and measurements to make
         next.
+    matrices : bool
+        Instead of parameters, find the sensing and driving matrices of the OSEMs of a stage, from
+        transfer functions of all its sensors to all its coils.
     tolerance : float
         Largest relative error of the result that fidelity="auto" accepts.
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
@@ -406,8 +410,8 @@ def fit(
     -------
     Fit
         With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
-        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
-        `run.design` the one as given.
+        `responses`, with `--matrices` `matrices`. `design` is the fitted design (of several
+        experiments the first of `designs`), `run.design` the one as given.
 
     Raises
     ------

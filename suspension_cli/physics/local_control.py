@@ -11,10 +11,11 @@ to these forces,
 so whatever sensors read with the loops open acts as their noise.
 
 An OSEM at the point p of a body reads s = d . (x + t x p) = d . x + (p x d) . t along its direction
-d if the body moves by x and turns by t: a row of the sensing matrix S, s = S q. Its coil acts by
-the same row, F = S^T f (virtual work). So a loop that reads g . q, or pushes by F = g u, gives the
-OSEMs the weights g S^+ with the pseudo-inverse S^+. They touch no other coordinate if g S^+ S = g,
-and of all such weights have the least sum of squares: the least noise of equal OSEMs.
+d if the body moves by x and turns by t: a row of a matrix A, s = A q. Its coil acts by the same
+row, F = A^T f (virtual work), or, as measured, by that of another matrix, F = B^T f. A loop that
+reads g . q gives the sensors the weights g A^+ with the pseudo-inverse A^+, one that pushes by F =
+g u the coils g B^+. They touch no other coordinate if g A^+ A = g, and of all such weights have the
+least sum of squares: the least noise of equal OSEMs.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from suspension_cli.design.loop_sensors import Sensor
 from suspension_cli.design.noise_spectra import MotionNoise
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.files.declared import derived, in_unit
+from suspension_cli.files.declared import in_unit
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 BESIDE = 1e-13
 """Relative step from a frequency where the open- or closed-loop response is infinite."""
 TINY = 1e-11
-"""Relative size of singular values, errors of g S^+ S and weights that are rounding errors of 0."""
+"""Relative size of singular values, errors of g A^+ A and weights that are rounding errors of 0."""
 
 
 @dataclass(frozen=True)
@@ -113,11 +114,11 @@ class Plant:
 
     @property
     def coils(self) -> Float[np.ndarray, "osem coordinate"]:
-        """Linear forms of the motions along OSEMs, and of the forces of their coils."""
+        """Linear forms of the forces of the coils of OSEMs."""
         result = np.zeros((len(self.osems), self.model.size))
         for row, osem in zip(result, self.osems, strict=True):
-            for n, part in enumerate(osem.vector):
-                end = Signal(osem.name, osem.stage, n, osem.at, acts=True)
+            for dof, part in enumerate(osem.driving_row):
+                end = Signal(osem.name, osem.stage, dof, (0.0, 0.0, 0.0), acts=True)
                 row += part * signals.linear_form(_relate(end, osem), self.model)
         return result
 
@@ -304,9 +305,10 @@ def _weigh(
     form = np.eye(6)[signal.dof]
     if signal.dof < 3:
         form[3:] = np.cross(signal.point, form[:3])
-    weights[own], resolved = compute_weights(form, some)
+    rows = driving_rows(some) if signal.acts else sensing_rows(some)
+    weights[own], resolved = compute_weights(form, rows)
     if not resolved:
-        names = compute_matrices(some)[0].coordinate
+        names = resolved_coordinates(rows)
         remedy = f"add OSEMs: these resolve {', '.join(names) or 'no coordinate alone'}"
         problem = f"is not resolved by the OSEMs of {signal.body}"
         raise InputError.of(key, problem, remedy, format_value(signal.text))
@@ -326,12 +328,7 @@ class OsemMatrices:
     osem: tuple[str, ...]
     coordinate: tuple[str, ...]
     to_euler: Float[np.ndarray, "coordinate osem"] = field(metadata=in_unit("SI"))
-
-    @property
-    @derived("SI")
-    def to_coil(self) -> Float[np.ndarray, "osem coordinate"]:
-        """The transpose of `to_euler`."""
-        return self.to_euler.T
+    to_coil: Float[np.ndarray, "osem coordinate"] = field(metadata=in_unit("SI"))
 
 
 def compute_matrices(osems: Sequence[Osem]) -> tuple[OsemMatrices, ...]:
@@ -339,9 +336,12 @@ def compute_matrices(osems: Sequence[Osem]) -> tuple[OsemMatrices, ...]:
     found = []
     for place in dict.fromkeys((one.stage, one.reference) for one in osems):
         some = [osems[n] for n in np.flatnonzero(_of_stage(osems, *place)).tolist()]
-        weights, known = compute_weights(np.eye(6), some)
+        reading, read = compute_weights(np.eye(6), sensing_rows(some))
+        pushing, pushed = compute_weights(np.eye(6), driving_rows(some))
+        known = read & pushed
         names = tuple(dof for dof, one in zip(DOFS, known, strict=True) if one)
-        found.append(OsemMatrices(*place, tuple(one.name for one in some), names, weights[known]))
+        osem_names = tuple(one.name for one in some)
+        found.append(OsemMatrices(*place, osem_names, names, reading[known], pushing[known].T))
     return tuple(found)
 
 
@@ -350,18 +350,32 @@ def _of_stage(osems: Sequence[Osem], stage: str, reference: str) -> Bool[np.ndar
     return np.array([(o.stage, o.reference) == (stage, reference) for o in osems], dtype=bool)
 
 
+def sensing_rows(osems: Sequence[Osem]) -> Float[np.ndarray, "osem 6"]:
+    """Readings of OSEMs per motion of their stage."""
+    return np.array([one.sensing_row for one in osems], dtype=float).reshape(-1, 6)
+
+
+def driving_rows(osems: Sequence[Osem]) -> Float[np.ndarray, "osem 6"]:
+    """Forces and torques on their stage per force of the coil of each OSEM."""
+    return np.array([one.driving_row for one in osems], dtype=float).reshape(-1, 6)
+
+
+def resolved_coordinates(rows: Float[np.ndarray, "osem 6"]) -> tuple[str, ...]:
+    """List the coordinates that sensors, or coils, with these rows resolve."""
+    _, resolved = compute_weights(np.eye(6), rows)
+    return tuple(dof for dof, one in zip(DOFS, resolved, strict=True) if one)
+
+
 def compute_weights(
-    form: Float[np.ndarray, "*form 6"], osems: Sequence[Osem]
+    form: Float[np.ndarray, "*form 6"], rows: Float[np.ndarray, "osem 6"]
 ) -> tuple[Float[np.ndarray, "*form osem"], np.ndarray]:
-    """Compute weights g S^+ of linear forms g, and whether the OSEMs of a body resolve each."""
-    along = np.array([one.vector for one in osems])
-    sensing = np.hstack([along, np.cross([one.at for one in osems], along)])
-    size = np.linalg.norm(sensing, axis=0)  # rotations to the scale of displacements
+    """Compute weights g A^+ of linear forms g, and whether the rows A resolve each."""
+    size = np.linalg.norm(rows, axis=0)  # rotations to the scale of displacements
     size[size == 0] = 1.0
-    weights = (form / size) @ np.linalg.pinv(sensing / size, rcond=TINY)
+    weights = (form / size) @ np.linalg.pinv(rows / size, rcond=TINY)
     largest = np.abs(weights).max(-1, keepdims=True)
     weights = np.where(np.abs(weights) > TINY * largest, weights, 0.0)
-    return weights, (np.abs(weights @ sensing - form) <= TINY * size).all(-1)
+    return weights, (np.abs(weights @ rows - form) <= TINY * size).all(-1)
 
 
 def evaluate_noise(
