@@ -191,10 +191,12 @@ def damp(
     loops: Names = (),
     method: str | None = None,
     redesigned: Names = (),
-    settling: float = 10.0,
-    sensitivity: float = 2.0,
+    order: int = 3,
+    settling: float | None = None,
+    sensitivity: float | None = None,
     quiet_at: float = 10.0,
     highest: float = 10.0,
+    reached: float = 0.0001,
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
@@ -215,20 +217,30 @@ def damp(
         Frequencies of loop gains and noise, Hz.
     loops : str or sequence of str
         Draw the gain of this loop. Default: the three most critical.
-    method : {"lqg"}, optional
-        Find the filters of loops first: lqg damps all modes within settling, with the least noise
-        of the sensor. Writes the design with them to DIR/NAME-lqg.toml.
+    method : {"lqg", "h2", "hinf", "blend"}, optional
+        Find the filters of loops first, which damp all modes within settling, with the largest
+        margins to the design's [[requirement]] tables, or without any the least noise of the
+        sensor: lqg least squares with a prescribed decay, h2 without it, hinf H-infinity; or blend
+        the filters of blends of two sensors, from their noise. Writes the design with them to
+        DIR/NAME-lqg.toml, ...
     redesigned : str or sequence of str
-        Loop whose filter is found. Default: all, in their order.
-    settling : float
-        Longest time, s, in which the amplitude of a mode falls to 1/e, for method.
-    sensitivity : float
-        Largest magnitude of the sensitivity, for method.
+        Loop, or blend, whose filter is found. Default: all, in their order.
+    order : int
+        Poles of the fitted ratio of two noises, for method blend, whose filters have up to twice
+        as many.
+    settling : float, optional
+        Longest time, s, in which the amplitude of a mode falls to 1/e, for method. Default: as
+        required, else 10.
+    sensitivity : float, optional
+        Largest magnitude of the sensitivity, for method. Default: as required, else 2.
     quiet_at : float
         Frequency in Hz at which the sensor's noise is to be least, at output or in the mirror's
         motion along the force, for method.
     highest : float
         Frequency in Hz up to which modes are damped, for method.
+    reached : float
+        Response of a mode to the loop's force, over that of the strongest mode, from which the
+        loop has to damp it, for method: 0.01 leaves modes of coupled motions to their own loops.
     allow_unstable : bool
         Continue with motion that grows (an unstable equilibrium, active elements).
     tolerance : float
@@ -365,6 +377,7 @@ def fit(
     seed: int = 1,
     relative_uncertainty: float | None = None,
     explain: bool = True,
+    matrices: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
 ) -> Fit:
@@ -385,6 +398,9 @@ def fit(
     explain : bool
         With transfer functions, also rank single changes of the design, and measurements to make
         next.
+    matrices : bool
+        Instead of parameters, find the sensing and driving matrices of the OSEMs of a stage, from
+        transfer functions of all its sensors to all its coils.
     tolerance : float
         Largest relative error of the result that fidelity="auto" accepts.
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
@@ -394,8 +410,8 @@ def fit(
     -------
     Fit
         With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
-        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
-        `run.design` the one as given.
+        `responses`, with `--matrices` `matrices`. `design` is the fitted design (of several
+        experiments the first of `designs`), `run.design` the one as given.
 
     Raises
     ------

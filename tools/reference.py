@@ -116,7 +116,7 @@ def brief(text: str) -> str:
     """Shorten what the head of docs/design-file.md explains."""
     for long, short in BRIEF.items():
         text = text.replace(long, short)
-    return "" if text == "number" else text.strip(", ")
+    return "" if text == "number" else text.strip(",;: ")
 
 
 def page(text: str) -> str:

@@ -7,6 +7,9 @@ differs from the design by `IMPERFECT`, its sensors and coils by `TRUTH`.
 Writes the CSV files of `measured/diagnosis/` for docs/examples/diagnosis.md: x and pitch of the
 upper mass over the voltage of their coils. That suspension differs from the design by `BUILT`, and
 its sensor of x by `SENSOR_X`.
+
+Writes the CSV files of `measured/matrices/`: each coil of six OSEMs to all their sensors. That
+suspension differs from the design by `TRIMMED`, its OSEMs at random by `OSEM_ERRORS`.
 """
 
 from __future__ import annotations
@@ -50,6 +53,17 @@ CHANNELS = {
 }
 """File, coil, sensor, gain (um/V or urad/V per m/N or rad/(N m)) and noise (um/V or urad/V)."""
 SCATTER = 0.03
+"""Relative standard deviation of real and imaginary parts, added in squares to the noise."""
+
+MATRICES = ROOT / "measured" / "matrices"
+TRIMMED = {"stage.middle.body.mass": 5.61, "stage.upper.blades.stiffness": 1.31e3}
+OSEM_ERRORS = {"gain": 0.1, "place": 2e-3, "direction": 0.02}
+"""Standard deviations: relative, m, rad."""
+REVERSED = "SD"
+"""OSEM whose coil has exchanged leads."""
+FLOOR = 0.01
+"""Noise of a reading over the voltage of a coil, um/V."""
+SWEPT = 0.005
 """Relative standard deviation of real and imaginary parts, added in squares to the noise."""
 
 
@@ -159,6 +173,57 @@ def write_diagnosis() -> None:
         write_bytes(DIAGNOSIS / file, ("\n".join(lines) + "\n").encode())
 
 
+def wrong_rows(osems: list[Any], random: Any) -> Any:
+    """Readings per motion (or forces of coils) of OSEMs with errors: (OSEM, 6)."""
+    rows = []
+    for one in osems:
+        at = np.array(one.at) + OSEM_ERRORS["place"] * random.normal(size=3)
+        along = np.array(one.vector) + OSEM_ERRORS["direction"] * random.normal(size=3)
+        gain = 1 + OSEM_ERRORS["gain"] * random.normal()
+        rows.append(gain * np.concatenate([along, np.cross(at, along)]))
+    return np.array(rows)
+
+
+def write_matrices() -> None:
+    """Write the example of `pendsus fit --matrices`."""
+    design = sus.read(MATRICES / "triple.toml")
+    control = design.design.control
+    assert control is not None
+    osems = list(control.osem)
+    random = np.random.default_rng(49)
+    sensing = wrong_rows(osems, random)
+    driving = wrong_rows(osems, random)
+    names = [one.name for one in osems]
+    driving[names.index(REVERSED)] *= -1
+    frequency = np.geomspace(0.3, 12.0, 60)
+    dofs = ("x", "y", "z", "roll", "pitch", "yaw")
+    forces = [f"upper.{'force' if dof in 'xyz' else 'torque'}_{dof}" for dof in dofs]
+    found = sus.response(
+        design.replace(TRIMMED),
+        inputs=forces,
+        outputs=[f"upper.{dof}" for dof in dofs],
+        frequency=frequency,
+        fidelity="beam",
+    )
+    exact = 1e6 * 0.015 * (sensing @ found.value @ driving.T)
+    sigma = np.hypot(FLOOR, SWEPT * np.abs(exact))
+    scatter = random.normal(size=(2, *exact.shape))
+    value = exact + sigma * (scatter[0] + 1j * scatter[1])
+    coherence = 1 / (1 + 2 * AVERAGES * (sigma / np.abs(value)) ** 2)
+    heads = [f"{name} {part}" for name in names for part in ("re", "im", "coh")]
+    for n, name in enumerate(names):
+        lines = [
+            "# simulated (tools/simulated.py), not a measurement of hardware",
+            ", ".join(["frequency_hz", *heads]),
+        ]
+        of_coil = value[:, :, n]
+        columns = np.stack([of_coil.real, of_coil.imag, coherence[:, :, n]], axis=2)
+        for f, row in zip(frequency, columns.reshape(len(frequency), -1), strict=True):
+            lines.append(", ".join(f"{number:.5g}" for number in (f, *row)))
+        write_bytes(MATRICES / f"{name}.csv", ("\n".join(lines) + "\n").encode())
+
+
 if __name__ == "__main__":
     write_triple()
     write_diagnosis()
+    write_matrices()

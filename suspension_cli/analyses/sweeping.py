@@ -156,6 +156,8 @@ class _Review(Generic[J]):
         if found is None:
             return job
         self.run.log.say(f"{self.run.name}: {found.line}")
+        if (self.run.setting["workers"] or 1) > 1:
+            self.run.log.say("--workers has no effect on an interpolated map: it takes one process")
         return found
 
     @property

@@ -33,6 +33,14 @@ class Osem(Table, frozen=True):
         "of positive readings and forces: an axis, or a vector"
     )
     reference: Reference = key("that of a loop, whose OSEMs have the same one", "support")
+    sensing: units.Row6 | None = key(
+        "reading per motion of the stage along and about x, y, z, m/m and m/rad, as fit --matrices"
+        " measures it; default that of at and direction"
+    )
+    driving: units.Row6 | None = key(
+        "forces and torques on the stage along and about x, y, z per force of the coil, N/N and"
+        " N m/N, as fit --matrices measures them; default those of at and direction"
+    )
     sensor_noise: MotionNoise = key("as that of a loop, m/sqrt(Hz)", 0.0)
     force_noise: Noise = key("of the coil, N/sqrt(Hz), in the forms of sensor_noise", 0.0)
     driver_noise: Noise = key(
@@ -50,6 +58,9 @@ class Osem(Table, frozen=True):
         """Check the direction."""
         if not any(self.vector):
             yield "direction", "has no direction", "give x, y, z, not all zero"
+        for name in given(self, "sensing", "driving"):
+            if not any(getattr(self, name)):
+                yield name, "is 0 for all motions", "remove it, or give six numbers, not all zero"
         yield from noise_spectra.problems(self, "sensor_noise", "force_noise", "driver_noise")
         if self.driver_response is not None:
             yield from check_filter(self, "driver_response")
@@ -70,6 +81,22 @@ class Osem(Table, frozen=True):
             along = [(-1.0 if along[0] == "-" else 1.0) * (along[-1] == axis) for axis in "xyz"]
         size = math.hypot(*along) or 1.0
         return tuple(part / size for part in along)
+
+    @property
+    def geometric_row(self) -> tuple[float, ...]:
+        """Reading per motion, and forces per force of the coil, of `at` and `direction`."""
+        (px, py, pz), (dx, dy, dz) = self.at, self.vector
+        return dx, dy, dz, py * dz - pz * dy, pz * dx - px * dz, px * dy - py * dx
+
+    @property
+    def sensing_row(self) -> tuple[float, ...]:
+        """Reading per motion of the stage along and about x, y, z, m/m and m/rad."""
+        return self.geometric_row if self.sensing is None else tuple(self.sensing)
+
+    @property
+    def driving_row(self) -> tuple[float, ...]:
+        """Forces and torques on the stage per force of the coil, N/N and N m/N."""
+        return self.geometric_row if self.driving is None else tuple(self.driving)
 
     @property
     def largest_force(self) -> float:

@@ -12,6 +12,7 @@ sensors, or an estimator that is told what was driven.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +33,10 @@ REST = "rest"
 BLENDS = 1e-2
 """Largest difference of the sum of the filters of a blend from 1: printed coefficients of filters
 in use reach 4e-3 (log 86588 of LIGO Hanford)."""
+TILTS = {"x": ("pitch", -1.0), "y": ("roll", 1.0)}
+"""Angle that a sensor along an axis reads as acceleration, and the sign of this over gravity."""
+ASIDE = 1 + 1e-5
+"""Factor on the poles of a reading of tilt: equal poles of two filters are not seen by loops."""
 BAND = (1e-3, 1e3, 2000)
 """Lowest and highest frequency, Hz, and number of points at which blends are summed."""
 
@@ -80,6 +85,11 @@ class Sensor(Table, frozen=True):
     )
     response: str | DigitalFilter | None = key(f"reading over motion: {FOTON}; or a digital filter")
     sensor_noise: MotionNoise = key("as motion, in the forms of that of a loop", 0.0)
+    tilt: bool = key(
+        "whether it is an inertial sensor along x or y, which reads tilt as motion:"
+        " x + g pitch / (2 pi f)^2",
+        default=False,
+    )
     inputs: list[SensorInput] = key("of a computed sensor: sensors, and forces of loops", [])
     blend: bool = key("whether the filters of its inputs have to sum to 1", default=False)
 
@@ -89,6 +99,7 @@ class Sensor(Table, frozen=True):
         key_rules.needs("response", "motion"),
         key_rules.needs("sensor_noise", "motion"),
         key_rules.needs("blend", "inputs"),
+        key_rules.needs("tilt", "response"),
     )
 
     @property
@@ -108,10 +119,53 @@ class Sensor(Table, frozen=True):
         yield from noise_spectra.problems(self, "sensor_noise")
         if given(self, "response"):
             yield from check_filter(self, "response")
+        if self.tilt:
+            yield from self._check_tilt()
         rests = sum(one.is_rest for one in self.inputs)
         if rests and (not self.blend or rests > 1 or any(one.drive for one in self.inputs)):
             problem = '"rest" is for one input of a blend of sensors'
             yield "inputs", problem, "give blend = true and filters to all others, or this filter"
+
+    def _check_tilt(self) -> Problems:
+        """Check that a sensor that reads tilt is inertial, horizontal, and blind to what rests."""
+        text = self.motion if isinstance(self.motion, str) else ""
+        axis = text.partition("@")[0].rpartition(".")[2]
+        if axis not in TILTS or "~" in text:
+            problem = "is not the motion along x or y that an inertial sensor with tilt reads"
+            yield "motion", problem, "give one motion, such as support.x; or leave out tilt"
+        if self.response is None:
+            return
+        try:
+            made = make_response(self.response)
+        except foton.FotonError:
+            return  # a fault of the response
+        if made.rate or sum(zero == 0 for zero in made.zeros) < 2:
+            problem = "has less than two zeros at 0 Hz, or is digital, so a tilt at rest is read as"
+            problem += " an infinite motion"
+            remedy = "give that of a seismometer: zpk([0;0],[0.006+i*0.006;0.006-i*0.006],...)"
+            yield "response", problem, remedy
+
+    @property
+    def tilt_reading(self) -> tuple[Sensor, foton.Filter] | None:
+        """The angle that it reads as motion, and its reading over this angle per gravity.
+
+        In a frame with the pitch t about y, along whose x axis gravity is g t, the acceleration
+        x'' - g t is read as that of the motion x + g t / (2 pi f)^2; with the roll r about x
+        y'' + g r. None if it does not read tilt.
+        """
+        if not self.tilt or not isinstance(self.motion, str) or self.response is None:
+            return None
+        made = make_response(self.response)
+        zeros = list(made.zeros)
+        for _ in range(2):
+            zeros.remove(next(zero for zero in zeros if zero == 0))
+        stage, _, axis = self.motion.partition("@")[0].rpartition(".")
+        angle, sign = TILTS[axis]
+        # divided by s^2 = (2 pi i f)^2
+        gain = sign * made.gain / (2 * math.pi) ** 2
+        poles = tuple(pole * ASIDE for pole in made.poles)
+        angles = Sensor(name=f"{self.name} tilt", motion=f"{stage}.{angle}")
+        return angles, foton.Filter(gain, tuple(zeros), poles)
 
 
 def check_filter(table: Table, name: str) -> Problems:

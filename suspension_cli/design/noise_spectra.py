@@ -115,6 +115,16 @@ def problems(table: Table, *keys: str) -> Problems:
                 yield name, "has points that do not ascend", "sort [f, asd] by the frequency f"
 
 
+def frequencies(noise: float | str | list[list[float]] | NoiseSpectrum) -> list[float]:
+    """List the frequencies (Hz) at which a noise is given; none for one without a table."""
+    spectrum = known()[noise] if isinstance(noise, str) else noise
+    if isinstance(spectrum, list):
+        return [point[0] for point in spectrum]
+    if isinstance(spectrum, NoiseSpectrum) and spectrum.frequency is not None:
+        return list(spectrum.frequency)
+    return []
+
+
 def density(
     noise: float | str | list[list[float]] | NoiseSpectrum, frequency: ArrayLike
 ) -> Float[np.ndarray, " frequency"]:

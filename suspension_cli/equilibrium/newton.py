@@ -16,7 +16,12 @@ error in the equilibrium, where one coordinate is held, and elsewhere as small a
 left. So its rotation is stiffened by as much, which vanishes together with the residual.
 
 Builds are solved in chunks that fit into the cache of a processor, and leave a chunk when they have
-converged. The result of a build depends on the others in its chunk by rounding alone.
+converged. Errors fall quadratically, so the last two steps e and f predict that of the pose after
+f, f (f / e)^2: a build for which that is negligible is done without another look at its forces. The
+result of a build depends on the others in its chunk by rounding alone.
+
+A step with the factors of an earlier one would cost a third, but it fails: while a wire turns by
+1e-3, its stiffness along itself adds to that across as much as the weight does.
 """
 
 from __future__ import annotations
@@ -29,7 +34,8 @@ import numpy as np
 from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays
-from suspension_cli.elimination import Factors, by_body
+from suspension_cli.elements.energy_derivatives import Derivatives
+from suspension_cli.elimination import Factors, Pattern, by_body
 from suspension_cli.equilibrium.energy import derivatives
 from suspension_cli.equilibrium.tree import largest_lever_arm, residual_scale, spinning_bodies
 from suspension_cli.scene.pose import Layout, Pose
@@ -43,6 +49,12 @@ BALANCED = 1e-14
 ROUNDED = 1e-14
 """Residual (relative to the weight) that rounding may leave; the search also ends where rounding
 keeps it above this."""
+CONVERGED = 1e-11
+"""Largest residual (relative to the weight) of an equilibrium, unless rounding leaves more."""
+NEGLIGIBLE = 1e-12
+"""Predicted residual (relative to the weight) that needs no further step."""
+LEFT = 1e-12
+"""Predicted error of a pose, over the longest step to it, that is negligible."""
 LAST_STEP = 1e-10
 """Step (m or rad) after which rounding is all that is left, as Newton's method squares errors."""
 SHORT = 1e-8
@@ -64,6 +76,7 @@ class Found:
     """Poses of the builds of a chunk, see `Equilibrium`; builds come last."""
 
     now: Configuration
+    soft: Derivatives  # of the energy without the stretching of wires
     residual: Float[np.ndarray, " build"]
     rounding: Float[np.ndarray, " build"]
     pivot: Float[np.ndarray, " build"]
@@ -87,6 +100,8 @@ class _Builds:
     unit: Float[np.ndarray, "moving build"]  # of coordinates, m and rad
     gradient: Float[np.ndarray, "moving build"]  # beyond the goal, N and N m
     residual: Float[np.ndarray, " build"]  # its largest component over the scale
+    pattern: Pattern | None = None  # of the tangent stiffness, if that is known
+    elements: Float[np.ndarray, "element build"] | None = None  # of the tangent stiffness
 
     @staticmethod
     def of(
@@ -95,15 +110,26 @@ class _Builds:
         goal: Float[np.ndarray, "moving build"],
         scale: Float[np.ndarray, "moving build"],
         unit: Float[np.ndarray, "moving build"],
+        *,
+        curved: bool = True,
     ) -> _Builds:
-        """Compute the gradients of builds in their poses."""
-        gradient = derivatives(now, curved=False).gradient[6:-1] - goal
-        residual = np.abs(gradient / scale).max(0)
-        return _Builds(number, now, goal, scale, unit, gradient, residual)
+        """Compute the gradients of builds in their poses; if `curved`, also their stiffness."""
+        made = derivatives(now, curved=curved)
+        gradient = made.gradient[6:-1] - goal
+        known = _Builds(number, now, goal, scale, unit, gradient, _residual(gradient, scale))
+        if not curved:
+            return known
+        pattern = _pattern(made.linked[6:-1, 6:-1])
+        elements = made.hessian[6:-1, 6:-1][pattern.row, pattern.column]
+        return replace(known, pattern=pattern, elements=elements)
 
-    def moved(self, now: Configuration) -> _Builds:
-        """Change the poses."""
-        return _Builds.of(self.number, now, self.goal, self.scale, self.unit)
+    def moved(self, now: Configuration, which: Bool[np.ndarray, " build"]) -> _Builds:
+        """Change the poses of some of the builds, and keep these alone."""
+        kept = np.flatnonzero(which)
+        if len(kept) < len(which):
+            now = now.select(kept)
+        goal, scale, unit = (array[..., kept] for array in (self.goal, self.scale, self.unit))
+        return _Builds.of(self.number[kept], now, goal, scale, unit)
 
     def select(self, which: Bool[np.ndarray, " build"]) -> _Builds:
         """Keep some of the builds."""
@@ -111,8 +137,23 @@ class _Builds:
             return self
         kept = np.flatnonzero(which)
         arrays = (self.goal, self.scale, self.unit, self.gradient, self.residual)
-        chosen = [array[..., kept] for array in arrays]
-        return _Builds(self.number[kept], self.now.select(kept), *chosen)
+        goal, scale, unit, gradient, residual = (array[..., kept] for array in arrays)
+        elements = None if self.elements is None else self.elements[:, kept]
+        now = self.now.select(kept)
+        number = self.number[kept]
+        pattern = self.pattern
+        return _Builds(number, now, goal, scale, unit, gradient, residual, pattern, elements)
+
+    def tangent_factors(self, free: list[int]) -> Factors:
+        """Factors of the stiffness, with the rotations of bodies that spin freely stiffened."""
+        builds = self
+        if builds.elements is None:
+            builds = self.moved(self.now, np.ones(len(self.number), dtype=bool))
+        assert builds.pattern is not None and builds.elements is not None
+        row, column = builds.pattern.row, builds.pattern.column
+        spins = np.flatnonzero((row == column) & np.isin(row, free))
+        builds.elements[spins] += self.residual * self.scale[row[spins]]
+        return builds.pattern.factor(builds.elements, HELD)
 
 
 @np.errstate(all="ignore")
@@ -138,14 +179,16 @@ def search(
         _goal(target, rows, numbering),
         residual_scale(arrays),
         _unit(arrays, numbering),
+        curved=False,
     )
     free = [6 * body + dof for body in spinning_bodies(scene) for dof in (-3, -2, -1)]
-    # results of all builds; `builds` are those that still move
     scale = builds.scale
-    poses = [np.array(getattr(builds.now, name)) for name in MOVING]
-    residual = builds.residual.copy()
-    pivot = np.full(count, np.nan)
-    steps = np.zeros(count, dtype=int)
+    goal = builds.goal
+    reached = _Reached(
+        [np.array(getattr(builds.now, name)) for name in MOVING],
+        np.full(count, np.nan),
+        np.zeros(count, dtype=int),
+    )
     moves = np.ones(count, dtype=bool)
     balanced = builds.residual <= BALANCED
     if accept_nominal and balanced.any():
@@ -154,27 +197,91 @@ def search(
     if accept_nominal and scene.drawn is not None and count:
         # the first step of imperfect builds
         nominal = SceneArrays.of(scene.drawn, numbering, slice(rows.start, rows.start + 1), 1)
-        as_drawn = replace(builds.now.select(np.zeros(1, dtype=int)), arrays=nominal)
-        factors = _tangent_factors(as_drawn, free, builds.residual[:1] * scale[free, :1])
-    for step in range(1, limit + 1):
-        builds = builds.select(moves)
-        if not len(builds.number):
-            break
-        if factors is None or step > 1:
-            factors = _tangent_factors(builds.now, free, builds.residual * builds.scale[free])
-        before = builds.residual
-        now, longest = _take_step(builds.now, factors, builds.gradient, builds.unit)
-        builds = builds.moved(now)
-        moves = ~_is_done(longest, before, builds.residual) & (step < limit)
-        ended = builds.number[~moves]
-        for pose, name in zip(poses, MOVING, strict=True):
-            pose[..., ended] = getattr(now, name)[..., ~moves]
-        residual[ended] = builds.residual[~moves]
-        steps[ended] = step
-        pivot[ended] = np.broadcast_to(factors.least, moves.shape)[~moves]
-    final = Configuration(arrays, *poses)
-    rounding = np.where(steps > 0, _rounding(final, scale), 0.0)
-    return Found(final, residual, rounding, pivot, steps)
+        as_drawn = builds.select(np.arange(count) == 0)
+        at = replace(as_drawn.now, arrays=nominal)
+        factors = replace(as_drawn, now=at).tangent_factors(free)
+    predicts = bool(scene.batch)
+    reached.follow(builds.select(moves), factors, free, limit, predicts=predicts)
+    final = Configuration(arrays, *reached.poses)
+    soft = derivatives(final, stretching=False)
+    residual = _residual(soft.gradient[6:-1] - goal, scale)
+    missed = (reached.steps > 0) & (reached.steps < limit) & (residual > CONVERGED)
+    if predicts and missed.any():
+        builds = builds.moved(final, missed)
+        reached.follow(builds, None, free, limit, predicts=False)
+        some = final.select(np.flatnonzero(missed))
+        some = replace(some, **{name: pose[..., missed] for name, pose in reached.moving.items()})
+        again = derivatives(some, stretching=False)
+        soft.hessian[..., missed] = again.hessian
+        gradient = again.gradient[6:-1] - goal[:, missed]
+        residual[missed] = _residual(gradient, scale[:, missed])
+        final = Configuration(arrays, *reached.poses)
+    rounding = np.where(reached.steps > 0, _rounding(final, scale), 0.0)
+    return Found(final, soft, residual, rounding, reached.pivot, reached.steps)
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """Poses that all builds of a chunk have reached so far, and the steps to them."""
+
+    poses: list[np.ndarray]  # arrays `MOVING`
+    pivot: Float[np.ndarray, " build"]
+    steps: Int[np.ndarray, " build"]
+
+    @property
+    def moving(self) -> dict[str, np.ndarray]:
+        """The poses by name."""
+        return dict(zip(MOVING, self.poses, strict=True))
+
+    def follow(
+        self,
+        builds: _Builds,
+        factors: Factors | None,
+        free: list[int],
+        limit: int,
+        *,
+        predicts: bool,
+    ) -> None:
+        """Take steps until all `builds` have converged, the first one with the `factors` if given.
+
+        If this `predicts` errors, builds may end without a look at the forces in their last pose.
+        """
+        count = len(builds.number)
+        previous = longest = np.zeros(count)
+        moves = np.ones(count, dtype=bool)
+        for _ in range(limit):
+            moves &= self.steps[builds.number] < limit
+            builds = builds.select(moves)
+            if not len(builds.number):
+                break
+            factors = factors or builds.tangent_factors(free)
+            now, size = _take_step(builds.now, factors, builds.gradient, builds.unit)
+            for name, pose in self.moving.items():
+                pose[..., builds.number] = getattr(now, name)
+            self.steps[builds.number] += 1
+            self.pivot[builds.number] = factors.least
+            factors = None
+            longest = np.maximum(longest[moves], size)
+            last = previous[moves]
+            open = np.ones(len(size), dtype=bool)
+            if predicts:
+                falls = np.where(last > 0, (size / last) ** 2, 1.0)
+                arrived = (size * falls < LEFT * longest) & (builds.residual * falls < NEGLIGIBLE)
+                open = ~arrived
+                if arrived.all():
+                    break
+            before = builds.residual[open]
+            builds = builds.moved(now, open)
+            previous = size[open]
+            longest = longest[open]
+            moves = ~_is_done(previous, before, builds.residual)
+
+
+def _residual(
+    gradient: Float[np.ndarray, "moving build"], scale: Float[np.ndarray, "moving build"]
+) -> Float[np.ndarray, " build"]:
+    """Largest component of a gradient over its scale."""
+    return np.abs(gradient / scale).max(0)
 
 
 def _goal(
@@ -194,27 +301,15 @@ def _unit(arrays: SceneArrays, numbering: Layout) -> Float[np.ndarray, "moving b
     return np.where(rotates, 1.0, largest_lever_arm(arrays)[:, None]).T
 
 
-def _tangent_factors(
-    now: Configuration, free: list[int], stiffening: Float[np.ndarray, "free build"]
-) -> Factors:
-    """Factors of the tangent stiffness, with the rotations of bodies that spin freely stiffened."""
-    made = derivatives(now)
-    matrix = made.hessian[6:-1, 6:-1]
-    linked = made.linked[6:-1, 6:-1]
-    np.einsum("iip->ip", matrix)[free] += stiffening
-    return factorise(matrix, linked)
-
-
 def _is_done(
     step: Float[np.ndarray, " build"],
     before: Float[np.ndarray, " build"],
     residual: Float[np.ndarray, " build"],
 ) -> Bool[np.ndarray, " build"]:
-    """Whether a residual has fallen as far as rounding lets it, or is lost."""
-    lost = ~np.isfinite(residual)
+    """Whether a residual has fallen as far as rounding lets it, or is not finite."""
     no_longer_falls = (step < SHORT) & (residual > before / 2)
     converged = (step < LAST_STEP) & (residual < ROUNDED)
-    return lost | no_longer_falls | converged
+    return ~np.isfinite(residual) | no_longer_falls | converged
 
 
 def _take_step(
@@ -236,14 +331,19 @@ def _take_step(
 def factorise(
     matrix: Float[np.ndarray, "moving moving build"], linked: Bool[np.ndarray, "moving moving"]
 ) -> Factors:
-    """Factors of tangent stiffnesses, of which the lower triangles are used.
+    """Factors of tangent stiffnesses, of which the lower triangles are used."""
+    pattern = _pattern(linked)
+    return pattern.factor(matrix[pattern.row, pattern.column], HELD)
+
+
+def _pattern(linked: Bool[np.ndarray, "moving moving"]) -> Pattern:
+    """Order of elimination of tangent stiffnesses.
 
     Coordinates are eliminated from the last to the first, tips of blades and lower bodies before
     those above, so that the factors stay as sparse as the tree of bodies. A stable equilibrium has
     positive pivots alone.
     """
-    pattern = by_body(np.arange(len(linked)), linked)
-    return pattern.factor(matrix[pattern.row, pattern.column], HELD)
+    return by_body(np.arange(len(linked)), linked)
 
 
 def _is_as_drawn(

@@ -23,7 +23,7 @@ import numpy as np
 from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
-from suspension_cli.equilibrium.newton import chunks, factorise, search
+from suspension_cli.equilibrium.newton import CONVERGED, chunks, factorise, search
 from suspension_cli.equilibrium.tree import residual_scale
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.arrays import inner_axes
@@ -33,8 +33,6 @@ from suspension_cli.scene.scene import Scene, scale_imperfections, select_scenes
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Inexact
 
-CONVERGED = 1e-11
-"""Largest residual (relative to the weight) of an equilibrium, unless rounding leaves more."""
 COARSE = 1e-4
 """Residual (relative to the weight) from rounding above which a result is useless."""
 ITERATIONS = 25
@@ -335,7 +333,7 @@ def _newton(
         found = search(scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal)
         now = found.now
         steps = max(steps, int(found.steps.max(initial=0)))
-        derivatives(now, stretching=False).symmetric(soft[..., rows])
+        found.soft.symmetric(soft[..., rows])
         form[..., rows] = taut_string.elongations(now)
         own = {name: getattr(now, name) for name in PARTS_OF_POSE} | {"tension": now.wires.tension}
         if scene.flex is not None and now.flex is not None:

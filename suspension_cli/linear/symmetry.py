@@ -242,12 +242,16 @@ def _adapted_basis(
 
 def is_mirror_symmetric(scene: Scene) -> Bool[np.ndarray, "*batch 2"]:
     """Whether each scene of a batch is symmetric in x and in y."""
-    result = np.zeros((*scene.batch, 2), dtype=bool)
-    for axis in (0, 1):
-        possible = np.broadcast_to(_has_mirror(scene, axis), scene.batch)
-        if possible.any():
-            some = scene if possible.all() else select_scenes(scene, possible)
-            result[possible, axis] = _mirror(some, axis)[0]
+    return np.stack([is_symmetric_in(scene, axis) for axis in (0, 1)], axis=-1)
+
+
+def is_symmetric_in(scene: Scene, axis: int) -> Bool[np.ndarray, "*batch"]:
+    """Whether each scene of a batch is symmetric in x (axis 0) or y (1)."""
+    possible = np.broadcast_to(_has_mirror(scene, axis), scene.batch)
+    result = np.zeros(scene.batch, dtype=bool)
+    if possible.any():
+        some = scene if possible.all() else select_scenes(scene, possible)
+        result[possible] = _mirror(some, axis)[0]
     return result
 
 

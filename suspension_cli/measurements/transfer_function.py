@@ -30,6 +30,8 @@ TABLES = ("sensor", "actuator")
 GAIN = "gain"
 DELAY = "delay"
 MIX = "mix"
+OSEM = "osem."
+"""Before the name of an OSEM of the design: its sensor as an output, its coil as an input."""
 STEP = 1e-3
 """Step of derivatives by a property of a channel, standard deviations of its prior."""
 

@@ -41,7 +41,7 @@ from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
 from suspension_cli.physics import local_control, margins
 from suspension_cli.physics.local_control import Plant
-from suspension_cli.physics.loop_network import Node
+from suspension_cli.physics.loop_network import Network, Node
 from suspension_cli.physics.margins import Margins, SensitivityPeak
 
 if TYPE_CHECKING:
@@ -97,21 +97,28 @@ LOOP = Signal("", "", 0, (0.0, 0.0, 0.0), acts=True)
 
 def find_margins(plant: Plant, closed: Poles) -> tuple[tuple[Margins, ...], SensitivityPeak]:
     """Find the margins of each loop and of all at once, from stable closed-loop poles."""
-    corners = _find_corner_frequencies(plant, closed)
-    gain = partial(local_control.compute_loop_gains, plant)
+    corners = find_corner_frequencies(plant.network, closed.value)
     peak = margins.find_peak(partial(local_control.compute_sensitivity, plant), corners)
-    return tuple(margins.compute_margins(gain, corners)), peak
+    return tuple(find_margins_of_loops(plant, closed)), peak
 
 
-def _find_corner_frequencies(plant: Plant, closed: Poles) -> Float[np.ndarray, " frequency"]:
-    """Find frequencies (Hz) of closed-loop poles and of roots of filters, and beside them.
+def find_margins_of_loops(plant: Plant, closed: Poles) -> list[Margins]:
+    """Find the margins of each loop, from stable closed-loop poles."""
+    corners = find_corner_frequencies(plant.network, closed.value)
+    return margins.compute_margins(partial(local_control.compute_loop_gains, plant), corners)
+
+
+def find_corner_frequencies(
+    network: Network, poles: Complex[np.ndarray, " pole"]
+) -> Float[np.ndarray, " frequency"]:
+    """Find frequencies (Hz) of closed-loop poles (rad/s) and of roots of filters, and beside them.
 
     A resonance narrow in a loop gain L with the others closed is as near to a closed-loop pole,
     where 1 + L is 0, as it is wide.
     """
-    filters = [node.filter.continuous for node in plant.network.nodes]
+    filters = [node.filter.continuous for node in network.nodes]
     found = [root for one in filters for root in (*one.zeros, *one.poles)]
-    every: Complex[np.ndarray, " root"] = np.append(closed.value / (2 * np.pi), found)
+    every: Complex[np.ndarray, " root"] = np.append(poles / (2 * np.pi), found)
     every = every[np.abs(every) > 0]
     centre = np.abs(np.imag(every))
     width = np.abs(np.real(every))
@@ -194,7 +201,7 @@ def close_loops(
     o = len(outputs)
     # velocity dampers are part of the damping matrix, which may become asymmetric
     viscous = np.zeros(count)
-    viscous[: len(plant.loops)] = [_viscous(loop) for loop in plant.loops]
+    viscous[: len(plant.loops)] = [viscous_damper(loop) for loop in plant.loops]
     model = replace(model, damping=model.damping + (pushed.T * viscous) @ sensed)
     drives, rows = (
         np.concatenate([given.reshape(-1, model.size), own])
@@ -206,7 +213,7 @@ def close_loops(
     )
     if not count:
         return bare
-    made = [_realise_node(plant, n) for n in range(count)]
+    made = realise_nodes(plant)
     filters = [(f.A, f.B, f.C, f.D) for f in made]
     # inputs: external ones, forces of loops, what filters sense; outputs likewise
     a, b, c, d = (
@@ -239,15 +246,17 @@ def close_loops(
     )
 
 
-def _viscous(loop: Loop) -> float:
+def viscous_damper(loop: Loop) -> float:
     """Force per velocity of a damper without sensor dynamics, N s/m or N m s/rad; else 0."""
     return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
 
 
-def _realise_node(plant: Plant, number: int) -> Any:
-    """Realise a node of the network of a plant, see `realise`."""
-    damper = _viscous(plant.loops[number]) if number < len(plant.loops) else 0.0
-    return realise(plant.network.nodes[number], damper)
+def realise_nodes(plant: Plant) -> list[Any]:
+    """Realise the nodes of the network of a plant, see `realise`; of dampers without dynamics 0."""
+    dampers = [viscous_damper(loop) for loop in plant.loops]
+    others = len(plant.network.nodes) - len(dampers)
+    every = zip(plant.network.nodes, [*dampers, *[0.0] * others], strict=True)
+    return [realise(node, damper) for node, damper in every]
 
 
 def realise(node: Node, damper: float = 0.0) -> Any:
@@ -428,11 +437,11 @@ def _move_filter_poles(
             continue
         near = [(abs(value[n] + 2 * np.pi * p), one.rate) for one in made.parts for p in one.poles]
         if near and (rate := min(near)[1]):
-            result[n] = _move(result[n], rate)
+            result[n] = move_pole(result[n], rate)
     return result
 
 
-def _move(w: complex, rate: float) -> complex:
+def move_pole(w: complex, rate: float) -> complex:
     """Move a pole of a digital filter from w to s = 2 rate artanh(w / 2 rate), with Im s >= 0.
 
     Where w is real and beyond 2 rate, z is negative, and the pole is at half the rate; where it is
@@ -619,7 +628,7 @@ class _Within:
         """
         loops = self.block.loops
         parts = [one for loop in loops for one in loop.filter.parts if one.rate]
-        every = [_move(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
+        every = [move_pole(-2 * np.pi * pole, one.rate) for one in parts for pole in one.poles]
         start = np.array([one for one in every if np.isfinite(one) and one != 0], dtype=complex)
         if not missing.any() or not len(start):
             return
@@ -682,6 +691,20 @@ class DampedModes:
     dilution: Float[np.ndarray, " mode"]
     fraction: Float[np.ndarray, "mode place"]
 
+    @staticmethod
+    def of_poles(
+        value: Complex[np.ndarray, " mode"],
+        motion: Complex[np.ndarray, "mode coordinate"],
+        model: LinearSystem,
+    ) -> DampedModes:
+        """Modes of poles with loops (rad/s), and the motions in each."""
+        oscillates = np.imag(value) > 0
+        unknown = np.full(len(value), np.nan)
+        q = np.where(oscillates, Poles(value, ("",) * len(value)).q, 0.0)
+        frequency = np.where(oscillates, np.abs(value) / (2 * np.pi), 0.0)
+        fraction = np.concatenate(mode_content.energy_fractions(model, motion), axis=1)
+        return DampedModes(frequency, q, -np.real(value), unknown, fraction)
+
 
 def solve_modes(system: Solvable, design: Design) -> DampedModes:
     """Solve for the modes of a design's bodies, on wires without mass, with its loops closed.
@@ -698,31 +721,32 @@ def solve_modes(system: Solvable, design: Design) -> DampedModes:
     poles = find_poles(local_control.build_plant(design, solver))
     assert poles.motion is not None
     bodily = np.array([not statespace.is_of_filter(name) for name in poles.state], dtype=bool)
-    value = poles.value[bodily]
-    motion = poles.motion[bodily][:, : model.size]  # without states of light
-    fraction = np.concatenate(mode_content.energy_fractions(model, motion), axis=1)
-    unknown = np.full(len(value), np.nan)
-    q = np.where(np.imag(value) > 0, poles.q[bodily], 0.0)
-    frequency = np.where(np.imag(value) > 0, np.abs(value) / (2 * np.pi), 0.0)
-    return DampedModes(frequency, q, -np.real(value), unknown, fraction)
+    # without states of light
+    return DampedModes.of_poles(poles.value[bodily], poles.motion[bodily][:, : model.size], model)
 
 
 MARGINS = {"gain": "dB", "phase": "deg", "delay": "s", "distance": "1"}
 """Margins of a loop, with their units."""
 
 
-def compute_margins(system: Solvable, design: Design) -> Float[np.ndarray, "loop margin"]:
-    """Compute the `MARGINS` of all loops of a design, the smaller one of the gain; NaN if unstable.
+def compute_margins(
+    system: Solvable, design: Design
+) -> tuple[bool, Float[np.ndarray, "loop margin"]]:
+    """Compute whether a design is stable with its loops closed, and the `MARGINS` of all loops.
 
-    An infinite one means that nothing limits.
+    Of the gain the smaller one; NaN if unstable. An infinite one means that nothing limits.
     """
     plant = local_control.build_plant(design, system)
     closed = find_poles(plant)
     if not closed.stable:
-        return np.full((len(plant.loops), len(MARGINS)), np.nan)
-    found, _ = find_margins(plant, closed)
-    rows = []
-    for one in found:
-        gain = min(one.gain_up_db, -one.gain_down_db)
-        rows.append([gain, one.phase, one.delay, one.distance])
+        return False, np.full((len(plant.loops), len(MARGINS)), np.nan)
+    return True, tabulate_margins(find_margins_of_loops(plant, closed))
+
+
+def tabulate_margins(found: Sequence[Margins]) -> Float[np.ndarray, "loop margin"]:
+    """List the `MARGINS` of loops."""
+    rows = [
+        [min(one.gain_up_db, -one.gain_down_db), one.phase, one.delay, one.distance]
+        for one in found
+    ]
     return np.array(rows)

@@ -11,10 +11,11 @@ to these forces,
 so whatever sensors read with the loops open acts as their noise.
 
 An OSEM at the point p of a body reads s = d . (x + t x p) = d . x + (p x d) . t along its direction
-d if the body moves by x and turns by t: a row of the sensing matrix S, s = S q. Its coil acts by
-the same row, F = S^T f (virtual work). So a loop that reads g . q, or pushes by F = g u, gives the
-OSEMs the weights g S^+ with the pseudo-inverse S^+. They touch no other coordinate if g S^+ S = g,
-and of all such weights have the least sum of squares: the least noise of equal OSEMs.
+d if the body moves by x and turns by t: a row of a matrix A, s = A q. Its coil acts by the same
+row, F = A^T f (virtual work), or, as measured, by that of another matrix, F = B^T f. A loop that
+reads g . q gives the sensors the weights g A^+ with the pseudo-inverse A^+, one that pushes by F =
+g u the coils g B^+. They touch no other coordinate if g A^+ A = g, and of all such weights have the
+least sum of squares: the least noise of equal OSEMs.
 """
 
 from __future__ import annotations
@@ -28,12 +29,13 @@ import numpy as np
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design import noise_spectra
 from suspension_cli.design.control import Loop, Osem
+from suspension_cli.design.derive import gravity_strength
 from suspension_cli.design.locked_stages import as_in_file, locked_names
 from suspension_cli.design.loop_sensors import Sensor
 from suspension_cli.design.noise_spectra import MotionNoise
 from suspension_cli.design.schema import Design
 from suspension_cli.errors import InputError, format_value
-from suspension_cli.files.declared import derived, in_unit
+from suspension_cli.files.declared import in_unit
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
@@ -42,12 +44,12 @@ from suspension_cli.physics import loop_network
 from suspension_cli.physics.loop_network import Network
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Complex, Float
+    from jaxtyping import Bool, Complex, Float, Int
 
 BESIDE = 1e-13
 """Relative step from a frequency where the open- or closed-loop response is infinite."""
 TINY = 1e-11
-"""Relative size of singular values, errors of g S^+ S and weights that are rounding errors of 0."""
+"""Relative size of singular values, errors of g A^+ A and weights that are rounding errors of 0."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,8 @@ class Plant:
     loops: Sequence[Loop]
     network: Network
     channels: Sequence[Channel]
-    sensed: Float[np.ndarray, "channel coordinate"]
-    pushed: Float[np.ndarray, "loop coordinate"]
+    sensed: Float[np.ndarray, "*#build channel coordinate"]
+    pushed: Float[np.ndarray, "*#build loop coordinate"]
     osems: Sequence[Osem]
     reading: Float[np.ndarray, "channel osem"]
     driving: Float[np.ndarray, "osem loop"]
@@ -112,11 +114,11 @@ class Plant:
 
     @property
     def coils(self) -> Float[np.ndarray, "osem coordinate"]:
-        """Linear forms of the motions along OSEMs, and of the forces of their coils."""
+        """Linear forms of the forces of the coils of OSEMs."""
         result = np.zeros((len(self.osems), self.model.size))
         for row, osem in zip(result, self.osems, strict=True):
-            for n, part in enumerate(osem.vector):
-                end = Signal(osem.name, osem.stage, n, osem.at, acts=True)
+            for dof, part in enumerate(osem.driving_row):
+                end = Signal(osem.name, osem.stage, dof, (0.0, 0.0, 0.0), acts=True)
                 row += part * signals.linear_form(_relate(end, osem), self.model)
         return result
 
@@ -130,6 +132,15 @@ class Plant:
             pushed=self.pushed[keep],
             driving=self.driving[:, keep],
         )
+
+    def select_builds(self, which: Int[np.ndarray, " build"]) -> Plant:
+        """Select some of many builds."""
+        size = self.model.size
+        count = self.model.batch[0]
+        sensed = np.broadcast_to(self.sensed, (count, len(self.channels), size))
+        pushed = np.broadcast_to(self.pushed, (count, len(self.loops), size))
+        selected = self.with_model(self.model.select(which))
+        return replace(selected, sensed=sensed[which], pushed=pushed[which])
 
     def without_loops(self) -> Plant:
         """Open all loops."""
@@ -158,7 +169,7 @@ def demand_loops(design: Design) -> None:
 
 
 def build_plant(design: Design, system: Solvable) -> Plant:
-    """Build the plant of a design's loops, if it has any, on its model.
+    """Build the plant of a design's loops, if it has any, on its model, or on that of many builds.
 
     Raises `InputError` if a sensor or actuator names no signal of the model.
     """
@@ -168,7 +179,7 @@ def build_plant(design: Design, system: Solvable) -> Plant:
     loops = () if control is None else control.loop
     osems = () if control is None else control.osem
     known = signals.bodies_with_signals(model)
-    network, owners = loop_network.build(control)
+    network, owners = loop_network.build(control, gravity_strength(design))
     read = [parse_sensor(owner, osems, model.body, known) for owner in owners]
     pushed = [parse_actuator(loop, osems, known) for loop in loops]
     forms = [signals.linear_form(end.motions[0][1], model) for end in pushed]
@@ -177,8 +188,8 @@ def build_plant(design: Design, system: Solvable) -> Plant:
         loops=loops,
         network=network,
         channels=[_make_channel(*both) for both in zip(owners, read, strict=True)],
-        sensed=np.array([_sense(end, model) for end in read]).reshape(len(owners), model.size),
-        pushed=np.array(forms).reshape(len(loops), model.size),
+        sensed=_stack([_sense(end, model) for end in read], model),
+        pushed=_stack(forms, model),
         osems=osems,
         reading=np.reshape([end.weights for end in read], (len(owners), len(osems))),
         driving=np.reshape([end.weights for end in pushed], (len(loops), len(osems))).T,
@@ -207,8 +218,17 @@ def _sense(read: LoopEnd, model: LinearSystem) -> Float[np.ndarray, " coordinate
     form = np.zeros(model.size)
     for factor, signal in read.motions:
         if not signal.is_ground:
-            form += factor * signals.linear_form(signal, model)
+            form = form + factor * signals.linear_form(signal, model)
     return form
+
+
+def _stack(
+    forms: Sequence[Float[np.ndarray, "*#build coordinate"]], model: LinearSystem
+) -> Float[np.ndarray, "*#build form coordinate"]:
+    """Stack linear forms; builds, if there are any, stay in front."""
+    if not forms:
+        return np.zeros((0, model.size))
+    return np.stack(np.broadcast_arrays(*forms), axis=-2)
 
 
 def _relate(signal: Signal, loop: Loop | Osem) -> Signal:
@@ -285,9 +305,10 @@ def _weigh(
     form = np.eye(6)[signal.dof]
     if signal.dof < 3:
         form[3:] = np.cross(signal.point, form[:3])
-    weights[own], resolved = compute_weights(form, some)
+    rows = driving_rows(some) if signal.acts else sensing_rows(some)
+    weights[own], resolved = compute_weights(form, rows)
     if not resolved:
-        names = compute_matrices(some)[0].coordinate
+        names = resolved_coordinates(rows)
         remedy = f"add OSEMs: these resolve {', '.join(names) or 'no coordinate alone'}"
         problem = f"is not resolved by the OSEMs of {signal.body}"
         raise InputError.of(key, problem, remedy, format_value(signal.text))
@@ -307,12 +328,7 @@ class OsemMatrices:
     osem: tuple[str, ...]
     coordinate: tuple[str, ...]
     to_euler: Float[np.ndarray, "coordinate osem"] = field(metadata=in_unit("SI"))
-
-    @property
-    @derived("SI")
-    def to_coil(self) -> Float[np.ndarray, "osem coordinate"]:
-        """The transpose of `to_euler`."""
-        return self.to_euler.T
+    to_coil: Float[np.ndarray, "osem coordinate"] = field(metadata=in_unit("SI"))
 
 
 def compute_matrices(osems: Sequence[Osem]) -> tuple[OsemMatrices, ...]:
@@ -320,9 +336,12 @@ def compute_matrices(osems: Sequence[Osem]) -> tuple[OsemMatrices, ...]:
     found = []
     for place in dict.fromkeys((one.stage, one.reference) for one in osems):
         some = [osems[n] for n in np.flatnonzero(_of_stage(osems, *place)).tolist()]
-        weights, known = compute_weights(np.eye(6), some)
+        reading, read = compute_weights(np.eye(6), sensing_rows(some))
+        pushing, pushed = compute_weights(np.eye(6), driving_rows(some))
+        known = read & pushed
         names = tuple(dof for dof, one in zip(DOFS, known, strict=True) if one)
-        found.append(OsemMatrices(*place, tuple(one.name for one in some), names, weights[known]))
+        osem_names = tuple(one.name for one in some)
+        found.append(OsemMatrices(*place, osem_names, names, reading[known], pushing[known].T))
     return tuple(found)
 
 
@@ -331,18 +350,32 @@ def _of_stage(osems: Sequence[Osem], stage: str, reference: str) -> Bool[np.ndar
     return np.array([(o.stage, o.reference) == (stage, reference) for o in osems], dtype=bool)
 
 
+def sensing_rows(osems: Sequence[Osem]) -> Float[np.ndarray, "osem 6"]:
+    """Readings of OSEMs per motion of their stage."""
+    return np.array([one.sensing_row for one in osems], dtype=float).reshape(-1, 6)
+
+
+def driving_rows(osems: Sequence[Osem]) -> Float[np.ndarray, "osem 6"]:
+    """Forces and torques on their stage per force of the coil of each OSEM."""
+    return np.array([one.driving_row for one in osems], dtype=float).reshape(-1, 6)
+
+
+def resolved_coordinates(rows: Float[np.ndarray, "osem 6"]) -> tuple[str, ...]:
+    """List the coordinates that sensors, or coils, with these rows resolve."""
+    _, resolved = compute_weights(np.eye(6), rows)
+    return tuple(dof for dof, one in zip(DOFS, resolved, strict=True) if one)
+
+
 def compute_weights(
-    form: Float[np.ndarray, "*form 6"], osems: Sequence[Osem]
+    form: Float[np.ndarray, "*form 6"], rows: Float[np.ndarray, "osem 6"]
 ) -> tuple[Float[np.ndarray, "*form osem"], np.ndarray]:
-    """Compute weights g S^+ of linear forms g, and whether the OSEMs of a body resolve each."""
-    along = np.array([one.vector for one in osems])
-    sensing = np.hstack([along, np.cross([one.at for one in osems], along)])
-    size = np.linalg.norm(sensing, axis=0)  # rotations to the scale of displacements
+    """Compute weights g A^+ of linear forms g, and whether the rows A resolve each."""
+    size = np.linalg.norm(rows, axis=0)  # rotations to the scale of displacements
     size[size == 0] = 1.0
-    weights = (form / size) @ np.linalg.pinv(sensing / size, rcond=TINY)
+    weights = (form / size) @ np.linalg.pinv(rows / size, rcond=TINY)
     largest = np.abs(weights).max(-1, keepdims=True)
     weights = np.where(np.abs(weights) > TINY * largest, weights, 0.0)
-    return weights, (np.abs(weights @ sensing - form) <= TINY * size).all(-1)
+    return weights, (np.abs(weights @ rows - form) <= TINY * size).all(-1)
 
 
 def evaluate_noise(
@@ -478,11 +511,16 @@ def compute_loop_gains(
     without loss the gain is taken beside it. With S = (1 + K G)^-1 it is (S K G)_kk / S_kk. Sensors
     that read the force of a loop read what it demands.
     """
-    gain = compute_open_loop(plant, frequency)
-    one = np.broadcast_to(np.eye(gain.shape[-1]), gain.shape)
-    both = np.linalg.solve(one + gain, np.concatenate([gain, one], axis=-1))
-    closed, sensitivity = (np.einsum("fkk->fk", part) for part in np.split(both, 2, axis=-1))
-    return closed / sensitivity
+    return close_others(compute_open_loop(plant, frequency))
+
+
+def close_others(
+    gain: Complex[np.ndarray, "frequency loop loop"],
+) -> Complex[np.ndarray, "frequency loop"]:
+    """Compute the gain of each loop, the others closed, from K G."""
+    sensitivity = np.linalg.inv(np.eye(gain.shape[-1]) + gain)
+    closed = np.einsum("fkl,flk->fk", sensitivity, gain)
+    return closed / np.einsum("fkk->fk", sensitivity)
 
 
 def compute_sensitivity(

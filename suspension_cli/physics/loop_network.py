@@ -14,7 +14,7 @@ for the rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -99,9 +99,12 @@ class Network:
         gains = np.array([node.at(frequency) for node in self.nodes], dtype=complex)
         gains = gains.reshape(len(self.nodes), len(frequency)).T[:, :, None]
         driven = gains * self.of_channels
-        if not self.of_nodes.any():
-            return driven
-        return np.linalg.solve(np.eye(len(self.nodes)) - gains * self.of_nodes, driven)
+        coupled = np.flatnonzero(self.of_nodes.any(0) | self.of_nodes.any(1))
+        if len(coupled):
+            own = np.ix_(coupled, coupled)
+            matrix = np.eye(len(coupled)) - gains[:, coupled] * self.of_nodes[own]
+            driven[:, coupled] = np.linalg.solve(matrix, driven[:, coupled])
+        return driven
 
     def controllers(
         self, frequency: Float[np.ndarray, " frequency"]
@@ -115,6 +118,7 @@ class _Builder:
     """Network that grows while sensors are asked for; each sensor becomes part of it once."""
 
     control: Control
+    gravity: float
     nodes: list[Node] = field(default_factory=list)
     reads: list[Sum] = field(default_factory=list)
     channels: list[Loop | Sensor] = field(default_factory=list)
@@ -145,7 +149,14 @@ class _Builder:
             return reads
         key = f"control.sensor.{sensor.name}.response"
         made = make_response(sensor.response)
-        return self.add(Node(f"sensor {sensor.name}", made, key=key), reads)
+        whole = self.add(Node(f"sensor {sensor.name}", made, key=key), reads)
+        tilt = sensor.tilt_reading
+        if tilt is None:
+            return whole
+        angle, through = tilt
+        through = replace(through, gain=through.gain * self.gravity)
+        node = Node(f"sensor {angle.name}", through, key=key)
+        return _add(whole, self.add(node, self.channel(angle)), 1.0)
 
     def computed(self, sensor: Sensor) -> Sum:
         """Build the sum of the inputs of a computed sensor."""
@@ -181,15 +192,16 @@ def _add(first: Sum, second: Sum, factor: float) -> Sum:
     return result
 
 
-def build(control: Control | None) -> tuple[Network, list[Loop | Sensor]]:
+def build(control: Control | None, gravity: float) -> tuple[Network, list[Loop | Sensor]]:
     """Build the network of all loops, and list what owns each channel it reads.
 
-    These are sensors, and loops that read a motion by its own name.
+    These are sensors, what they read of tilt by `gravity` (m/s^2), and loops that read a motion by
+    its own name.
     """
     if control is None:
         none = np.zeros((0, 0))
         return Network((), 0, none, none), []
-    made = _Builder(control)
+    made = _Builder(control, gravity)
     for loop in control.loop:
         made.add(make_node(loop), {})
     for number, loop in enumerate(control.loop):

@@ -23,22 +23,24 @@ singular value of Doyle (IEE Proc. D 129, 242 (1982)).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.optimize import elementwise
 
-from suspension_cli.files.declared import in_unit
+from suspension_cli.files.declared import NOT_STORED, in_unit
 from suspension_cli.files.documents import Layout
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
-    from jaxtyping import Complex, Float, Inexact, Int
+    from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 Gain = Callable[[Array], np.ndarray]
 """Loop gains (f, l) at frequencies (f,) in Hz."""
+GainOfDesigns = Callable[[Index, Array], np.ndarray]
+"""Loop gains (f, l) of designs of numbers (f,), ascending, at frequencies (f,) in Hz."""
 
 STEP = 0.5
 """Largest change of log L and log(1 + L) between neighbours."""
@@ -58,6 +60,9 @@ ROUNDING = 4 * np.finfo(float).eps
 """Least relative distance of different frequencies."""
 ITERATIONS = 12
 """Most steps of the search for a minimum, whose error is the square of that of its frequency."""
+BETWEEN = 2 * STEP
+"""Most that log L or log(1 + L) differs between an interval where it crosses or turns, and its
+ends."""
 FLAT = 1e-10
 """Relative rise from a minimum to the ends of its interval at which the search ends."""
 SWEEPS = 200
@@ -89,6 +94,8 @@ class Margins:
     delay, delay_frequency
         Delay margin, s: smallest delay that brings a pole to the imaginary axis; and its frequency,
         Hz. Inf and NaN without limit.
+    distance_frequency
+        Frequency of the smallest |1 + L|, Hz.
     """
 
     in_json: ClassVar = Layout(
@@ -110,6 +117,7 @@ class Margins:
     gain_down_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
     delay: float = field(default=np.inf, metadata=in_unit("s"))
     delay_frequency: float = field(default=np.nan, metadata=in_unit("Hz"))
+    distance_frequency: float = field(default=np.nan, metadata=NOT_STORED)
 
     @property
     def gains(self) -> list[float]:
@@ -153,33 +161,78 @@ def compute_margins(
     >>> round(compute_margins(loop, np.array([0.1, 1.0]))[0].gain_up, 6)
     6.0
     """
-    frequency, value = refine_grid(gain, frequency, faint=faint)
-    static = gain(frequency[:1] * STILL)[0]
-    unity, lag = _find_crossings(
-        gain, frequency, value, lambda z: np.log(_size(z)), lambda z: np.ones(z.shape, dtype=bool)
+    return compute_margins_of_designs(lambda _, at: gain(at), [frequency], faint=faint)[0]
+
+
+def compute_margins_of_designs(
+    gain: GainOfDesigns, frequencies: Sequence[Float[np.ndarray, " given"]], *, faint: float = 1e-6
+) -> list[list[Margins]]:
+    """Compute the margins of each loop of several stable closed-loop systems at once.
+
+    As `compute_margins`, with the poles, zeros and widths of each design.
+    """
+    grid = refine_grids(gain, frequencies, faint=faint)
+    lowest = grid.frequency[np.searchsorted(grid.design, np.arange(len(frequencies)))]
+    static = gain(np.arange(len(frequencies)), lowest * STILL)
+    unity = _find_unity_crossings(gain, grid)
+    real = _find_real_crossings(gain, grid)
+    nearest, nearest_place = search_smallest(
+        lambda design, where, loop: np.abs(1 + _evaluate_each(gain, design, where, loop)),
+        grid,
+        np.abs(1 + grid.value),
     )
-    real, size = _find_crossings(
-        gain, frequency, value, lambda z: np.angle(-z), lambda z: np.real(z) < 0
-    )
-    nearest, _ = search_smallest(
-        lambda where, loop: np.abs(1 + _evaluate_each(gain, where, loop)),
-        frequency,
-        np.abs(1 + value),
-    )
-    result = []
-    for n in range(value.shape[1]):
-        at_rest = abs(np.angle(-static[n])) < REAL and faint < abs(static[n]) < 1 / faint
-        factors = 1 / np.abs(np.append(size[n], static[n] if at_rest else []))
-        places = np.append(real[n], 0.0 if at_rest else [])
-        angle = np.angle(-lag[n])
-        up = factors > 1
-        delays = np.mod(angle, 2 * np.pi) / (2 * np.pi * unity[n])
-        gain_up, gain_up_frequency = _find_least(factors[up], places[up])
-        fall, gain_down_frequency = _find_least(1 / factors[~up], places[~up])
-        phase = _find_least(np.abs(np.degrees(angle)), unity[n])
-        gains = gain_up, 1 / fall, float(nearest[n]), gain_up_frequency, gain_down_frequency
-        result.append(Margins(*phase, *gains, *_find_least(delays, unity[n])))
-    return result
+    return [
+        [
+            _find_margins(
+                unity.of(design, loop),
+                real.of(design, loop),
+                complex(static[design, loop]),
+                (float(nearest[design, loop]), float(nearest_place[design, loop])),
+                faint,
+            )
+            for loop in range(static.shape[1])
+        ]
+        for design in range(len(static))
+    ]
+
+
+@dataclass(frozen=True)
+class _Crossings:
+    """Frequencies (Hz) where gains cross a line, with the gains, of loops of designs."""
+
+    design: Int[np.ndarray, " crossing"]
+    loop: Int[np.ndarray, " crossing"]
+    frequency: Float[np.ndarray, " crossing"]
+    value: Complex[np.ndarray, " crossing"]
+
+    def of(
+        self, design: int, loop: int
+    ) -> tuple[Float[np.ndarray, " own"], Complex[np.ndarray, " own"]]:
+        """Frequencies and gains of one loop of one design."""
+        first, last = np.searchsorted(self.design, [design, design + 1])
+        own = first + np.flatnonzero(self.loop[first:last] == loop)
+        return self.frequency[own], self.value[own]
+
+
+def _find_margins(
+    unity: tuple[Float[np.ndarray, " crossing"], Complex[np.ndarray, " crossing"]],
+    real: tuple[Float[np.ndarray, " crossing"], Complex[np.ndarray, " crossing"]],
+    static: complex,
+    nearest: tuple[float, float],
+    faint: float,
+) -> Margins:
+    """Find the margins of one loop from its crossings, its static gain and its distance from -1."""
+    at_rest = abs(np.angle(-static)) < REAL and faint < abs(static) < 1 / faint
+    factors = 1 / np.abs(np.append(real[1], static if at_rest else []))
+    places = np.append(real[0], 0.0 if at_rest else [])
+    angle = np.angle(-unity[1])
+    up = factors > 1
+    delays = np.mod(angle, 2 * np.pi) / (2 * np.pi * unity[0])
+    gain_up, gain_up_frequency = _find_least(factors[up], places[up])
+    fall, gain_down_frequency = _find_least(1 / factors[~up], places[~up])
+    phase = _find_least(np.abs(np.degrees(angle)), unity[0])
+    gains = gain_up, 1 / fall, nearest[0], gain_up_frequency, gain_down_frequency
+    return Margins(*phase, *gains, *_find_least(delays, unity[0]), nearest[1])
 
 
 def _find_least(
@@ -197,23 +250,69 @@ def refine_grid(
 
     Returns ascending frequencies, Hz, and gains.
     """
-    known = np.unique(frequency[frequency > 0])
-    known = np.concatenate([[known[0] / BEYOND], known, [known[-1] * BEYOND]])
-    value = gain(known)
+    grid = refine_grids(lambda _, at: gain(at), [frequency], faint=faint)
+    return grid.frequency, grid.value
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Gains of designs at frequencies (Hz), which ascend for each design, as their numbers do."""
+
+    design: Int[np.ndarray, " point"]
+    frequency: Float[np.ndarray, " point"]
+    value: Complex[np.ndarray, "point loop"]
+
+    @property
+    def pairs(self) -> Int[np.ndarray, " pair"]:
+        """Points with a neighbour above them."""
+        return np.flatnonzero(self.design[1:] == self.design[:-1])
+
+
+def refine_grids(
+    gain: GainOfDesigns, frequencies: Sequence[Float[np.ndarray, " given"]], *, faint: float = 0.0
+) -> Grid:
+    """Refine the frequencies (Hz) of each design until gains change little between neighbours.
+
+    Those below `faint` need not.
+    """
+    starts = [np.unique(one[one > 0]) for one in frequencies]
+    starts = [np.concatenate([[one[0] / BEYOND], one, [one[-1] * BEYOND]]) for one in starts]
+    design = np.repeat(np.arange(len(starts)), [len(one) for one in starts])
+    frequency = np.concatenate(starts)
+    first = Grid(design, frequency, gain(design, frequency))
+    parts = [first]
+    low = first.pairs
+    ends = frequency[low], frequency[low + 1]
+    values = first.value[low], first.value[low + 1]
+    design = design[low]
     while True:
-        size = np.abs(value)
-        change = np.maximum(_change(value), _change(1 + value))
-        change = np.where(np.maximum(size[1:], size[:-1]) < faint, 0.0, change).max(1, initial=0.0)
-        wide = np.flatnonzero((change > STEP) & (np.diff(known) > CLOSEST * known[1:]))
+        change = np.maximum(_change(*values), _change(1 + values[0], 1 + values[1]))
+        silent = np.maximum(np.abs(values[0]), np.abs(values[1])) < faint
+        change = np.where(silent, 0.0, change).max(1, initial=0.0)
+        wide = np.flatnonzero((change > STEP) & (ends[1] - ends[0] > CLOSEST * ends[1]))
         if not len(wide):
-            return known, value
-        between = known[wide, None] * (known[wide + 1] / known[wide])[:, None] ** QUARTERS
-        new = np.setdiff1d(between, known)
-        if not len(new):
-            return known, value
-        place = np.searchsorted(known, new)
-        known = np.insert(known, place, new)
-        value = np.insert(value, place, gain(new), axis=0)
+            break
+        lower, upper = (end[wide] for end in ends)
+        between = lower[:, None] * (upper / lower)[:, None] ** QUARTERS
+        whole = np.column_stack([lower, between, upper])
+        own = np.repeat(design[wide, None], len(QUARTERS), axis=1)
+        found = gain(own.ravel(), between.ravel())
+        shape = (*between.shape, found.shape[1])
+        sides = (value[wide, None] for value in values)
+        every = np.concatenate([next(sides), found.reshape(shape), next(sides)], axis=1)
+        # rounding may leave nothing between the ends of a narrow interval
+        apart = np.diff(whole) > 0
+        new = apart[:, :-1] & (between < upper[:, None])
+        parts.append(Grid(own[new], between[new], every[:, 1:-1][new]))
+        ends = whole[:, :-1][apart], whole[:, 1:][apart]
+        values = every[:, :-1][apart], every[:, 1:][apart]
+        design = np.repeat(design[wide, None], apart.shape[1], axis=1)[apart]
+    design, frequency, value = (
+        np.concatenate([getattr(one, name) for one in parts])
+        for name in ("design", "frequency", "value")
+    )
+    order = np.lexsort([frequency, design])
+    return Grid(design[order], frequency[order], value[order])
 
 
 def _size(value: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -222,81 +321,120 @@ def _size(value: Complex[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
 
 
 def _change(
-    value: Complex[np.ndarray, "frequency loop"],
-) -> Float[np.ndarray, "frequency-1 loop"]:
+    low: Complex[np.ndarray, "*shape"], high: Complex[np.ndarray, "*shape"]
+) -> Float[np.ndarray, "*shape"]:
     """Modulus of the logarithm of the ratio of neighbours."""
-    return np.hypot(np.diff(np.log(_size(value)), axis=0), np.angle(value[1:] * value[:-1].conj()))
+    return np.hypot(np.log(_size(high) / _size(low)), np.angle(high * low.conj()))
 
 
-def _find_crossings(
-    gain: Gain,
-    frequency: Float[np.ndarray, " frequency"],
-    value: Complex[np.ndarray, "frequency loop"],
-    measure: Callable[[np.ndarray], np.ndarray],
-    counts: Callable[[np.ndarray], np.ndarray],
-) -> tuple[list[Float[np.ndarray, " _"]], list[Complex[np.ndarray, " _"]]]:
-    """Find the zeros of a measure of each loop's gain: frequencies and gains per loop.
+def _find_unity_crossings(gain: GainOfDesigns, grid: Grid) -> _Crossings:
+    """Find where |L| is 1."""
+    level = np.log(_size(grid.value))
+    at, loop = _crossed(grid, level, np.ones(level.shape, dtype=bool))
+    return _search_crossings(gain, grid, lambda z: np.log(_size(z)), at, loop)
+
+
+def _find_real_crossings(gain: GainOfDesigns, grid: Grid) -> _Crossings:
+    """Find where L is real and negative: of each loop those that may be nearest to -1."""
+    at, loop = _crossed(grid, np.angle(-grid.value), np.real(grid.value) < 0)
+    size = np.log(_size(grid.value[at, loop]))
+    count = grid.value.shape[1]
+    owner = grid.design[at] * count + loop
+    needed = np.zeros(len(at), dtype=bool)
+    for distance in (size, -size):  # of factors below and above 1
+        sure = np.where(distance > BETWEEN, distance + BETWEEN, np.inf)
+        least = np.full(int(owner.max(initial=0)) + 1, np.inf)
+        np.minimum.at(least, owner, sure)
+        needed |= (distance > -BETWEEN) & (distance - BETWEEN <= least[owner])
+    return _search_crossings(gain, grid, lambda z: np.angle(-z), at[needed], loop[needed])
+
+
+def _crossed(
+    grid: Grid, level: Float[np.ndarray, "point loop"], counts: Bool[np.ndarray, "point loop"]
+) -> tuple[Int[np.ndarray, " crossing"], Int[np.ndarray, " crossing"]]:
+    """Find points above which a measure of a loop's gain changes its sign, and the loops.
 
     Gains for which `counts` is false are left out, and so are jumps (poles or zeros without loss).
     """
-    level = measure(value)
-    good = counts(value)
-    crossed = (
-        ((level[:-1] > 0) != (level[1:] > 0)) & good[:-1] & good[1:] & (_change(value) < 2 * STEP)
-    )
+    low = grid.pairs
+    crossed = ((level[low] > 0) != (level[low + 1] > 0)) & counts[low] & counts[low + 1]
     at, loop = np.nonzero(crossed)
-    found = np.zeros(0, dtype=complex)
-    where = np.zeros(0)
-    if len(at):
-        root = elementwise.find_root(
-            lambda f, loop: measure(_evaluate_each(gain, f, loop)),
-            (frequency[at], frequency[at + 1]),
-            args=(loop,),
-            tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": FOUND, "frtol": 0.0},
-        )
-        # interpolate, as between these frequencies the circle of a Q of 1e9 turns by 1e-7
-        (low, high) = root.bracket
-        (at_low, at_high) = root.f_bracket
-        low_value, high_value = (_evaluate_each(gain, end, loop) for end in (low, high))
-        weight = at_low / np.where(at_low == at_high, np.inf, at_low - at_high)
-        found = low_value * (high_value / low_value) ** weight
-        where = low + weight * (high - low)
-    every = range(value.shape[1])
-    return [where[loop == n] for n in every], [found[loop == n] for n in every]
+    at = low[at]
+    near = _change(grid.value[at, loop], grid.value[at + 1, loop]) < 2 * STEP
+    return at[near], loop[near]
+
+
+def _search_crossings(
+    gain: GainOfDesigns,
+    grid: Grid,
+    measure: Callable[[np.ndarray], np.ndarray],
+    at: Int[np.ndarray, " crossing"],
+    loop: Int[np.ndarray, " crossing"],
+) -> _Crossings:
+    """Find the zeros of a measure of gains of loops, each above a point of the grid."""
+    design = grid.design[at]
+    if not len(at):
+        return _Crossings(design, loop, np.zeros(0), np.zeros(0, dtype=complex))
+    root = elementwise.find_root(
+        lambda f, design, loop: measure(_evaluate_each(gain, design, f, loop)),
+        (grid.frequency[at], grid.frequency[at + 1]),
+        args=(design, loop),
+        tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": FOUND, "frtol": 0.0},
+    )
+    # interpolate, as between these frequencies the circle of a Q of 1e9 turns by 1e-7
+    (low, high) = root.bracket
+    (at_low, at_high) = root.f_bracket
+    low_value, high_value = (_evaluate_each(gain, design, end, loop) for end in (low, high))
+    weight = at_low / np.where(at_low == at_high, np.inf, at_low - at_high)
+    found = low_value * (high_value / low_value) ** weight
+    return _Crossings(design, loop, low + weight * (high - low), found)
 
 
 def _evaluate_each(
-    gain: Gain, frequency: Float[np.ndarray, " point"], loop: Int[np.ndarray, " point"]
+    gain: GainOfDesigns,
+    design: Int[np.ndarray, " point"],
+    frequency: Float[np.ndarray, " point"],
+    loop: Int[np.ndarray, " point"],
 ) -> Complex[np.ndarray, " point"]:
-    return gain(frequency)[np.arange(len(frequency)), loop]
+    return gain(design, frequency)[np.arange(len(frequency)), loop]
 
 
 def search_smallest(
-    evaluate: Callable[[Array, Index], Array],
-    frequency: Float[np.ndarray, " frequency"],
-    distance: Float[np.ndarray, "frequency function"],
-) -> tuple[Float[np.ndarray, " function"], Float[np.ndarray, " function"]]:
-    """Find the minimum of each positive function, from the local minima among known values.
+    evaluate: Callable[[Index, Array, Index], Array],
+    grid: Grid,
+    distance: Float[np.ndarray, "point function"],
+) -> tuple[Float[np.ndarray, "design function"], Float[np.ndarray, "design function"]]:
+    """Find the minimum of each positive function of each design, from those among known values.
 
-    `distance` are values at ascending frequencies, and `evaluate` computes those at frequencies
-    (c,) in Hz of functions of numbers (c,). Returns the minima and their frequencies.
+    `distance` are values at the points of the grid, between which their logarithms differ little;
+    `evaluate` computes those of designs of numbers (c,) at frequencies (c,) in Hz of functions of
+    numbers (c,). Returns the minima and their frequencies.
     """
-    smallest = distance.min(0)
-    place = frequency[distance.argmin(0)]
-    middle = distance[1:-1]
-    at, loop = np.nonzero((middle <= distance[:-2]) & (middle <= distance[2:]))
+    first = np.flatnonzero(np.diff(grid.design, prepend=-1))
+    smallest = np.minimum.reduceat(distance, first)
+    place = np.empty_like(smallest)
+    for n, part in enumerate(np.split(np.arange(len(distance)), first[1:])):
+        place[n] = grid.frequency[part[distance[part].argmin(0)]]
+    low = np.flatnonzero(grid.design[2:] == grid.design[:-2])
+    middle = distance[low + 1]
+    lowest = (middle <= distance[low]) & (middle <= distance[low + 2])
+    known = smallest[grid.design[low]]
+    at, function = np.nonzero(lowest & (middle <= known * np.exp(BETWEEN)))
+    at = low[at]
+    design = grid.design[at]
     if len(at):
         found = elementwise.find_minimum(
-            evaluate,
-            (frequency[at], frequency[at + 1], frequency[at + 2]),
-            args=(loop,),
+            lambda f, design, function: evaluate(design, f, function),
+            (grid.frequency[at], grid.frequency[at + 1], grid.frequency[at + 2]),
+            args=(design, function),
             tolerances={"xatol": 0.0, "xrtol": ROUNDING, "fatol": 0.0, "frtol": FLAT},
             maxiter=ITERATIONS,
         )
-        for n, where, value in zip(loop, found.x, found.f_x, strict=True):
-            if value < smallest[n]:
-                smallest[n] = value
-                place[n] = where
+        every = zip(design, function, found.x, found.f_x, strict=True)
+        for owner, n, where, value in every:
+            if value < smallest[owner, n]:
+                smallest[owner, n] = value
+                place[owner, n] = where
     return smallest, place
 
 
@@ -375,10 +513,10 @@ def find_peak(
         found = sensitivity(at)
         return np.column_stack([np.diagonal(found, axis1=1, axis2=2) - 1, largest(found) - 1])
 
-    grid, value = refine_grid(gain, frequency, faint=FAINT)
+    grid = refine_grids(lambda _, at: gain(at), [frequency], faint=FAINT)
     smallest, where = search_smallest(
-        lambda at, _: 1 / largest(sensitivity(at)),
+        lambda _, at, __: 1 / largest(sensitivity(at)),
         grid,
-        1 / np.maximum(1 + np.real(value[:, -1:]), np.finfo(float).tiny),
+        1 / np.maximum(1 + np.real(grid.value[:, -1:]), np.finfo(float).tiny),
     )
-    return SensitivityPeak(float(1 / smallest[0]), float(where[0]))
+    return SensitivityPeak(float(1 / smallest[0, 0]), float(where[0, 0]))

@@ -6,8 +6,21 @@ the actuator. The filter is that of a linear quadratic regulator on a Kalman fil
 a prescribed degree of stability: with A + a 1 in place of A in both Riccati equations all poles
 decay at least as exp(-a t) (Anderson and Moore, Optimal Control: Linear Quadratic Methods, 1990,
 section 3.5). A search over the roll-off, the rates a, and the weights of force and of sensor noise
-finds the filter with the least noise of one motion at one frequency, of those whose sensitivity
-stays below a limit.
+finds, of the filters whose sensitivity stays below a limit, the one with the least noise of one
+motion at one frequency, or with the largest of the smallest margins to what the design requires.
+
+The H-infinity filter of the same weights bounds the largest gain, not the mean square, from forces
+and sensor noise to coordinates and force by gamma (Doyle, Glover, Khargonekar and Francis, IEEE
+Trans. Autom. Control 34, 831 (1989), theorem 3). With X and Y of the two Riccati equations
+
+    A' X + X A - X (B B' / r - B_1 B_1' / gamma^2) X + 1 = 0,    B_1 = 1,
+
+and its dual, and Z = (1 - Y X / gamma^2)^-1, the filter is
+
+    x' = (A + X / gamma^2 - B B' X / r - Z Y C' C / v) x + Z Y C' y / v,    u = -B' X x / r.
+
+Its limit for a large gamma is the LQG filter. Next to the smallest gamma it has poles at
+frequencies without bound, so gamma is a multiple of that.
 
 Riccati solvers fail or err on unscaled equations of a pendulum. So time is in units of the mean
 frequency of the modes, each mode has coordinates in which it is driven as much as it is sensed, and
@@ -17,7 +30,8 @@ reaches, are left out and counted only by their compliance; the closed loop is j
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -46,11 +60,13 @@ RATES = (1.05, 1.3, 1.7, 2.2, 3.0)
 """Decay rates that are tried, over the slowest that is allowed."""
 WEIGHTS = (1e4, 1e2, 1.0)
 """Weights of the force, and of sensor noise, that are tried, over those of the coordinates."""
+CLOSER = 1.1
+"""Ratio of two bounds gamma, of which one is possible and one is not, that ends their bisection."""
 RIGHT = 1e-8
 """Largest relative residual of a solution of a Riccati equation."""
 REACHED = 1e-4
-"""Strength of a mode between force and reading, over that of the strongest, below which it is left
-out."""
+"""Strength of a mode between force and reading, over that of the strongest, from which it is damped
+unless another limit is given."""
 UNTOUCHED = 1e-12
 """The same of a mode of another symmetry, by rounding errors."""
 STILL = 1e-9
@@ -59,8 +75,13 @@ POINTS = 600
 """Frequencies of a logarithmic grid for the sensitivity; others are around the modes."""
 WIDTHS = (-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0)
 """Distances from modes, in widths of these."""
-CANDIDATES = 40
-"""Filters, the quietest first, whose closed loop is computed with all modes."""
+LARGEST = 1e4
+"""Largest gamma that is tried, over a lower limit of it."""
+STARTS = 8
+"""Filters, from the quietest to the loudest, of which the search for requirements starts with the
+best."""
+SMALL = 0.01
+"""Difference of two margins to requirements that is none."""
 BESIDE = 0.5
 """Distance of a zero from a pole, over the decay of either, up to which both may go."""
 LOUDER = 1.1
@@ -85,6 +106,11 @@ class Wanted:
         Frequency of that noise, Hz.
     highest
         Frequency up to which modes are damped, Hz.
+    reached
+        Strength of a mode, over that of the strongest, from which it is damped.
+    margins
+        Computes the margins to all that the design requires, of a filter; these count instead of
+        the noise.
     """
 
     settling: float
@@ -92,6 +118,36 @@ class Wanted:
     output: str
     quiet_at: float
     highest: float
+    reached: float = REACHED
+    margins: Callable[[Filter], Sequence[float]] | None = None
+
+
+@dataclass(frozen=True)
+class Method:
+    """A kind of optimal filter: what is tried of it.
+
+    Attributes
+    ----------
+    rates
+        Decay rates, over the slowest that is allowed.
+    weights
+        Weights of the force, and of sensor noise.
+    bounds
+        gamma over its smallest value.
+    """
+
+    rates: tuple[float, ...]
+    weights: tuple[float, ...]
+    bounds: tuple[float, ...] = (math.inf,)
+
+
+METHODS = {
+    "lqg": Method(RATES, WEIGHTS),
+    # the same without the prescribed decay, which weights alone have to bring
+    "h2": Method((0.0,), tuple(10.0**power for power in range(2, -7, -1))),
+    "hinf": Method((1.05, 2.0), WEIGHTS, (1.2, 2.0)),
+}
+"""Kinds of optimal filters by name."""
 
 
 @dataclass(frozen=True)
@@ -125,48 +181,96 @@ class OptimalLoop:
     left_out: tuple[float, ...]
 
 
-def solve(design: Design, system: Solvable, number: int, wanted: Wanted) -> OptimalLoop:
+def solve(
+    design: Design, system: Solvable, number: int, wanted: Wanted, method: str = "lqg"
+) -> OptimalLoop:
     """Find the filter of one loop of a design, by its number, with the other loops closed.
 
-    Raises `InputError` if the loop reads or feeds the filter of a named sensor, if it reaches no
-    mode, or if no filter that was tried does what is wanted.
+    `method` is one of `METHODS`. Raises `InputError` if the loop reads or feeds the filter of a
+    named sensor, if it reaches no mode, or if no filter that was tried does what is wanted.
     """
     plant = local_control.build_plant(design, system)
     name = plant.loops[number].name
     _demand_alone(plant, number)
     opened = _open(plant, number, wanted.output)
-    modes = _Modes.of(opened, wanted.highest)
+    modes = _Modes.of(opened, wanted)
     if not modes.kept.any():
         problem = f"reaches no mode below {wanted.highest:g} Hz"
         raise InputError.of(f"control.loop.{name}", problem, "raise --highest, or move the loop")
     heard = _evaluate_reading(plant.loops[number], wanted.quiet_at)
     judge = _Judge.of(opened, modes, wanted, heard)
-    scaled = _Scaled.of(modes)
-    tried = sorted(_try_all(scaled, judge, wanted), key=lambda one: one.noise)
-    nearest = None
-    for one in tried[:CANDIDATES]:
-        made = judge.close(one)
-        if made is None:
-            continue
-        if judge.is_good(made, wanted):
-            one = _without_pairs(one, judge, wanted)
-            settling, sensitivity = judge.close(one) or made
-            left_out = tuple(np.sort(modes.frequency[modes.weak]).tolist())
-            return OptimalLoop(
-                name, one.filter, settling, sensitivity, one.noise, one.roll_off, left_out
-            )
-        nearest = nearest or made
+    tried = sorted(
+        _try_all(_Scaled.of(modes), judge, wanted, METHODS[method]), key=lambda one: one.noise
+    )
+    best = _find_best(tried, judge, wanted)
+    if best is None:
+        raise _describe_failure(name, tried, judge, modes, wanted)
+    best = _without_pairs(best, judge, wanted)
+    closed = judge.close(best)
+    assert closed is not None
+    left_out = tuple(np.sort(modes.frequency[modes.weak]).tolist())
+    return OptimalLoop(name, best.filter, *closed, best.noise, best.roll_off, left_out)
+
+
+def _find_best(tried: Sequence[_Tried], judge: _Judge, wanted: Wanted) -> _Tried | None:
+    """Find the best of the filters that do what is wanted; they are given in order of noise.
+
+    Without requirements it is the quietest one. With them it is the one with the largest of the
+    smallest margins, to which a search goes from neighbour to neighbour in the table of numbers
+    that were tried.
+    """
+    if wanted.margins is None:
+        return next((one for one in tried if judge.accepts(one, wanted)), None)
+    good = [one for one in tried if judge.accepts(one, wanted)]
+    if not good:
+        return None
+    known: dict[tuple[int, ...], list[float]] = {}
+
+    def rank(one: _Tried) -> list[float]:
+        """Margins in steps of `SMALL`, the smallest first: at equal ones the next one counts."""
+        if one.place not in known:
+            known[one.place] = rank_margins(wanted, one.filter)
+        return known[one.place]
+
+    spread = np.unique(np.linspace(0, len(good) - 1, STARTS).round().astype(int))
+    best = max((good[n] for n in spread), key=rank)
+    while True:
+        beside = [one for one in good if _are_neighbours(one.place, best.place)]
+        better = max([best, *beside], key=rank)
+        if better is best:
+            return best
+        best = better
+
+
+def rank_margins(wanted: Wanted, made: Filter) -> list[float]:
+    """Sort the margins of a filter to what is required, the smallest first, in steps of `SMALL`."""
+    assert wanted.margins is not None
+    steps = np.round(np.array(wanted.margins(made)) / SMALL)
+    return np.sort(SMALL * steps).tolist()
+
+
+def _are_neighbours(one: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    """Whether two places in the table of what is tried differ by one step of one number."""
+    return sum(abs(a - b) for a, b in zip(one, other, strict=True)) == 1
+
+
+def _describe_failure(
+    name: str, tried: Sequence[_Tried], judge: _Judge, modes: _Modes, wanted: Wanted
+) -> InputError:
+    """Describe that no filter does what is wanted."""
     problem = (
         f"no filter was found that settles within {wanted.settling:g} s with a sensitivity below"
         f" {wanted.sensitivity:g}"
     )
+    closed = (judge.close(one) for one in tried)
+    nearest = next((one for one in closed if one is not None), None)
     if nearest is not None:
         problem += f" (the quietest: {nearest[0]:.3g} s, {nearest[1]:.3g})"
     else:
         hardest = modes.frequency[modes.find_hardest(1 / wanted.settling)]
         problem += f"; the mode at {hardest:.4g} Hz asks for most force"
     remedy = "allow a longer --settling or a larger --sensitivity, or a lower --highest"
-    raise InputError.of(f"control.loop.{name}", problem, remedy)
+    return InputError.of(f"control.loop.{name}", problem, remedy)
 
 
 def _evaluate_reading(loop: Loop, frequency: float) -> complex:
@@ -230,8 +334,8 @@ class _Modes:
     weak: Bool[np.ndarray, " mode"]
 
     @staticmethod
-    def of(opened: StateSpace, highest: float) -> _Modes:
-        """Find the modes of a plant; those up to a frequency (Hz) that are reached are kept."""
+    def of(opened: StateSpace, wanted: Wanted) -> _Modes:
+        """Find the modes of a plant; those up to a frequency that are reached are kept."""
         own = opened.balanced()
         every, shapes = np.linalg.eig(own.a)
         driven = np.linalg.solve(shapes, own.b.astype(complex))[:, 0]
@@ -239,8 +343,8 @@ class _Modes:
         one = np.imag(every) >= 0
         value = every[one]
         size = np.abs(driven[one] * sensed[one]) / np.maximum(np.abs(value), 1e-300)
-        low = np.abs(value) <= 2 * np.pi * highest
-        reached = size > REACHED * size.max(initial=0.0)
+        low = np.abs(value) <= 2 * np.pi * wanted.highest
+        reached = size > wanted.reached * size.max(initial=0.0)
         weak = low & ~reached & (size > UNTOUCHED * size.max(initial=0.0))
         return _Modes(value, driven[one], sensed[one], low & reached, weak)
 
@@ -254,9 +358,10 @@ class _Modes:
 
         A weak filter of gain g moves a pole by g driven sensed, to first order.
         """
-        missing = np.maximum(rate + np.real(self.value), 0.0)
-        force = missing / np.abs(self.driven * self.sensed)
-        return int(np.where(self.kept, force, -1.0).argmax())
+        kept = np.flatnonzero(self.kept)
+        missing = np.maximum(rate + np.real(self.value[kept]), 0.0)
+        force = missing / np.abs(self.driven[kept] * self.sensed[kept])
+        return int(kept[force.argmax()])
 
     @property
     def compliance_left(self) -> float:
@@ -332,19 +437,24 @@ class _Scaled:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A filter, the frequency of its roll-off (Hz), and its noise (see `OptimalLoop`)."""
+    """A filter, the frequency of its roll-off (Hz), and its noise (see `OptimalLoop`).
+
+    `place` are the numbers of roll-off, rate, weights and bound in the table of what is tried.
+    """
 
     filter: Filter
     roll_off: float
     noise: float
+    place: tuple[int, ...]
 
 
 def _without_pairs(one: _Tried, judge: _Judge, wanted: Wanted) -> _Tried:
     """Remove poles that have a zero beside them, while the closed loop does what is wanted.
 
-    The noise may rise by the factor `LOUDER`.
+    The noise may rise by the factor `LOUDER`; margins to requirements may not become smaller.
     """
     best = one
+    rank = [] if wanted.margins is None else rank_margins(wanted, one.filter)
     for pole in sorted(_upper(one.filter.poles), key=lambda root: _distance(root, one.filter)):
         zeros = _upper(best.filter.zeros)
         alike = [zero for zero in zeros if bool(zero.imag) == bool(pole.imag)]
@@ -357,10 +467,14 @@ def _without_pairs(one: _Tried, judge: _Judge, wanted: Wanted) -> _Tried:
         zeros.remove(zero)
         shorter = Filter(best.filter.gain, _both(zeros), _both(poles))
         peak, noise = judge.rate(shorter)
-        tried = _Tried(shorter, best.roll_off, noise)
-        closed = judge.close(tried)
-        quiet = noise <= LOUDER * one.noise and peak <= wanted.sensitivity
-        if quiet and closed is not None and judge.is_good(closed, wanted):
+        tried = replace(best, filter=shorter, noise=noise)
+        if peak > wanted.sensitivity or not judge.accepts(tried, wanted):
+            continue
+        if wanted.margins is None:
+            kept = noise <= LOUDER * one.noise
+        else:
+            kept = rank_margins(wanted, shorter) >= rank
+        if kept:
             best = tried
     return best
 
@@ -382,58 +496,139 @@ def _distance(pole: complex, made: Filter) -> float:
     return nearest / max(abs(pole.real), 1e-300)
 
 
-def _try_all(scaled: _Scaled, judge: _Judge, wanted: Wanted) -> Iterator[_Tried]:
+def _try_all(scaled: _Scaled, judge: _Judge, wanted: Wanted, method: Method) -> Iterator[_Tried]:
     """Find filters with all roll-offs, rates and weights, that may do what is wanted."""
-    top = judge.highest_mode
-    for ratio in ROLL_OFFS:
-        roll_off = float(ratio * top)
+    weights = method.weights
+    pairs = list(product(range(len(weights)), repeat=2))
+    for (i, ratio), (j, rate) in product(enumerate(ROLL_OFFS), enumerate(method.rates)):
+        roll_off = float(ratio * judge.highest_mode)
         plant = scaled.with_roll_off(roll_off)
-        for rate in RATES:
-            shift = rate / wanted.settling * scaled.unit
-            regulators = [_regulate(plant.a, plant.b, shift, weight) for weight in WEIGHTS]
-            filters = [_regulate(plant.a.T, plant.c, shift, weight) for weight in WEIGHTS]
-            for feedback, gain in product(regulators, filters):
-                if feedback is None or gain is None:
+        shift = rate / wanted.settling * scaled.unit
+        shifted = replace(plant, a=plant.a + shift * np.eye(len(plant.a)))
+        regulators = [_solve_riccati(shifted.a, shifted.b, weight) for weight in weights]
+        filters = [_solve_riccati(shifted.a.T, shifted.c, weight) for weight in weights]
+        for k, m in pairs:
+            x, y = regulators[k], filters[m]
+            if x is None or y is None:
+                continue
+            own = weights[k], weights[m]
+            for n, solution in enumerate(_bound_all(shifted, x, y, own, method.bounds)):
+                if solution is None:
                     continue
-                made = _make_filter(plant, feedback, gain, roll_off)
+                made = _make_filter(plant, solution, own, roll_off)
                 if made is None:
                     continue
                 peak, noise = judge.rate(made)
                 if peak <= wanted.sensitivity:
-                    yield _Tried(made, roll_off, noise)
+                    yield _Tried(made, roll_off, noise, (i, j, k, m, n))
 
 
-def _regulate(
-    a: Float[np.ndarray, "state state"], b: Float[np.ndarray, " state"], shift: float, weight: float
-) -> Float[np.ndarray, " state"] | None:
-    """Solve for the feedback of a regulator whose poles decay at least at the rate `shift`.
+@dataclass(frozen=True)
+class _Riccati:
+    """Solutions X and Y of both Riccati equations for a bound gamma."""
 
-    Of a Kalman filter, with the transposed matrices. None if the solution is not accurate.
+    x: Float[np.ndarray, "state state"]
+    y: Float[np.ndarray, "state state"]
+    bound: float
+
+
+def _bound_all(
+    plant: _Scaled,
+    x: Float[np.ndarray, "state state"],
+    y: Float[np.ndarray, "state state"],
+    weights: tuple[float, float],
+    bounds: Sequence[float],
+) -> Iterator[_Riccati | None]:
+    """Solve for each gamma, over the smallest possible one, from X and Y without a bound."""
+    if list(bounds) == [math.inf]:
+        yield _Riccati(x, y, math.inf)
+        return
+    smallest = _find_smallest_bound(plant, x, y, weights)
+    for ratio in bounds:
+        yield None if smallest is None else _solve_bounded(plant, weights, ratio * smallest)
+
+
+def _find_smallest_bound(
+    plant: _Scaled,
+    x: Float[np.ndarray, "state state"],
+    y: Float[np.ndarray, "state state"],
+    weights: tuple[float, float],
+) -> float | None:
+    """Find the smallest gamma by bisection; None if its equations have no accurate solution.
+
+    X and Y grow as gamma falls, and the spectral radius of X Y has to be below gamma^2: with those
+    without a bound that gives a gamma that is too small.
+    """
+    low = math.sqrt(np.abs(np.linalg.eigvals(x @ y)).max())
+    high = 2 * low
+    largest = LARGEST * low
+    while _solve_bounded(plant, weights, high) is None:
+        low = high
+        high *= 2
+        if high > largest:
+            return None
+    while high > CLOSER * low:
+        middle = math.sqrt(low * high)
+        if _solve_bounded(plant, weights, middle) is None:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _solve_bounded(plant: _Scaled, weights: tuple[float, float], bound: float) -> _Riccati | None:
+    """Solve both equations for a gamma; None if it is too small."""
+    x = _solve_riccati(plant.a, plant.b, weights[0], bound)
+    if x is None:
+        return None
+    y = _solve_riccati(plant.a.T, plant.c, weights[1], bound)
+    if y is None or np.abs(np.linalg.eigvals(x @ y)).max() >= bound**2:
+        return None
+    return _Riccati(x, y, bound)
+
+
+def _solve_riccati(
+    a: Float[np.ndarray, "state state"],
+    b: Float[np.ndarray, " state"],
+    weight: float,
+    bound: float = math.inf,
+) -> Float[np.ndarray, "state state"] | None:
+    """Solve A' X + X A - X (B B' / weight - 1 / bound^2) X + 1 = 0 for a stabilising X > 0.
+
+    Of a Kalman filter, with the transposed matrices. None if there is none, or it is not accurate.
     """
     from scipy.linalg import solve_continuous_are
 
-    own = a + shift * np.eye(len(a))
     one = np.eye(len(a))
-    column = b[:, None]
+    drive = b[:, None]
+    cost = np.array([[weight]])
+    if bound < math.inf:
+        drive = np.hstack([drive, one])
+        cost = np.diag([weight, *np.full(len(a), -(bound**2))])
     try:
-        found = solve_continuous_are(own, column, one, [[weight]])
+        found = solve_continuous_are(a, drive, one, cost)
     except (np.linalg.LinAlgError, ValueError):
         return None
-    quadratic = found @ column @ column.T @ found / weight
-    residual = own.T @ found + found @ own - quadratic + one
-    if not np.abs(residual).max() <= RIGHT * np.abs(quadratic).max():
+    by_force = (found @ b)[:, None] * (found @ b) / weight
+    quadratic = by_force - found @ found / bound**2
+    residual = a.T @ found + found @ a - quadratic + one
+    if not np.abs(residual).max() <= RIGHT * np.abs(by_force).max():
         return None
-    return (found @ b) / weight
+    if not (np.linalg.eigvalsh(found) > 0).all():
+        return None
+    return found
 
 
 def _make_filter(
-    plant: _Scaled,
-    feedback: Float[np.ndarray, " state"],
-    gain: Float[np.ndarray, " state"],
-    roll_off: float,
+    plant: _Scaled, solution: _Riccati, weights: tuple[float, float], roll_off: float
 ) -> Filter | None:
-    """Make the filter of a regulator on a Kalman filter; None if it is unstable itself."""
-    a = plant.a - np.outer(plant.b, feedback) - np.outer(gain, plant.c)
+    """Make the filter of a regulator on an observer; None if it is unstable itself."""
+    bound = solution.bound
+    feedback = solution.x @ plant.b / weights[0]
+    rise = np.eye(len(plant.a)) - solution.y @ solution.x / bound**2
+    gain = np.linalg.solve(rise, solution.y @ plant.c / weights[1])
+    a = plant.a + solution.x / bound**2
+    a = a - np.outer(plant.b, feedback) - np.outer(gain, plant.c)
     poles = np.linalg.eigvals(a)
     if not (np.real(poles) < 0).all():
         return None
@@ -535,8 +730,11 @@ class _Judge:
         noise = abs(self.moved * through[-1] * self.heard * sensitivity[-1])
         return float(np.abs(sensitivity).max()), float(noise)
 
-    def is_good(self, closed: tuple[float, float], wanted: Wanted) -> bool:
-        """Whether settling (s) and sensitivity of a closed loop are as wanted."""
+    def accepts(self, one: _Tried, wanted: Wanted) -> bool:
+        """Whether a closed loop is stable, and its settling and sensitivity are as wanted."""
+        closed = self.close(one)
+        if closed is None:
+            return False
         settling, sensitivity = closed
         return settling <= wanted.settling and sensitivity <= wanted.sensitivity
 

@@ -60,6 +60,10 @@ class Quantity(ABC):
         Whether it follows from `functions` that are analytic in the numbers of a design.
     within
         Least and largest value, SI, that any design can have.
+    jumps
+        Whether it jumps between values, so that it has no derivative.
+    of_loops
+        Whether it depends on loops of local control.
     negligible
         Size below which errors of maps are relative to this size: smaller values are rounding
         errors.
@@ -80,6 +84,8 @@ class Quantity(ABC):
     slow: ClassVar[bool] = False
     analytic: ClassVar[bool] = False
     within: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
+    jumps: ClassVar[bool] = False
+    of_loops: ClassVar[bool] = False
     negligible: ClassVar[float] = 0.0
 
     @property

@@ -26,7 +26,7 @@ from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.models.choice import shifts
 from suspension_cli.models.surroundings import nominal_positions, surrounded
-from suspension_cli.physics import closed_loop, wire_modes
+from suspension_cli.physics import closed_loop, local_control, loops_of_builds, wire_modes
 from suspension_cli.physics.thermal_noise import compute_densities
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.scene.arrays import Array
@@ -38,8 +38,11 @@ from suspension_cli.studies.job import nominal_system
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Inexact, Int
 
+    from suspension_cli.linear.statespace import Poles
     from suspension_cli.linear.system import LinearSystem
     from suspension_cli.physics.closed_loop import DampedModes
+    from suspension_cli.physics.local_control import Plant
+    from suspension_cli.physics.loops_of_builds import ClosedBuilds
 
 Part = tuple["Int[np.ndarray, ' place']", "Solved"]
 """Places in a batch, and the designs there, solved together."""
@@ -83,6 +86,7 @@ class Solved:
         self._solvers: dict[int, Solver] = {}
         self._shifts: dict[tuple[str, int], Array] = {}
         self._followed: dict[str, Array] = {}
+        self._closed_loops: dict[int, tuple[Plant, Poles]] = {}
 
     @classmethod
     def of_systems(cls, model: LinearSystem, design: Design, level: str) -> Solved:
@@ -90,9 +94,21 @@ class Solved:
         (count,) = model.batch
         status = np.full(count, builds.GOOD, dtype=np.uint8)
         wire = np.full(count, -1, dtype=np.int16)
-        mirrors = np.zeros((count, 2), dtype=bool)
-        found = Builds(model, status, wire, np.full(count, np.nan), mirrors)
+        found = Builds(model, status, wire, np.full(count, np.nan), (False, False))
         return cls([design] * count, found, level, Needs(), lambda _: iter(()))
+
+    def with_loops(self, designs: Sequence[Design]) -> Solved:
+        """Take other loops of local control on the same mechanics, which are solved once."""
+        made = Solved(
+            designs,
+            self.found,
+            self.level,
+            self.needs,
+            self._balance_again,
+            exact_modes=self.exact_modes,
+        )
+        made._solvers = self._solvers
+        return made
 
     @property
     def count(self) -> int:
@@ -247,6 +263,16 @@ class Solved:
             self._solvers[number] = Solver(made)
         return self._solvers[number]
 
+    def closed_loops(self, number: int) -> tuple[Plant, Poles]:
+        """Loops of one design on its linear system, and its closed-loop poles.
+
+        Raises `InputError` if it does not balance, or if a pole is lost.
+        """
+        if number not in self._closed_loops:
+            plant = local_control.build_plant(self.designs[number], self.solver(number))
+            self._closed_loops[number] = plant, closed_loop.find_poles(plant)
+        return self._closed_loops[number]
+
     def shifts_from(self, old: Solved, number: int) -> Float[np.ndarray, " mode"]:
         """Relative changes of the modes of one design from another model to this one.
 
@@ -291,20 +317,60 @@ class Solved:
         return self.each(compute, len(motions), len(frequency))
 
     @cached_property
+    def _closed_builds(self) -> list[ClosedBuilds]:
+        """Builds of one design with its loops closed, by number among the designs that hang."""
+        hung = np.flatnonzero(self.hangs)
+        same = len({id(design) for design in self.designs}) == 1
+        if not len(hung) or not same or self.found.scene is None:
+            return []
+        with np.errstate(all="ignore"):
+            return loops_of_builds.close_builds(self.found.model.select(hung), self.designs[0])
+
+    @cached_property
     def damped_modes(self) -> list[DampedModes | None]:
         """Modes of each design with all losses, dampers and loops; None of those that fail."""
         found: list[DampedModes | None] = [None] * self.count
-        for n in np.flatnonzero(self.hangs).tolist():
-            with contextlib.suppress(InputError):
-                found[n] = closed_loop.solve_modes(self.solver(n), self.designs[n])
+        hung = np.flatnonzero(self.hangs).tolist()
+        for part in self._closed_builds:
+            for number, modes in part.modes().items():
+                found[hung[number]] = modes
+        for n in hung:
+            if found[n] is None:
+                with contextlib.suppress(InputError):
+                    found[n] = closed_loop.solve_modes(self.solver(n), self.designs[n])
         return found
 
-    @cached_property
+    @property
+    def is_stable_closed(self) -> Float[np.ndarray, " design"]:
+        """Whether each design is stable with its loops closed: 1 or 0; NaN of those that fail."""
+        return self._stable_and_margins[0]
+
+    @property
     def margins(self) -> Float[np.ndarray, "design loop margin"]:
         """Margins of each loop (`closed_loop.MARGINS`); NaN if the closed loop is unstable."""
+        return self._stable_and_margins[1]
+
+    @cached_property
+    def _stable_and_margins(
+        self,
+    ) -> tuple[Float[np.ndarray, " design"], Float[np.ndarray, "design loop margin"]]:
+        """See `is_stable_closed` and `margins`."""
         control = self.designs[0].control
-        count = 0 if control is None else len(control.loop)
-        return self.each(closed_loop.compute_margins, count, len(closed_loop.MARGINS))
+        loops = 0 if control is None else len(control.loop)
+        stable = np.full(self.count, np.nan)
+        margins = np.full((self.count, loops, len(closed_loop.MARGINS)), np.nan)
+        hung = np.flatnonzero(self.hangs)
+        for part in self._closed_builds:
+            known = np.flatnonzero(part.poles.known & ~part.poles.stable)
+            stable[hung[part.number[known]]] = 0.0
+            number, values = part.margins()
+            stable[hung[number]] = 1.0
+            margins[hung[number]] = values
+        for n in hung[np.isnan(stable[hung])].tolist():
+            with contextlib.suppress(InputError):  # a search that found nothing
+                design = self.designs[n]
+                stable[n], margins[n] = closed_loop.compute_margins(self.solver(n), design)
+        return stable, margins
 
     @property
     def equilibrium(self) -> Equilibrium:

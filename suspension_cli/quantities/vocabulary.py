@@ -47,6 +47,14 @@ def parse(text: str, names: Names, option: str = "--result") -> Quantity:
     raise InputError.of(option, "is no quantity of this design", remedy, format_value(text))
 
 
+def demand_derivative(quantity: Quantity, option: str) -> None:
+    """Raise `InputError`, which names the `option`, if a quantity jumps between values."""
+    if quantity.jumps:
+        remedy = "take 'margin loops.distance', which is 0 at the limit of stability"
+        problem = "is 0 or 1, so that it has no derivative"
+        raise InputError.of(option, problem, remedy, format_value(quantity.text))
+
+
 def _in_design(example: str, names: Names) -> str:
     """Write an example of a name with the first stage and the mirror of a design."""
     own = {"upper": names.design.stage[0].name, "test": mirror(names.design)}

@@ -21,7 +21,7 @@ from suspension_cli.linear import batch_modes
 from suspension_cli.linear.response import transfer_builds
 from suspension_cli.linear.signals import Signal, linear_form
 from suspension_cli.linear.statespace import ROUNDING, with_states
-from suspension_cli.linear.symmetry import is_mirror_symmetric
+from suspension_cli.linear.symmetry import is_symmetric_in
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.terms import TermWithStates
 from suspension_cli.models import registry
@@ -70,14 +70,15 @@ class Builds:
     """Balanced builds, along the first axis of their model, which is valid where `GOOD`.
 
     `wire` is the first slack wire, or -1; `residual` the largest residual force, relative to the
-    weight; `mirrors` says whether a build is symmetric when x, or y, is mirrored.
+    weight; `mirrors` says whether builds may be symmetric when x, or y, is mirrored: without a
+    scene all of them are.
     """
 
     model: LinearSystem
     status: Int[np.ndarray, " build"]
     wire: Int[np.ndarray, " build"]
     residual: Float[np.ndarray, " build"]
-    mirrors: Bool[np.ndarray, "build 2"]
+    mirrors: tuple[bool, bool]
     scene: Scene | None = None
     equilibrium: Equilibrium | None = None
 
@@ -85,6 +86,20 @@ class Builds:
     def pose(self) -> Pose | None:
         """Poses in equilibrium."""
         return None if self.equilibrium is None else self.equilibrium.pose
+
+    def is_symmetric_in(self, axis: int) -> Bool[np.ndarray, " build"]:
+        """Whether each build is symmetric in x (axis 0) or y (1)."""
+        if axis not in self._symmetric:
+            known = np.full(self.status.shape, self.mirrors[axis])
+            if self.mirrors[axis] and self.scene is not None:
+                known = is_symmetric_in(self.scene, axis)
+            self._symmetric[axis] = known
+        return self._symmetric[axis]
+
+    @cached_property
+    def _symmetric(self) -> dict[int, Bool[np.ndarray, " build"]]:
+        """Symmetries that were asked for, by axis."""
+        return {}
 
     @property
     def outcome(self) -> dict[str, np.ndarray]:
@@ -148,7 +163,7 @@ def balance(
     if model.orientation is None:  # no body of the batch is turned
         model = replace(model, orientation=found.pose.rotation)
     # the height of a mirror turns the axis of its cavity, as its pitch does
-    mirrors = is_mirror_symmetric(scene) & [not design.cavity, True]
+    mirrors = not design.cavity, True
     return Builds(model, status, wire, found.residual, mirrors, scene, found)
 
 
@@ -252,7 +267,7 @@ def transfer(
         result[np.ix_(*map(list, places))] = found
     for o, out in enumerate(outputs):
         for i, into in enumerate(inputs):
-            none = forbidden(builds.mirrors, out, into) & (builds.status == GOOD)
+            none = forbidden(builds, out, into) & (builds.status == GOOD)
             result[none, :, o, i] = 0.0
     return result
 
@@ -310,13 +325,11 @@ def count_failures(
     }
 
 
-def forbidden(
-    mirrors: Bool[np.ndarray, "*batch 2"], out: Signal, into: Signal
-) -> Bool[np.ndarray, "*batch"]:
+def forbidden(builds: Builds, out: Signal, into: Signal) -> Bool[np.ndarray, " build"]:
     """Find builds in which two signals have opposite parity under a mirror, so no response."""
-    result = np.zeros(mirrors.shape[:-1], dtype=bool)
+    result = np.zeros(builds.status.shape, dtype=bool)
     for axis, parity in enumerate((PARITY_X, PARITY_Y)):
         on_plane = out.point[axis] == 0 and into.point[axis] == 0
         if on_plane and parity[out.dof] != parity[into.dof]:
-            result |= mirrors[..., axis]
+            result |= builds.is_symmetric_in(axis)
     return result

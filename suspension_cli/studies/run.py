@@ -35,6 +35,7 @@ from suspension_cli.files.mapped_arrays import new_array, release
 from suspension_cli.files.whole_files import is_regular, lock, remove_leftovers, writing_to
 from suspension_cli.studies import chunks
 from suspension_cli.studies.chunks import Columns
+from suspension_cli.studies.interpolated import InterpolatedMap
 from suspension_cli.version import __version__
 
 SIGNALS_APART = 1.0
@@ -275,8 +276,11 @@ def _lock(stream: TextIO, path: Path) -> None:
 def _here(job: Job, ranges: list[Range], workers: int | None) -> Results:
     """Compute in this process, and on as many as there are cores if the rest takes long.
 
-    The first range does not count, as modules are imported for it.
+    The first range does not count, as modules are imported for it. An interpolated map is evaluated
+    in less time than other processes take to start.
     """
+    if isinstance(job, InterpolatedMap):
+        workers = 1
     if workers is not None and workers > 1 and len(ranges) > 1:
         yield from _on_processes(job, ranges, workers)
         return

@@ -153,9 +153,8 @@ def _balanced_symmetric(
             builds.mark_driven(status, system)
         upright = np.broadcast_to(np.eye(3), (count, len(system.body) + 1, 3, 3))
         wire = np.full(count, -1, dtype=np.int16)
-        mirrors = np.ones((count, 2), dtype=bool)
         system = replace(system, orientation=upright)
-        found = Builds(system, status, wire, np.zeros(count), mirrors)
+        found = Builds(system, status, wire, np.zeros(count), (True, True))
         yield found, np.array([n for n, _ in members])
 
 

@@ -16,6 +16,7 @@ import pytest
 
 from suspension_cli.analyses.compare import solve as compare
 from suspension_cli.analyses.export import file as export
+from suspension_cli.analyses.fit.osem_matrices import OsemFit
 from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.modes import picture
 from suspension_cli.cli.main import COMMANDS, main
@@ -485,6 +486,7 @@ def declared_datasets(kind: type, folder: str = "", dims: str = "") -> Iterator[
     [
         ("Group compare", compare.Comparison),
         ("Transfer functions of a fit", ResponseFit),
+        ("Matrices of a fit", OsemFit),
     ],
 )
 def test_datasets_that_no_command_of_this_file_writes(section, kind):

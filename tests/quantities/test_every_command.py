@@ -12,7 +12,7 @@ import suspension_cli as sus
 from suspension_cli.quantities import vocabulary
 from suspension_cli.studies import parameters
 from tests.analyses.tolerance.test_tolerance import job_of, perturbations
-from tests.support.printed_quantities import EXAMPLES, Example
+from tests.support.printed_quantities import EXAMPLES, SINGLE, Example
 
 pytestmark = pytest.mark.filterwarnings("ignore::suspension_cli.errors.PendsusWarning")
 
@@ -31,6 +31,10 @@ ROUNDING = 1e-4
 """Change of a quantity by the rounding of found numbers: a tenth of `--tolerance` of optimise."""
 
 every_example = pytest.mark.parametrize("example", EXAMPLES, ids=lambda one: one.name)
+STEPS = ("stable",)
+"""Quantities that jump between values, and are refused where derivatives are needed."""
+SMOOTH = [one for one in EXAMPLES if one.name not in STEPS]
+every_smooth_example = pytest.mark.parametrize("example", SMOOTH, ids=lambda one: one.name)
 
 
 @cache
@@ -64,7 +68,8 @@ def test_sweep(example):
     )
     assert found.nominal[0] == pytest.approx(printed(example), rel=example.accuracy)
     assert found.value[0, 0] == pytest.approx(printed(example, value), rel=example.accuracy)
-    assert abs(printed(example) / printed(example, value) - 1) > 10 * example.accuracy
+    changed = pytest.approx(printed(example, value), rel=10 * example.accuracy, abs=0.0)
+    assert printed(example) != changed
 
 
 @every_example
@@ -86,7 +91,7 @@ def test_requirement(example):
     assert verdict.value == pytest.approx(printed(example), rel=OTHER_MODEL)
 
 
-@every_example
+@every_smooth_example
 def test_sensitivity(example):
     path, _ = example.number
     value = given(example)
@@ -98,7 +103,7 @@ def test_sensitivity(example):
     assert found.derivative[0, 0] == pytest.approx((high - low) / (2 * STEP * value), rel=1e-3)
 
 
-@every_example
+@every_smooth_example
 def test_optimise(example, tmp_path):
     """The nearest design that meets a limit between the value at the start and another."""
     path, value = example.number
@@ -119,7 +124,7 @@ def test_optimise(example, tmp_path):
     assert abs(again) == pytest.approx(limit, rel=ROUNDING + 3 * example.accuracy)
 
 
-@every_example
+@every_smooth_example
 def test_fit(example, tmp_path):
     """The number follows from the measured value of a design that has another one."""
     path, value = example.number
@@ -159,5 +164,23 @@ def test_tolerance(example):
     place = 2 if example.name == "3" else found.quantity.index(example.name)
     expected = [example.printed(build) for build in builds_of(text)]
     assert found.sample[:, place] == pytest.approx(expected, rel=example.accuracy)
-    if not example.name.startswith("temperature"):  # heat flows as in the nominal build
+    same = example.name in STEPS or example.name.startswith("temperature")
+    if not same:  # heat flows as in the nominal build
         assert expected[0] != expected[1]
+
+
+def test_a_quantity_that_jumps_is_refused_where_derivatives_are_needed(tmp_path):
+    design = sus.parse(SINGLE)
+    free = '[[free]]\nname = "control.loop.x.damper"\nlower = 1.0\nupper = 9.0\n'
+    goals = tmp_path / "goals.toml"
+    goals.write_text('[[requirement]]\nquantity = "stable"\nat_least = 1\n' + free)
+    measured = tmp_path / "measured.toml"
+    quantity = '[[quantity]]\nname = "stable"\nvalue = 1.0\nuncertainty = 0.1\n'
+    measured.write_text(quantity + '[[parameter]]\nname = "control.loop.x.damper"\n')
+    for run in (
+        lambda: sus.optimise(design, goals),
+        lambda: sus.fit(measured, design),
+        lambda: sus.sensitivity(design, results=["stable"]),
+    ):
+        with pytest.raises(sus.InputError, match="is 0 or 1, so that it has no derivative"):
+            run()

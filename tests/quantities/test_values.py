@@ -292,6 +292,7 @@ def test_a_search_sees_no_jump_where_modes_exchange_their_character(name):
         ("sag of test wires", "is a quantity of blades"),
         ("margin pitch.size", "is no margin; write margin LOOP.gain|phase|delay|distance"),
         ("margin nothing.gain", "names no loop"),
+        ("stable loops", "is no quantity of this design; did you mean 'stable'?"),
         ("top fraction of tset pitch", "is the label of no mode; did you mean 'test pitch'?"),
         ("fraction of pitch in test yaw", "names no motion of a stage"),
         ("fraction of test pitch", "names no mode; write fraction of test pitch in MODE"),

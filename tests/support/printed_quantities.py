@@ -294,6 +294,13 @@ EXAMPLES = (
         accuracy=3e-4,
     ),
     Example(
+        "stable",
+        "stable",
+        ("control.loop.x.damper", -2.0),
+        lambda design: float(sus.damp(design, fidelity="string").stable),
+        fidelity="string",
+    ),
+    Example(
         "margin LOOP.gain|phase|delay|distance",
         "margin x.delay",
         MASS,

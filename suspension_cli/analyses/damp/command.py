@@ -37,28 +37,37 @@ DESIGNING = (
     option(
         "--design",
         "method",
-        type=click.Choice(["lqg"]),
-        help="Find the filters of loops first: lqg damps all modes within --settling, with the"
-        " least noise of the sensor. Writes the design with them to DIR/NAME-lqg.toml.",
+        type=click.Choice(["lqg", "h2", "hinf", "blend"]),
+        help="Find the filters of loops first, which damp all modes within --settling, with the"
+        " largest margins to the design's [[requirement]] tables, or without any the least noise of"
+        " the sensor: lqg least squares with a prescribed decay, h2 without it, hinf H-infinity;"
+        " or blend the filters of blends of two sensors, from their noise. Writes the design with"
+        " them to DIR/NAME-lqg.toml, ...",
     ),
     option(
         "--redesign",
         "redesigned",
         multiple=True,
         metavar="NAME",
-        help="Loop whose filter is found (repeatable).  [default: all, in their order]",
+        help="Loop, or blend, whose filter is found (repeatable).  [default: all, in their order]",
+    ),
+    option(
+        "--order",
+        type=click.IntRange(1, 8),
+        default=3,
+        help="Poles of the fitted ratio of two noises, for --design blend, whose filters have up to"
+        " twice as many.",
     ),
     option(
         "--settling",
         type=click.FloatRange(1e-3, 1e6),
-        default=10.0,
-        help="Longest time, s, in which the amplitude of a mode falls to 1/e, for --design.",
+        help="Longest time, s, in which the amplitude of a mode falls to 1/e, for --design."
+        "  [default: as required, else 10]",
     ),
     option(
         "--sensitivity",
         type=click.FloatRange(1.0, 100.0, min_open=True),
-        default=2.0,
-        help="Largest magnitude of the sensitivity, for --design.",
+        help="Largest magnitude of the sensitivity, for --design.  [default: as required, else 2]",
     ),
     option(
         "--quiet-at",
@@ -72,6 +81,14 @@ DESIGNING = (
         type=click.FloatRange(1e-3, 1e5),
         default=10.0,
         help="Frequency in Hz up to which modes are damped, for --design.",
+    ),
+    option(
+        "--reached",
+        type=click.FloatRange(1e-9, 1.0, max_open=True),
+        default=1e-4,
+        help="Response of a mode to the loop's force, over that of the strongest mode, from which"
+        " the loop has to damp it, for --design: 0.01 leaves modes of coupled motions to their own"
+        " loops.",
     ),
 )
 
@@ -149,7 +166,8 @@ class DampAnalysis(Analysis):
         if run.design.control is not None:
             known = [loop.name for loop in run.design.control.loop]
             _chosen(run.setting["loops"], known)
-            _chosen(run.setting["redesigned"], known, "--redesign")
+            if run.setting["method"] != "blend":
+                _chosen(run.setting["redesigned"], known, "--redesign")
         return solve.close_loops(self, run)
 
     def others(self, result: Damped, path: Path) -> list[Path]:
@@ -158,8 +176,9 @@ class DampAnalysis(Analysis):
 
         design = result.run.design
         written = []
-        if result.designed:
-            written.append(path.with_name(f"{design.stem()}-lqg.toml"))
+        if result.designed or result.blends:
+            method = result.run.options["method"]
+            written.append(path.with_name(f"{design.stem()}-{method}.toml"))
             whole_files.write_bytes(written[-1], design.text.encode())
         if result.run.options.get("foton"):
             written.append(path.with_name(f"{design.stem()}-foton.txt"))
@@ -202,7 +221,7 @@ class DampAnalysis(Analysis):
                 size = "grows"
             rows.append((frequency, size, state + (f", {rate:.4g} 1/s" if rate else "")))
         columns = {"closed-loop pole\nHz": "#.5g", "Q": ".4g", "largest in": ""}
-        lines += [result.run.choice.line, "", *_designed(result)]
+        lines += [result.run.choice.line, "", *_designed(result), *_blends(result)]
         lines += [tables.render(columns, rows), ""]
         lines += _matrices(result)
         if result.margin is None:
@@ -292,6 +311,52 @@ def _designed(result: Damped) -> Iterator[str]:
             one.left_out,
         )
         for one in result.designed
+    ]
+    yield tables.render(columns, rows)
+    yield ""
+    if not result.required:
+        return
+    columns = {"": "", "value": ".4g", "unit": "", "margin\n%": "+.3g", "requirement": ""}
+    rows = [
+        (
+            "met" if one.met else "NOT met",
+            "none" if math.isnan(one.value) else one.value,
+            one.unit,
+            100 * one.margin,
+            one.requirement,
+        )
+        for one in result.required
+    ]
+    yield tables.render(columns, rows)
+    yield ""
+
+
+def _blends(result: Damped) -> Iterator[str]:
+    """Tabulate complementary filters that were found."""
+    if not result.blends:
+        return
+    columns = {
+        "blend found": "",
+        "filter K": "",
+        "1 - K": "",
+        "alike at\nHz": ".3g",
+        "bound": ".4g",
+        "poles": "",
+        "error of fit\n%": ".2g",
+        "largest ratio": ".4g",
+    }
+    rows = [
+        (
+            one.blended,
+            one.first,
+            one.second,
+            one.crossing,
+            one.bound,
+            one.poles,
+            100 * one.misfit,
+            one.largest,
+        )
+        for one in result.blends
     ]
     yield tables.render(columns, rows)
     yield ""

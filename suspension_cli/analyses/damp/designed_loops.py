@@ -11,8 +11,11 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
+from suspension_cli.analyses.damp.filter_keys import as_keys
+from suspension_cli.analyses.damp.required_margins import LoopRequirements, list_results
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import reader
 from suspension_cli.design.derive import mirror
@@ -21,12 +24,16 @@ from suspension_cli.linear import signals
 from suspension_cli.physics import local_control, model_choice, optimal_loops
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from suspension_cli.analyses.analysis import Run
+    from suspension_cli.analyses.damp.required_margins import RequiredResult
     from suspension_cli.design.foton import Filter
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
+
+SETTLING = 10.0
+"""Longest settling time, s, unless the design requires one."""
+SENSITIVITY = 2.0
+"""Largest magnitude of the sensitivity, unless the design requires a distance from -1."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +69,11 @@ class DesignedLoop:
     left_out: str
 
 
-def solve(run: Run) -> tuple[Run, tuple[DesignedLoop, ...]]:
-    """Find filters of some loops, one after the other; return the run of the design with them."""
+def solve(run: Run) -> tuple[Run, tuple[DesignedLoop, ...], tuple[RequiredResult, ...] | None]:
+    """Find filters of some loops, one after the other.
+
+    Returns the run of the design with them, what they do, and how the design meets requirements.
+    """
     setting = run.setting
     local_control.demand_loops(run.design)
     choice, model = model_choice.for_modes(
@@ -74,19 +84,23 @@ def solve(run: Run) -> tuple[Run, tuple[DesignedLoop, ...]]:
     control = run.design.control
     assert control is not None
     names = [loop.name for loop in control.loop]
+    required = LoopRequirements.of(run.source, choice.level, run.log)
     source = run.source
     done = []
     for name in setting["redesigned"] or names:
         number = names.index(name)
         output = setting["output"] or _motion_along(source.design, number)
+        margins = partial(required.margins, source.design, number)
         wanted = optimal_loops.Wanted(
-            settling=setting["settling"],
-            sensitivity=setting["sensitivity"],
+            settling=setting["settling"] or required.settling or SETTLING,
+            sensitivity=setting["sensitivity"] or required.sensitivity(number) or SENSITIVITY,
             output=output,
             quiet_at=setting["quiet_at"],
             highest=setting["highest"],
+            reached=setting["reached"],
+            margins=margins if required.requirements else None,
         )
-        found = optimal_loops.solve(source.design, model, number, wanted)
+        found = optimal_loops.solve(source.design, model, number, wanted, setting["method"])
         source = with_filter(source, number, found.filter)
         done.append(
             DesignedLoop(
@@ -101,7 +115,8 @@ def solve(run: Run) -> tuple[Run, tuple[DesignedLoop, ...]]:
                 left_out=", ".join(f"{one:.4g}" for one in found.left_out),
             )
         )
-    return replace(run, source=source), tuple(done)
+    results = list_results(required.judge(source.design))
+    return replace(run, source=source), tuple(done), results
 
 
 def _motion_along(design: Design, number: int) -> str:
@@ -109,12 +124,6 @@ def _motion_along(design: Design, number: int) -> str:
     assert design.control is not None
     force = design.control.loop[number].actuator.partition("@")[0].rpartition(".")[2]
     return f"{mirror(design)}.{DOFS[signals.FORCES.index(force)]}"
-
-
-def _as_keys(roots: Sequence[complex]) -> list[float | list[float]]:
-    """Write roots in Hz as in a design: numbers, and [re, im] for conjugate pairs."""
-    upper = [root for root in roots if root.imag >= 0]
-    return [[root.real, root.imag] if root.imag else root.real for root in upper]
 
 
 def with_filter(source: Source, number: int, made: Filter) -> Source:
@@ -129,6 +138,5 @@ def with_filter(source: Source, number: int, made: Filter) -> Source:
     loops[number] |= {"filter": "gain(1)"}
     bare = reader.replaced(source, {"control.loop": loops})
     del loops[number]["filter"]
-    roots = {"zeros": _as_keys(made.zeros), "poles": _as_keys(made.poles)}
-    loops[number] |= {"gain": made.gain} | roots
+    loops[number] |= {"gain": made.gain} | as_keys(made)
     return reader.replaced(bare, {"control.loop": loops})

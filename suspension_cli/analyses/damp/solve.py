@@ -20,8 +20,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from suspension_cli.analyses.damp import designed_loops
+from suspension_cli.analyses.damp import designed_blends, designed_loops
+from suspension_cli.analyses.damp.designed_blends import DesignedBlend
 from suspension_cli.analyses.damp.designed_loops import DesignedLoop
+from suspension_cli.analyses.damp.required_margins import RequiredResult
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS, SUPPORT
 from suspension_cli.design.derive import mirror
@@ -44,6 +46,8 @@ if TYPE_CHECKING:
     from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.scene.arrays import Array
 
+BLEND = "blend"
+"""Value of --design that finds filters of sensors, not of loops."""
 SAMPLES = 4001
 """Number of times of impulse responses."""
 
@@ -83,7 +87,7 @@ class LocalControl:
         rows={"loop": "margins"},
         names={"closed": "poles", "drive": "impulse"},
         without="open time impulse undamped sensor noise gain",
-        sparse="osems designed",
+        sparse="osems designed required blends",
     )
     loop: tuple[str, ...]
     open: Poles
@@ -135,6 +139,10 @@ class Damped(Record, LocalControl):
         Loop gains at more frequencies, which resolve resonances, for the picture.
     designed
         What filters that were found do; None if none was asked for.
+    required
+        How the design with them meets its requirements on loops; None without any.
+    blends
+        What complementary filters that were found do; None if none were asked for.
     """
 
     fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
@@ -142,6 +150,8 @@ class Damped(Record, LocalControl):
     )
     fine: Complex[np.ndarray, "fine_frequency loop"] | None = None
     designed: tuple[DesignedLoop, ...] | None = field(default=None, metadata=along("redesigned"))
+    required: tuple[RequiredResult, ...] | None = field(default=None, metadata=along("requirement"))
+    blends: tuple[DesignedBlend, ...] | None = field(default=None, metadata=along("blended"))
 
     @property
     def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency l"]]:
@@ -155,8 +165,12 @@ def close_loops(analysis: Analysis, run: Run) -> Damped:
     """Close all loops of a design, and add what its picture needs."""
     setting = run.setting
     designed = None
-    if setting["method"]:
-        run, designed = designed_loops.solve(run)
+    required = None
+    blends = None
+    if setting["method"] == BLEND:
+        run, blends = designed_blends.solve(run)
+    elif setting["method"]:
+        run, designed, required = designed_loops.solve(run)
     choice, model = model_choice.for_modes(
         run.source, setting["fidelity"], setting["tolerance"], massless=True
     )
@@ -170,7 +184,7 @@ def close_loops(analysis: Analysis, run: Run) -> Damped:
     if not found.stable and designed:
         problem = f"the loops that were found are unstable in the {choice.level} model"
         remedy = "find them one by one (--redesign), or allow a longer --settling"
-        raise InputError.of("--design", f"{problem}: {found.growth}", remedy, "lqg")
+        raise InputError.of("--design", f"{problem}: {found.growth}", remedy, setting["method"])
     if not found.stable:
         run.log.warn(f"the closed loop is unstable: {found.growth}")
     plant = local_control.build_plant(run.design, model)
@@ -182,7 +196,8 @@ def close_loops(analysis: Analysis, run: Run) -> Damped:
     curve = add_from_model(lambda: (gains, no_modes), frequency, found.gain[:, None])
     origin = run.origin(analysis, choice)
     curves = {"fine_frequency": curve[0], "fine": curve[1][:, 0]}
-    return Damped.extending(found, **curves, designed=designed, run=origin)
+    made = {"designed": designed, "required": required, "blends": blends}
+    return Damped.extending(found, **curves, **made, run=origin)
 
 
 def _push_along(output: str, model: LinearSystem) -> str:

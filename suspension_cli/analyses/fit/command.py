@@ -36,16 +36,18 @@ class FitAnalysis(Analysis):
     uncertainties or files of transfer functions. To fit several designs together, leave DESIGN out:
     MEASURED names the designs, and the free numbers that they share. Writes DIR/NAME-fit.h5 and
     .png, and each fitted design as DIR/NAME-fitted.toml. NAME is that of the design; for several
-    designs it is the stem of MEASURED, followed by the experiment's name for fitted designs.
+    designs it is the stem of MEASURED, followed by the experiment's name for fitted designs. With
+    --matrices the fitted design has the measured sensing and driving of its OSEMs.
 
     Example: pendsus fit my.toml measured.toml
+    Example: pendsus fit my.toml measured.toml --matrices
 
     Returns
     -------
     Fit
         With `name`, `value`, `sigma`, `covariance`, `residual`, ...; for transfer functions
-        `responses`. `design` is the fitted design (of several experiments the first of `designs`),
-        `run.design` the one as given.
+        `responses`, with `--matrices` `matrices`. `design` is the fitted design (of several
+        experiments the first of `designs`), `run.design` the one as given.
 
     Raises
     ------
@@ -107,6 +109,14 @@ class FitAnalysis(Analysis):
                 " to make next."
             ),
         ),
+        option(
+            "--matrices",
+            is_flag=True,
+            help=(
+                "Instead of parameters, find the sensing and driving matrices of the OSEMs of a"
+                " stage, from transfer functions of all its sensors to all its coils."
+            ),
+        ),
         options.ACCURACY,
         *options.WRITING,
     )
@@ -136,7 +146,7 @@ class FitAnalysis(Analysis):
 
     def solve(self, run: Run) -> Fit:
         """Fit all designs together."""
-        from suspension_cli.analyses.fit import findings
+        from suspension_cli.analyses.fit import findings, matrix_fit
         from suspension_cli.analyses.fit import solve as fit
         from suspension_cli.analyses.fit.result import Fit
         from suspension_cli.models import registry
@@ -147,23 +157,31 @@ class FitAnalysis(Analysis):
         file = run.inputs["file"]
         joint = given.experiment is not None
         designs = tuple(one.file for one in sources)
-        if not given.parameter:
+        matrices = run.setting["matrices"]
+        if matrices:
+            with attribute_faults_to(file):
+                matrix_fit.demand_functions_alone(given)
+        elif not given.parameter:
             run.log.say(
                 "no [[parameter]] is given: lengths, masses and stiffnesses of the design are free,"
                 " with priors of usual building errors"
             )
         with attribute_faults_to(file):
             choices = _choose_models(run.setting["fidelity"], sources, given)
+        functions = run.inputs.get("functions", ())
         with attribute_faults_to(file), run.log.progress() as bar:
-            found = fit.solve(
-                [one.text for one in sources],
-                given,
-                designs,
-                run.inputs.get("functions", ()),
-                level=choices[0].level,
-                **{name: run.setting[name] for name in ("starts", "seed", "explain")},
-                tell=bar,
-            )
+            if matrices:
+                found = matrix_fit.fit_design(sources[0], functions, choices[0].level)
+            else:
+                found = fit.solve(
+                    [one.text for one in sources],
+                    given,
+                    designs,
+                    functions,
+                    level=choices[0].level,
+                    **{name: run.setting[name] for name in ("starts", "seed", "explain")},
+                    tell=bar,
+                )
         for source, one in zip(sources, choices, strict=True):
             model_choice.warn_of_neglected(source, one, run.log, (registry.BEAM,))
         choice = max(choices, key=lambda one: -1.0 if math.isnan(one.error) else one.error)
@@ -207,9 +225,11 @@ class FitAnalysis(Analysis):
 
     def figures(self, result: Fit, setting: Settings) -> dict[str, Figure]:
         """Draw modes before and after, and fitted numbers."""
-        from suspension_cli.analyses.fit import picture
+        from suspension_cli.analyses.fit import osem_picture, picture
 
         title = f"{result.title} · {result.run.model} model"
+        if result.matrices is not None:
+            return {"": osem_picture.draw(result, result.matrices, title)}
         pages = {"": picture.draw(result, title)}
         if result.responses is not None:
             pages["-responses"] = picture.draw_responses(result.responses, title)

@@ -9,6 +9,7 @@ import numpy as np
 
 from suspension_cli.analyses import tables
 from suspension_cli.analyses.analysis import Document
+from suspension_cli.analyses.fit import osem_report
 from suspension_cli.analyses.fit.printed_parameters import change_unit, short
 from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.fit.result import SAME, Fitted
@@ -25,6 +26,8 @@ LINES = 10
 
 def first_lines(found: Fitted) -> list[str]:
     """Return lines on a misfit, on wrong channels, and on values far from their priors."""
+    if found.matrices is not None:
+        return osem_report.first_lines(found, found.matrices)
     lines = []
     if found.unlikely:
         lines += [_misfit(found), _remedy(found)]
@@ -97,6 +100,8 @@ def _remedy(found: Fitted) -> str:
 
 def report(found: Fitted) -> str:
     """Return the text below the line on the model."""
+    if found.matrices is not None:
+        return "\n\n".join(osem_report.report(found, found.matrices))
     responses = found.responses
     parts = [first_lines(found), [_parameters(found)]]
     if found.label:
@@ -273,6 +278,10 @@ def fitted_design(found: Fitted, number: int, file: str, measured: str, command:
     others = ", ".join(name for n, name in enumerate(found.experiment) if n != number)
     together = f" together with {others}" if others else ""
     head = [f"{file}, fitted to {measured}{together} by pendsus {__version__}:"]
+    if found.matrices is not None:
+        head += first_lines(found)
+        chi_squared = f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"
+        return headed([*head, f"  {command}", chi_squared], found.toml[number])
     head += ["MISFIT: these parameters do not explain the measurements"] * found.unlikely
     head += ["MISFIT: these parameters contradict their priors"] * found.unlikely_priors
     if found.responses is not None:
@@ -305,6 +314,8 @@ def document(found: Fitted, files: Sequence[str | None]) -> Document:
         "far_from_priors": [{"name": name, "sigmas": by} for name, by in found.far],
         "exchange": exchange,
     }
+    if found.matrices is not None:
+        made["matrices"] = documents.document(found.matrices)
     return made if found.responses is None else made | _response_document(found.responses)
 
 

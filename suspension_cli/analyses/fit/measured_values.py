@@ -49,7 +49,9 @@ def look_up(
     def find(pair: tuple[int, MeasuredQuantity]) -> Quantity:
         number, one = pair
         key = f"{where}quantity.{number}.name"
-        return vocabulary.parse(one.name, names, key)
+        found = vocabulary.parse(one.name, names, key)
+        vocabulary.demand_derivative(found, key)
+        return found
 
     return tuple(gather(find, list(enumerate(measured, 1))))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from suspension_cli.analyses.fit.explanations import Exchange
+from suspension_cli.analyses.fit.osem_matrices import OsemFit
 from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.record import Record
 from suspension_cli.design import reader
@@ -73,6 +74,8 @@ class Fitted:
         Title of the design, or of the measurements of several designs.
     responses
         Fit of transfer functions; None if none were measured.
+    matrices
+        Sensing and driving matrices; None if not asked for.
     """
 
     in_json: ClassVar = Layout(
@@ -95,7 +98,7 @@ class Fitted:
             "prior_chi_squared": "chi_squared_of_priors",
         },
         without=(
-            "experiment shared covariance direction exchange responses toml design_before"
+            "experiment shared covariance direction exchange responses matrices toml design_before"
             " measurements title stem joint design_file measured_file other_parameter other_unit"
         ),
         also="prior_chi_squared",
@@ -146,6 +149,7 @@ class Fitted:
     measurements: str = ""
     title: str = ""
     responses: ResponseFit | None = None
+    matrices: OsemFit | None = None
 
     @property
     @derived(along="parameter")

@@ -240,6 +240,7 @@ class _Made:
         self._add_limits(target, limits, limits.note or target.text)
 
     def _add(self, target: Target, key: str) -> None:
+        vocabulary.demand_derivative(target.quantity, key)
         self.weight.setdefault(target, 0.0)
         self.key.setdefault(target, key)
 

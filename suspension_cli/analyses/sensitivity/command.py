@@ -85,6 +85,7 @@ class SensitivityAnalysis(Analysis):
         from suspension_cli.models import registry
         from suspension_cli.models.choice import choose
         from suspension_cli.physics import model_choice
+        from suspension_cli.quantities import vocabulary
         from suspension_cli.quantities.differences import compare_designs
         from suspension_cli.quantities.kinds.modes import describe_shared_motions
         from suspension_cli.quantities.nominal_results import find_results
@@ -97,6 +98,8 @@ class SensitivityAnalysis(Analysis):
         names = names_of(source, log=run.log)
         models = model_choice.with_and_without_wire_mass(source)
         asked = find_results(setting["results"], names, source.text, models[-1].name)
+        for one in asked:
+            vocabulary.demand_derivative(one, "--result")
         choice = choose(
             source.design,
             wanted,

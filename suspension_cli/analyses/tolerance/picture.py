@@ -68,7 +68,7 @@ def draw(summary: Tolerance, title: str) -> Figure:
 
 
 def _requirements(summary: Tolerance) -> Iterator[Panel]:
-    """Make panels of quantities with requirements, of others asked for, and of the coupling."""
+    """Make panels of quantities with requirements, of others that vary, and of the coupling."""
     share = summary.good / summary.builds
     coupling = summary.coupling.name
     limits: dict[str, list[Band]] = {coupling: []}
@@ -80,6 +80,8 @@ def _requirements(summary: Tolerance) -> Iterator[Panel]:
     shown = {one.name: one for one in (*summary.required, *summary.others)}
     shown.pop(coupling, None)
     for name, one in shown.items():
+        if name not in lines and one.deviation == 0:
+            continue
         label = f"{name} ({one.displayed[0] or 'ratio'})"
         title = lines.get(name, [f"{name}: no limit"])
         valued = (summary.good - one.missing - one.infinite) / summary.builds

@@ -40,6 +40,7 @@ class Decay(Quantity):
     bends: ClassVar[bool] = True
     largest: ClassVar[float] = 1e15
     slow: ClassVar[bool] = True
+    of_loops: ClassVar[bool] = True
     missing = "has no such mode that oscillates and decays"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:

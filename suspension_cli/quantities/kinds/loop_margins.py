@@ -20,22 +20,58 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Margin(Quantity):
-    """A margin of one loop (`physics.margins.Margins`); of the gain the smaller one, up or down."""
+    """A margin of one loop (`physics.margins.Margins`); of the gain the smaller one, up or down.
 
-    loop: int
+    Without a loop it is the smallest of all.
+    """
+
+    loop: int | None
     which: str
 
     largest: ClassVar[float] = 1e3
     slow: ClassVar[bool] = True
+    of_loops: ClassVar[bool] = True
     missing = "has no margin: the closed loop is unstable"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Compute the margins of each design; infinite where nothing limits."""
-        return solved.margins[:, self.loop, list(MARGINS).index(self.which)]
+        found = solved.margins[:, :, list(MARGINS).index(self.which)]
+        return found.min(1) if self.loop is None else found[:, self.loop]
+
+
+@dataclass(frozen=True)
+class Stable(Quantity):
+    """Whether no pole grows with all loops closed: 1 or 0, so that its mean is a yield."""
+
+    slow: ClassVar[bool] = True
+    jumps: ClassVar[bool] = True
+    within: ClassVar[tuple[float, float]] = (0.0, 1.0)
+    missing = "has poles that were not found"
+
+    def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
+        """Find the poles of each design."""
+        return solved.is_stable_closed
+
+
+STABLE = "stable"
+"""Name of this quantity."""
+ALL = "loops"
+"""Stands for the loop with the smallest margin."""
+
+
+def parse_stable(text: str, names: Names, option: str) -> Quantity | None:
+    """Parse ``stable``."""
+    if text != STABLE:
+        return None
+    if names.design.control is None or not names.design.control.loop:
+        problem = "needs loops"
+        remedy = "give [[control.loop]] tables; pendsus modes tells whether a design hangs stably"
+        raise InputError.of(option, problem, remedy, format_value(text))
+    return Stable(text, "1")
 
 
 def parse(text: str, names: Names, option: str) -> Quantity | None:
-    """Parse ``margin pitch.gain``, ``.phase``, ``.delay`` and ``.distance``."""
+    """Parse ``margin pitch.gain``, ``.phase``, ``.delay``, ``.distance``; ``margin loops.gain``."""
     if not text.startswith("margin "):
         return None
     loop, _, which = text.removeprefix("margin ").rpartition(".")
@@ -44,6 +80,8 @@ def parse(text: str, names: Names, option: str) -> Quantity | None:
     if which not in MARGINS or not loop:
         remedy = f"write margin LOOP.{'|'.join(MARGINS)}"
         raise InputError.of(option, "is no margin", remedy, format_value(text))
+    if known and loop == ALL and loop not in known:
+        return Margin(text, MARGINS[which], None, which)
     if loop not in known:
         remedy = suggest(loop, known) if known else "give [[control.loop]] tables"
         raise InputError.of(option, "names no loop", remedy, format_value(text))
@@ -55,7 +93,14 @@ KINDS = (
         "margin LOOP.gain|phase|delay|distance",
         "margin pitch.gain",
         "dB, deg, s, 1",
-        "stability margin of a loop of local control, the others closed",
+        "stability margin of a loop, the others closed; the smallest of all: margin loops.gain",
         parse,
+    ),
+    Kind(
+        STABLE,
+        STABLE,
+        "1",
+        "1 if no pole grows with all loops closed, else 0",
+        parse_stable,
     ),
 )

@@ -6,6 +6,7 @@ loops closed. What moves the support is that of `[analysis.budget]`.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
@@ -16,9 +17,8 @@ import numpy as np
 from suspension_cli.errors import InputError, format_value, suggest
 from suspension_cli.linear import signals
 from suspension_cli.linear.signals import Signal
-from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
-from suspension_cli.physics import closed_loop, local_control, noise_budget
+from suspension_cli.physics import local_control, noise_budget
 from suspension_cli.physics.noise_budget import MotionBudget, Noises, Surroundings
 from suspension_cli.quantities.kind import Kind
 from suspension_cli.quantities.kinds.responses import parse_numbers, write_number
@@ -28,8 +28,6 @@ from suspension_cli.quantities.solved import Solved
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
-
-    from suspension_cli.design.schema import Design
 
 UNSTABLE = "has no steady state: the closed loop is unstable"
 POINTS = 60
@@ -45,23 +43,33 @@ class _FromBudget(Quantity):
 
     bends: ClassVar[bool] = True
     slow: ClassVar[bool] = True
+    of_loops: ClassVar[bool] = True
     within: ClassVar[tuple[float, float]] = (0.0, math.inf)
     missing = UNSTABLE
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
         """Compute the budget of each design, with thermal noise where losses are known."""
         if registry.BEAM.unsuitable(solved.designs[0]):
-            return solved.each(self._compute)
-        return solved.with_bending(lambda bent: bent.each(self._compute))
+            return self._read(solved)
+        return solved.with_bending(self._read)
 
-    def _compute(self, solver: Solver, design: Design) -> float:
-        plant = local_control.build_plant(design, solver)
+    def _read(self, solved: Solved) -> Float[np.ndarray, " design"]:
+        result = np.full(solved.count, np.nan)
+        for n in np.flatnonzero(solved.hangs).tolist():
+            with contextlib.suppress(InputError):  # a resonance without loss
+                result[n] = self._compute(solved, n)
+        return result
+
+    def _compute(self, solved: Solved, number: int) -> float:
+        design = solved.designs[number]
         poles = np.zeros(0, dtype=complex)
-        if plant.loops or self.needs_poles:
-            found = closed_loop.find_poles(plant)
+        if design.control is not None or self.needs_poles:
+            plant, found = solved.closed_loops(number)
             if not found.stable:
                 return np.nan
             poles = found.value
+        else:
+            plant = local_control.build_plant(design, solved.solver(number))
         warm = None if registry.BEAM.unsuitable(design) else design.constants.temperature
         around = self.surroundings
         noises = Noises(plant, [self.motion], around.motion, warm, around.mirrors)

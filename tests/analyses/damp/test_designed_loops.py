@@ -94,3 +94,47 @@ def test_a_computed_sensor_is_refused():
             frequency=[1.0],
             duration=1.0,
         )
+
+
+REQUIRED = [
+    {"quantity": "margin yaw.phase", "at_least": 60.0},
+    {"quantity": "margin yaw.distance", "at_least": 0.7},
+    {"quantity": "settling of upper yaw", "at_most": 12.0},
+    {"quantity": "noise test.yaw:10", "at_most": 1e-14},
+    {"quantity": "settling of test z", "at_most": 1.0},
+    {"quantity": "lowest pitch", "at_least": 0.1},
+]
+
+
+def test_requirements_decide():
+    """The quietest filter has 44 degrees of phase margin, and 0.55 of distance. Requirements that
+    this loop does not move (the last two) do not matter for it; `check` computes the same."""
+    how = {"method": "lqg", "redesigned": ["yaw"], "frequency": [10.0], "duration": 1.0}
+    plain = sus.read(DESIGN)
+    quietest = sus.damp(plain, settling=12.0, sensitivity=2.5, fidelity="string", **how)
+    margin = quietest.margin[quietest.loop.index("yaw")]
+    assert margin.phase < 60
+    assert margin.distance < 0.7
+    wanted = plain.replace({"requirement": REQUIRED, "analysis.budget.ground": ["aligo-isi"]})
+    found = sus.damp(wanted, fidelity="beam", **how)
+    # 1/0.7 is a limit of the search, too
+    [one] = found.designed
+    assert one.sensitivity < 1 / 0.7
+    assert [row.met for row in found.required] == [True, True, True, True, False]
+    again = {one.requirement.description: one for one in sus.check(found.run.design).verdicts}
+    for row in found.required:
+        assert row.value == pytest.approx(again[row.requirement].value, rel=1e-6)
+        assert row.margin == pytest.approx(again[row.requirement].margin, rel=1e-6)
+
+
+def test_requirements_that_no_filter_meets_are_reported(tmp_path):
+    """The search takes the filter that comes nearest, and says so."""
+    required = '\n[[requirement]]\nquantity = "margin yaw.phase"\nat_least = 89.0\n'
+    design = tmp_path / "strict.toml"
+    design.write_text(DESIGN.read_text() + required)
+    how = ("--design", "lqg", "--redesign", "yaw", "--settling", "12")
+    result = run("damp", design, *LIGHT, *how, "--out", tmp_path)
+    assert result.exit_code == 0, result.stderr
+    assert "NOT met" in result.stdout
+    assert "margin yaw.phase >= 89 deg" in result.stdout
+    assert (tmp_path / "triple-damped-lqg.toml").exists()

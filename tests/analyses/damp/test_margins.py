@@ -198,7 +198,7 @@ def scaled(plant, n, factor):
     key = "gain" if plant.loops[n].damper is None else "damper"
     loops = list(plant.loops)
     loops[n] = msgspec.structs.replace(loops[n], **{key: getattr(loops[n], key) * factor})
-    network, _ = loop_network.build(Control(loop=loops))
+    network, _ = loop_network.build(Control(loop=loops), 9.81)
     return replace(plant, loops=tuple(loops), network=network)
 
 

@@ -8,7 +8,7 @@ import pytest
 from suspension_cli.design.foton import format_filter
 from suspension_cli.errors import InputError
 from suspension_cli.physics import closed_loop, local_control, optimal_loops
-from suspension_cli.physics.optimal_loops import Wanted
+from suspension_cli.physics.optimal_loops import CLOSER, Wanted
 from tests.analyses.damp.test_published_loops import NOISE, damped_quadruple
 from tests.support import plants, scenes
 
@@ -61,3 +61,29 @@ def test_a_loop_that_reaches_no_mode_is_refused():
     wanted = Wanted(15.0, 1.5, "tst.x", quiet_at=10.0, highest=0.1)
     with pytest.raises(InputError, match=r"reaches no mode below 0.1 Hz"):
         optimal_loops.solve(length_loop(damper=1.0), system, 0, wanted)
+
+
+def test_the_smallest_bound_is_that_of_another_solver(monkeypatch):
+    """gamma of `control.hinfsyn` with the same forces, noise and weights, on scaled equations."""
+    control = pytest.importorskip("control")
+    pytest.importorskip("slycot")
+    asked = []
+    own = optimal_loops._find_smallest_bound
+
+    def record(plant, x, y, weights):
+        asked.append((plant, weights, own(plant, x, y, weights)))
+        return asked[-1][-1]
+
+    monkeypatch.setattr(optimal_loops, "_find_smallest_bound", record)
+    monkeypatch.setattr(optimal_loops, "ROLL_OFFS", [0.5])
+    system = damped_quadruple().model
+    wanted = Wanted(15.0, 1.5, "tst.x", quiet_at=10.0, highest=10.0)
+    optimal_loops.solve(length_loop(damper=1.0), system, 0, wanted, "hinf")
+    for plant, weights, bound in (asked[0], asked[-1]):
+        count = len(plant.a)
+        drive = np.hstack([np.eye(count), np.zeros((count, 1)), plant.b[:, None]])
+        sense = np.vstack([np.eye(count), np.zeros((1, count)), plant.c[None]])
+        through = np.zeros((count + 2, count + 2))
+        through[count, count + 1], through[count + 1, count] = np.sqrt(weights)
+        smallest = control.hinfsyn(control.ss(plant.a, drive, sense, through), 1, 1)[2]
+        assert 0.99 * smallest < bound < 1.01 * CLOSER * smallest
