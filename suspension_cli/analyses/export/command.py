@@ -16,6 +16,7 @@ from suspension_cli.analyses.options import option
 if TYPE_CHECKING:
     import h5py
 
+    from suspension_cli.analyses.export.front_end import FrontEndFiles
     from suspension_cli.analyses.export.gwinc_tables import GwincTables
     from suspension_cli.analyses.export.solve import Export, Exported
 
@@ -110,7 +111,7 @@ class ExportAnalysis(Analysis):
             "--rate",
             type=click.FloatRange(1.0, 1e7),
             default=16384.0,
-            help="Sample rate of foton, Hz.",
+            help="Sample rate of foton and of front-end, Hz.",
         ),
         option(
             "--interferometer",
@@ -132,23 +133,29 @@ class ExportAnalysis(Analysis):
         options.VERBOSE,
     )
 
-    def solve(self, run: Run) -> Export | GwincTables:
+    def solve(self, run: Run) -> Export | GwincTables | FrontEndFiles:
         """Build the state space and measure its band."""
         _check_options(run.setting)
         if run.setting["format"] == "gwinc":
             from suspension_cli.analyses.export import gwinc_tables
 
             return gwinc_tables.solve(self, run)
+        if run.setting["format"] == "front-end":
+            from suspension_cli.analyses.export import front_end
+
+            return front_end.solve(self, run)
         from suspension_cli.analyses.export import state_space
 
         return state_space.solve(self, run)
 
-    def text(self, result: Export | GwincTables) -> str:
+    def text(self, result: Export | GwincTables | FrontEndFiles) -> str:
         """Return the size of the system and the band of agreement."""
         run = result.run
         if result.format == "gwinc":
             summary = cast("GwincTables", result).describe(run.file)
             return f"{run.choice.line}\n{summary}"
+        if result.format == "front-end":
+            return "\n".join(_describe_front_end(cast("FrontEndFiles", result)))
         made = cast("Export", result)
         own = f"the {run.model} model to {made.tolerance:g}"
         low, high = made.tried
@@ -181,21 +188,34 @@ class ExportAnalysis(Analysis):
             lines += [tables.render(columns | {"error": ".2g"}, rows)]
         return "\n".join([*lines, _table(made)])
 
-    def path(self, result: Export | GwincTables, folder: Path) -> Path:
+    def path(self, result: Export | GwincTables | FrontEndFiles, folder: Path) -> Path:
         """Return the path of the exported file."""
         stem = result.run.design.stem()
         form = result.format
         # gwinc takes a dot for the start of a file's ending
-        stem = stem.replace(".", "_") if form == "gwinc" else f"{stem}-statespace"
+        if form == "gwinc":
+            stem = stem.replace(".", "_")
+        elif form != "front-end":
+            stem = f"{stem}-statespace"
         return folder / f"{stem}{FORMATS[form].suffix}"
 
-    def save(self, path: Path, result: Export | GwincTables) -> None:
+    def save(self, path: Path, result: Export | GwincTables | FrontEndFiles) -> None:
         """Write the exported file, in the format of its ending."""
         from suspension_cli.analyses.export.file import format_of
 
         FORMATS[format_of(path, result)].write(path, result, result.provenance)
 
-    def fill(self, file: h5py.File, result: Export | GwincTables) -> None:
+    def others(self, result: Export | GwincTables | FrontEndFiles, path: Path) -> list[Path]:
+        """Write the matrices of a front end beside its filters."""
+        if result.format != "front-end":
+            return []
+        from suspension_cli.analyses.export import front_end
+
+        beside = path.with_suffix(".snap")
+        front_end.write_matrices(beside, cast("FrontEndFiles", result), result.provenance)
+        return [beside]
+
+    def fill(self, file: h5py.File, result: Export | GwincTables | FrontEndFiles) -> None:
         """Refuse: a state space has no labelled arrays."""
         from suspension_cli.errors import InputError
 
@@ -218,6 +238,26 @@ def _check_options(setting: Mapping[str, Any]) -> None:
     if not setting["loss"]:
         problem = "without losses the number of states is that of the bodies"
         raise InputError.of("--order", problem, "add --loss, or leave it out", f"{order}")
+
+
+def _describe_front_end(made: FrontEndFiles) -> Iterator[str]:
+    """Tabulate the modules and matrices of a front end."""
+    import numpy as np
+
+    columns = dict.fromkeys(("module", "sections", "poles"), "")
+    rows = [(one.name, one.sections, one.poles) for one in made.filters.module]
+    yield f"filter modules at {made.filters.rate:g} Hz:\n"
+    yield tables.render(columns, rows)
+    elements = [
+        (matrix.name, row + 1, column + 1, matrix.row[row], matrix.column[column], value)
+        for matrix in made.matrix
+        for (row, column), value in np.ndenumerate(matrix.value)
+        if value
+    ]
+    columns = dict.fromkeys(("matrix", "row", "column", "makes", "of"), "")
+    yield "\nelements of matrices that are not 0:\n"
+    yield tables.render(columns | {"value": ".4g"}, elements)
+    yield "\nin m, rad, N and N m; not included: responses of sensors and drivers, and delays"
 
 
 def _describe_loops(made: Export) -> Iterator[str]:
