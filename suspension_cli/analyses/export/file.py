@@ -140,6 +140,9 @@ def _agreement(made: Exported) -> dict[str, Any]:
     result["worst_error"] = made.worst
     if found is not None:
         result |= {"agreement_model": found.model, "agreement_unknown": found.unknown}
+    if made.poles is not None:
+        result["pole_difference"] = made.poles.largest(made.tried[1])[0]
+        result["pole_q_error"] = made.poles.q_error(made.tried)
     return result
 
 

@@ -333,7 +333,8 @@ def solve_exactly(
     ]
     found = ends.solve(solver, frequency, motions)
     value, others = np.split(found, [len(outputs)], axis=1)
-    largest = np.abs(others).reshape(len(frequency), len(bodies), len(DOFS), -1).max(2)
+    by_body = (len(frequency), len(bodies), len(DOFS), value.shape[2])
+    largest = np.abs(others).reshape(by_body).max(2)
     motion = np.zeros(value.shape)
     for n, one in enumerate(outputs):
         if one.body in bodies:
