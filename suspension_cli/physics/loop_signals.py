@@ -30,7 +30,6 @@ from suspension_cli.physics import closed_loop, local_control
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float
 
-    from suspension_cli.design.control import Osem
     from suspension_cli.design.schema import Design
     from suspension_cli.linear.solver import Solvable
     from suspension_cli.linear.statespace import StateSpace
@@ -288,14 +287,14 @@ class _Known:
     def sensor_noise(self) -> dict[str, End]:
         """Noise of sensors, but for those of dampers, whose force grows with its frequency."""
         plant = self.plant
-        dampers = [loop.damper is not None for loop in plant.loops]
-        damped = plant.network.of_channels[: len(plant.loops)][dampers].any(0)
+        damped = plant.network.of_channels[: len(plant.loops)][self._dampers].any(0)
         rows = [*np.eye(len(plant.channels)), *plant.reading.T]
-        motions = [*(one.motions for one in plant.channels), *map(_along, plant.osems)]
+        # OSEMs read in m
+        dofs = [*(one.motions[0][1].dof for one in plant.channels), *[0] * len(plant.osems)]
         found = {}
-        for one, row, read in zip(plant.sensors, rows, motions, strict=True):
+        for one, row, dof in zip(plant.sensors, rows, dofs, strict=True):
             if not (row != 0)[damped].any():
-                signal = _named(f"{SENSOR}.{one.name}", read[0][1], acts=False)
+                signal = _named(f"{SENSOR}.{one.name}", dof, acts=False)
                 found[signal.text] = End(signal, (), row, self._none)
         return found
 
@@ -307,7 +306,7 @@ class _Known:
         none = np.zeros(len(plant.channels))
         found = {}
         for one, pushed in zip(plant.actuators, motions, strict=True):
-            signal = _named(f"{ACTUATOR}.{one.name}", pushed[0][1], acts=True)
+            signal = _named(f"{ACTUATOR}.{one.name}", pushed[0][1].dof, acts=True)
             found[signal.text] = End(signal, pushed, none, self._none)
         return found
 
@@ -325,14 +324,14 @@ class _Known:
             if (responds := f"{SENSOR} {channel.name}") in nodes:
                 row = np.zeros(len(plant.channels))
                 node = unit[nodes.index(responds)]
-            signal = _named(f"{SENSOR}.{channel.name}", channel.motions[0][1], acts=False)
+            signal = _named(f"{SENSOR}.{channel.name}", channel.motions[0][1].dof, acts=False)
             found[signal.text] = End(signal, (), row, node)
         control = self.design.control
         for n, loop in enumerate(plant.loops):
             sensor = None if control is None else control.named_sensor(loop)
             if sensor is None or sensor.motions:
                 continue
-            signal = _named(f"{SENSOR}.{sensor.name}", self._pushed[n][0][1], acts=False)
+            signal = _named(f"{SENSOR}.{sensor.name}", self._pushed[n][0][1].dof, acts=False)
             found[signal.text] = End(signal, (), network.of_channels[n], network.of_nodes[n])
         return found
 
@@ -341,18 +340,24 @@ class _Known:
         """Forces demanded by loops, but for dampers, and of coils that these do not drive."""
         plant = self.plant
         loops = len(plant.loops)
-        dampers = np.array([loop.damper is not None for loop in plant.loops], dtype=bool)
         none = np.zeros(len(plant.channels))
         rows = [*np.eye(loops), *plant.driving]
         motions = [*self._pushed, *map(local_control.coil_forces, plant.osems)]
         found = {}
         for one, row, pushed in zip(plant.actuators, rows, motions, strict=True):
-            if (row != 0)[dampers].any():
+            if (row != 0)[self._dampers].any():
                 continue
-            signal = _named(f"{DRIVE}.{one.name}", pushed[0][1], acts=True)
+            signal = _named(f"{DRIVE}.{one.name}", pushed[0][1].dof, acts=True)
             node = np.pad(-row, (0, len(self._none) - loops))
             found[signal.text] = End(signal, (), none, node)
         return found
+
+    @property
+    def _dampers(self) -> Bool[np.ndarray, " loop"]:
+        """Which loops have a force that grows with frequency."""
+        loops = self.plant.loops
+        alone = (loop.damper is not None and loop.sensor_response is None for loop in loops)
+        return np.array([*alone], dtype=bool)
 
     @property
     def _none(self) -> Float[np.ndarray, " node"]:
@@ -372,14 +377,9 @@ class _Known:
         return End(signal, [(1.0, signal)], np.zeros(len(self.plant.channels)), self._none)
 
 
-def _along(osem: Osem) -> Motions:
-    """Motions along axes of which the reading of an OSEM is the sum."""
-    return [(part, replace(end, acts=False)) for part, end in local_control.coil_forces(osem)]
-
-
-def _named(text: str, like: Signal, *, acts: bool) -> Signal:
-    """Make the name and unit of a signal along the coordinate of another."""
-    return Signal(text, "", like.dof, (0.0, 0.0, 0.0), acts)
+def _named(text: str, dof: int, *, acts: bool) -> Signal:
+    """Make a signal of the loops, of the unit of a motion or force along a coordinate."""
+    return Signal(text, "", dof, (0.0, 0.0, 0.0), acts)
 
 
 def _find(text: str, option: str, known: dict[str, End]) -> End:

@@ -126,7 +126,8 @@ def build_lossy(
         if unsound is not None and poles is not None:
             remedy = "lower --accuracy" if order is None else "raise --order"
             closed_poles.demand_same_stability(unsound, poles, f"{remedy}, or widen --band")
-        problem = f"is less than the {smallest} states of the bodies in these responses"
+        what = "bodies" if poles is None else "bodies and filters"
+        problem = f"is less than the {smallest} states of the {what} in these responses"
         raise InputError.of("--order", problem, "raise it, or take fewer signals", f"{order}")
     best = tried[-1]
     if zpk:
