@@ -257,8 +257,9 @@ def gravity_field(design: Design) -> tuple[list[float], list[list[float]]] | Non
 def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> Point:
     """Compute the moments of the mass of a wire of a loaded length (m), kg.
 
-    The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass, with the fraction s of its length
-    from the upper end; 0 without ``constants.wire_weight`` or for unknown density or cross-section.
+    The integrals of (1 - s)^2, s (1 - s) and s^2 over its mass and that of its dampers, with the
+    fraction s of its length from the upper end; 0 without ``constants.wire_weight``, and of wires
+    of unknown density or cross-section.
     """
     upper = mixed = lower = start = 0.0
     weighed = design.constants.wire_weight
@@ -272,6 +273,10 @@ def wire_mass_moments(design: Design, wire: WireSet | Wire, length: float) -> Po
         mixed += density * length * (first - second)
         lower += density * length * second
         start = end
+    for damper in wire.dampers if weighed else ():
+        upper += damper.mass * (1 - damper.at) ** 2
+        mixed += damper.mass * damper.at * (1 - damper.at)
+        lower += damper.mass * damper.at**2
     return upper, mixed, lower
 
 

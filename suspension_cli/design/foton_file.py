@@ -45,7 +45,7 @@ COMMENT: dict[str, Any] = {"initial_indent": "# ", "subsequent_indent": "# "}
 
 @dataclass(frozen=True)
 class Module:
-    """A filter module that stands for a response."""
+    """A filter module that stands for a response, or for a filter of a loop."""
 
     in_json: ClassVar = Layout(
         only="name output input sections poles error", names={"name": "module"}
@@ -53,9 +53,9 @@ class Module:
     name: str
     output: str
     input: str
-    section: list[Filter]  # in s, in series
+    section: list[Filter]  # in s, or digital ones, in series
     text: list[str]  # their coefficients at the sample rate, as design strings with `sos`
-    error: float  # largest relative error in the band, off resonance
+    error: float = 0.0  # largest relative error in the band, off resonance; 0 of a filter of a loop
 
     @property
     def sections(self) -> int:
@@ -70,11 +70,11 @@ class Module:
 
 @dataclass(frozen=True)
 class FilterFile:
-    """Modules with their sample rate and the band of their errors, Hz."""
+    """Modules with their sample rate and the band of their errors, Hz; that of loops is None."""
 
     in_json: ClassVar = Layout(only="rate module", names={"rate": "rate_hz", "module": "modules"})
     rate: float
-    band: tuple[float, float]
+    band: tuple[float, float] | None
     module: tuple[Module, ...]
 
 
@@ -134,13 +134,15 @@ def _section(words: list[list[str]], start: int) -> str:
 
 def lines(bank: FilterFile, command: str) -> list[str]:
     """Lines of a filter file that a command writes."""
-    low, high = bank.band
     result = ["# FILTERS FOR ONLINE SYSTEM", "#", *textwrap.wrap(command, 90, **COMMENT), "#"]
     result += [f"# MODULES {one.name}" for one in bank.module]
     for one in bank.module:
         result += ["", f"### {one.name}", f"# SAMPLING {one.name} {bank.rate:g}"]
-        error = f"{one.error:.2g} from {low:g} to {high:g} Hz off resonance"
-        result.append(f"# {one.output} over {one.input}, SI; relative error {error}")
+        about = f"# {one.output} over {one.input}, SI"
+        if bank.band is not None:
+            low, high = bank.band
+            about += f"; relative error {one.error:.2g} from {low:g} to {high:g} Hz off resonance"
+        result.append(about)
         for n, (part, text) in enumerate(zip(one.section, one.text, strict=True)):
             design = foton.format_filter(part).replace(";", "; ")
             wrapped = textwrap.wrap(design, 90, break_long_words=False)

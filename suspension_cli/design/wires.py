@@ -130,6 +130,51 @@ class Profile(Table, frozen=True):
             yield "", "has fewer than two places", "give position and diameter, each a list"
 
 
+DAMPER = Plausible(2.0, "more than any damper of a wire or blade", (("g", 1e-3),))
+
+
+class MassOnSpring(Table, frozen=True):
+    """A mass on a lossy spring: what all dampers of wires and blades are made of."""
+
+    mass: units.Mass = key("mass of one damper, kg", plausible=DAMPER)
+    frequency: units.Frequency | None = key(
+        "resonance of the damper with its place at rest, Hz; its stiffness is (2 pi f)^2 mass"
+    )
+    stiffness: units.Stiffness | None = key("stiffness of the spring, N/m, instead of frequency")
+    loss_angle: units.LossAngle = key("loss angle of the spring, rad; 1/Q with its place at rest")
+
+    rules = (key_rules.exactly_one("frequency", "stiffness"), key_rules.not_tiny("mass"))
+
+    @property
+    def spring(self) -> float:
+        """Stiffness in N/m."""
+        if self.frequency is None:
+            assert self.stiffness is not None
+            return self.stiffness
+        return (2 * math.pi * self.frequency) ** 2 * self.mass
+
+
+class TipDamper(MassOnSpring, frozen=True):
+    """A mass on a lossy spring on the tip of a blade, which moves as the tip does, vertically.
+
+    Its weight is part of the load of the blade.
+    """
+
+
+class WireDamper(MassOnSpring, frozen=True):
+    """A mass on a lossy spring at a point of a wire, across it, along it, or both.
+
+    In a direction in which it has no spring, the mass moves with the wire.
+    """
+
+    at: float = key(
+        "place, as a fraction of the length from the upper end", 0.5, unit="1", ge=1e-3, le=0.999
+    )
+    acts: Literal["across", "along", "both"] = key(
+        "directions of the spring: across the wire, along it, or both", "across"
+    )
+
+
 class AnyWire(Table, frozen=True):
     """Composition of a wire or of each of a set, and how its ends are held."""
 
@@ -168,6 +213,10 @@ class AnyWire(Table, frozen=True):
         " 23.0]]: fraction of the length from the upper end, and K"
     )
 
+    dampers: list[WireDamper] = key(
+        "masses on lossy springs along the wire, from its upper end", [], max_length=10
+    )
+
     rules = (
         key_rules.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
         key_rules.excludes("neck", *NOT_ROUND, "sections"),
@@ -188,6 +237,12 @@ class AnyWire(Table, frozen=True):
         if self.bending and not whole:
             remedy = "give material and radius too, or remove it"
             yield "bending", "needs the wire's cross-section", remedy
+        if self.dampers and not whole:
+            remedy = "give material and radius too, or remove them"
+            yield "dampers", "need the wire's cross-section", remedy
+        places = [damper.at for damper in self.dampers]
+        if any(lower <= upper for upper, lower in pairwise(places)):
+            yield "dampers", "are not in the order of the wire", "sort them by at, each place once"
         if len(shapes) > 1:
             yield shapes[0], f"conflicts with a {shapes[1]}", "keep one of the two"
         pieces = [*enumerate(self.sections or (), 1)]
@@ -314,7 +369,6 @@ class Wire(AnyWire, frozen=True):
 LONG = Plausible(10.0, "longer than any blade", serious=True)
 WIDE = Plausible(2.0, "wider than any blade")
 HEAVY = Plausible(10.0, "more than any blade bears at its tip", (("g", 1e-3),))
-DAMPER = Plausible(2.0, "more than any damper on a tip", (("g", 1e-3),))
 BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker than any blade"))]
 
 
@@ -326,27 +380,6 @@ class BladeGeometry(Table, frozen=True):
     thickness: BladeThickness = key("thickness, m")
     shape_factor: float = key("1 rectangular, 1.5 triangular", unit="1", ge=0.5, le=10)
     material: units.MaterialName
-
-
-class TipDamper(Table, frozen=True):
-    """A mass on a lossy spring on the tip of a blade, which moves as the tip does, vertically."""
-
-    mass: units.Mass = key("of one damper, kg; its weight is part of the load", plausible=DAMPER)
-    frequency: units.Frequency | None = key(
-        "of the mass on its spring, with the tip at rest, Hz: stiffness (2 pi f)^2 mass"
-    )
-    stiffness: units.Stiffness | None = key("of the spring, instead of frequency, N/m")
-    loss_angle: units.LossAngle = key("of the spring, rad; 1/Q with the tip at rest")
-
-    rules = (key_rules.exactly_one("frequency", "stiffness"), key_rules.not_tiny("mass"))
-
-    @property
-    def spring(self) -> float:
-        """Stiffness in N/m."""
-        if self.frequency is None:
-            assert self.stiffness is not None
-            return self.stiffness
-        return (2 * math.pi * self.frequency) ** 2 * self.mass
 
 
 class AnyBlade(Table, frozen=True):
@@ -372,7 +405,7 @@ class AnyBlade(Table, frozen=True):
     )
     thickness: BladeThickness | None = key("of the blade in m, for its loss, without a geometry")
     temperature: units.Kelvin | None = key("in K; default that of [constants]")
-    damper: TipDamper | None = None
+    damper: TipDamper | list[TipDamper] | None = None
 
     rules = (
         key_rules.exactly_one("stiffness", "uncoupled_frequency", "geometry"),
@@ -383,14 +416,31 @@ class AnyBlade(Table, frozen=True):
 
     def check(self) -> Problems:
         """Check that a tip with a damper has a mass of its own."""
-        if self.damper is not None and not self.tip_mass:
+        if self.dampers and not self.tip_mass:
             remedy = "give the mass that moves with the tip besides the damper (a clamp; kg)"
             yield "damper", "needs tip_mass, which is 0", remedy
+
+    @property
+    def dampers(self) -> list[TipDamper]:
+        """All dampers on the tip."""
+        if self.damper is None:
+            return []
+        return self.damper if isinstance(self.damper, list) else [self.damper]
 
     @property
     def made_of(self) -> str | None:
         """Name of its material, if the design gives it."""
         return self.material if self.geometry is None else self.geometry.material
+
+
+def names_on_tip(blade: str, count: int) -> list[str]:
+    """Names of the coordinates of so many dampers on the tip of a blade, by its label.
+
+    >>> names_on_tip("upper.blade1", 1)
+    ['upper.blade1.damper.z']
+    """
+    numbers = range(1, count + 1) if count > 1 else [""] * count
+    return [f"{blade}.damper{number}.z" for number in numbers]
 
 
 class BladeSet(AnyBlade, frozen=True):

@@ -57,6 +57,8 @@ LINKS = (
     " ground beside the support."
 )
 
+DAMPERS = "Small squares: masses of dampers on springs, above tips of blades and on wires."
+
 
 @dataclass(frozen=True)
 class Table:
@@ -72,7 +74,7 @@ class Table:
         return ROW * (len(self.rows) + 2.2)
 
 
-def key(scene: Scene) -> list[str]:
+def key(design: Design, scene: Scene) -> list[str]:
     """Lines that explain the symbols in a drawing."""
     springs = scene.springs
     kinds = {springs.label[n].rsplit(".", 1)[1] for n in free_springs(scene)}
@@ -81,6 +83,11 @@ def key(scene: Scene) -> list[str]:
         FILTERS: "blades" in kinds,
         SPRINGS: bool(kinds - {"link", "damper", "blades"}),
         LEGS: bool(scene.struts.label),
+        DAMPERS: any(
+            table.dampers
+            for stage in design.stage
+            for table in (*stage.wire_tables, *stage.blade_tables)
+        ),
         LINKS: bool(kinds & {"link", "damper"} or springs.grounded.any()),
     }
     return [*KEY, *(line for line, is_drawn in shown.items() if is_drawn)]

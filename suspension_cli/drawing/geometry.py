@@ -5,7 +5,7 @@ All functions take scenes and poses without batch axes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from suspension_cli.design.bodies import Body, Solid, body_inertia, body_mass, c
 from suspension_cli.design.derive import com_positions
 from suspension_cli.design.locked_stages import as_in_file, locked_names
 from suspension_cli.design.schema import Design
+from suspension_cli.design.wires import AnyBlade, AnyWire, names_on_tip
 from suspension_cli.scene import spring_rows
 from suspension_cli.scene.arrays import Array, Index
 from suspension_cli.scene.places import Places
@@ -31,12 +32,16 @@ LARGEST_SLOPE = 0.3
 """Largest relative motion of the two ends of a wire, as a fraction of its length."""
 LARGEST_SHIFT = 0.16
 """Largest motion of anything, as a fraction of the suspension's size."""
+LARGEST_RISE = 0.03
+"""Largest motion of a damper relative to the tip that carries it, likewise."""
 LARGEST_BEND = 0.06
 """Largest deflection of a blade, as a fraction of the suspension's size."""
 SMALLEST = 0.012
 """Least half extent of a body that can be seen, relative to the size of the suspension."""
 STEEL = 7800.0
 """Density of point masses in drawings, kg/m^3."""
+DAMPER_HEIGHT = 0.03
+"""Height of a damper above the tip that carries it, relative to the size of the suspension."""
 ALONG = np.linspace(0, 1, 13)[:, None]
 """Places of the points of a blade along it."""
 
@@ -201,10 +206,10 @@ def _ends(scene: Scene, pose: Pose, lines: Wires | Springs, moved: Array | float
 class Stroke:
     """A line (p, 3) in space, m.
 
-    `kind` is "body", "locked", "blade", "spring", "damper" or a key of `parts.WIDTHS`; `body` is
-    the number of a body from 0, `grounded` whether a spring stands on the ground. Springs have
-    their two ends; those that are not on the ground, before them the middle of the body that holds
-    them.
+    `kind` is "body", "locked", "blade", "spring", "damper", "mass" or a key of `parts.WIDTHS`;
+    `body` is the number of a body from 0, `grounded` whether a spring stands on the ground. Springs
+    have their two ends; those that are not on the ground, before them the middle of the body that
+    holds them. A mass on a wire or a blade has the point there, then its own.
     """
 
     kind: str
@@ -218,7 +223,8 @@ class Sketch:
     """A suspension in one pose, to be drawn in any view; size and thickness of the support in m.
 
     `brackets` are the bodies (k,) and the two ends there (k, 2, 3) of the lines to attachments that
-    are outside bodies.
+    are outside bodies. `raised` is how far dampers on tips have moved relative to these (m), by the
+    names of their coordinates.
     """
 
     design: Design
@@ -228,6 +234,7 @@ class Sketch:
     pose: Pose
     size: float
     thick: float = 0.0
+    raised: Mapping[str, float] = field(default_factory=dict)
     _strokes: dict[int, list[Stroke]] = field(init=False, repr=False, default_factory=dict)
 
     def locate(self, body: ArrayLike, point: ArrayLike) -> Array:
@@ -247,6 +254,7 @@ class Sketch:
                 _bodies(self, normal),
                 _lines(self),
                 _springs(self),
+                _masses(self),
             )
             self._strokes[normal] = [stroke for part in parts for stroke in part]
         return self._strokes[normal]
@@ -332,9 +340,7 @@ def blade_lines(sketch: Sketch) -> Iterator[Array]:
     length where the design gives it.
     """
     blades = sketch.scene.blades
-    tables = []
-    for stage in sketch.design.stage:
-        tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
+    tables = _blade_tables(sketch.design)
     for n, (table, body) in enumerate(zip(tables, blades.body.tolist(), strict=True)):
         tip = blades.tip[n]
         bent = sketch.pose.deflection[n]
@@ -347,6 +353,30 @@ def blade_lines(sketch: Sketch) -> Iterator[Array]:
             span = table.geometry.length
         bend = bent * (3 * ALONG**2 - ALONG**3) / 2
         yield sketch.locate(body, tip + direction * span * (ALONG - 1) + bend)
+
+
+def _blade_tables(design: Design) -> list[AnyBlade]:
+    """Table of each blade of a design."""
+    tables: list[AnyBlade] = []
+    for stage in design.stage:
+        tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
+    return tables
+
+
+def _masses(sketch: Sketch) -> Iterator[Stroke]:
+    """Dampers: above the tips of blades, one above the other, and on wires."""
+    blades = sketch.scene.blades
+    tips = sketch.locate(blades.body, blades.tip + sketch.pose.deflection)
+    for label, table, tip in zip(blades.label, _blade_tables(sketch.design), tips, strict=True):
+        for n, name in enumerate(names_on_tip(label, len(table.dampers)), 1):
+            height = n * DAMPER_HEIGHT * sketch.size + sketch.raised.get(name, 0.0)
+            yield Stroke("mass", tip + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, height]]))
+    wires: list[AnyWire] = []
+    for stage in sketch.design.stage:
+        wires += stage.wire if stage.wires is None else [stage.wires] * stage.wires.count
+    for table, (upper, lower) in zip(wires, sketch.wire_ends(), strict=True):
+        for damper in table.dampers:
+            yield Stroke("mass", np.tile(upper + damper.at * (lower - upper), (2, 1)))
 
 
 def free_springs(scene: Scene) -> Index:
@@ -427,10 +457,13 @@ def mode_step(numbering: Layout, coordinate: tuple[str, ...], shape: Array) -> A
     return np.array([moved.get(name, 0.0) for name in numbering.name])
 
 
-def amplitude(scene: Scene, step: Array, size: float | None = None) -> float:
+def amplitude(
+    scene: Scene, step: Array, size: float | None = None, raised: Iterable[float] = ()
+) -> float:
     """Largest factor for drawing a step (N,) that leaves the suspension recognisable.
 
-    In a picture of a `size` in m, by default that of the suspension.
+    In a picture of a `size` in m, by default that of the suspension. `raised` are motions of
+    dampers relative to the tips that carry them.
     """
     motion = step[: 6 * (len(scene.bodies.name) + 1)].reshape(-1, 6)
     wires = scene.wires
@@ -449,17 +482,41 @@ def amplitude(scene: Scene, step: Array, size: float | None = None) -> float:
         slope.max(initial=0.0) / LARGEST_SLOPE,
         shift.max(initial=0.0) / LARGEST_SHIFT,
         np.abs(tips).max(initial=0.0) / size / LARGEST_BEND,
+        max(map(abs, raised), default=0.0) / size / LARGEST_RISE,
     )
     return 1.0 / max(*largest, 1e-300)
 
 
-def mode_pose(
-    scene: Scene, coordinate: tuple[str, ...], shape: Array, size: float | None = None
-) -> Pose:
-    """Pose in which a mode is drawn: the nominal one, displaced by the mode's shape (c,).
+def sketch_mode(
+    rest: Sketch,
+    coordinate: tuple[str, ...],
+    shape: Array,
+    size: float | None = None,
+    phase: float = 1.0,
+    *,
+    of_dampers: bool = False,
+) -> Sketch:
+    """Displace the sketch at rest by the shape (c,) of a mode, at a phase from 1 to -1.
 
-    In a picture of a `size`, see `amplitude`.
+    In a picture of a `size`, see `amplitude`. Dampers that move far more than the bodies are drawn
+    less far out, but in modes `of_dampers`, where the bodies are nearly at rest.
     """
-    numbering = layout(scene)
+    numbering = layout(rest.scene)
     step = mode_step(numbering, coordinate, shape)
-    return displace(numbering, nominal_pose(scene), amplitude(scene, step, size) * step)
+    moved = dict(zip(coordinate, shape.tolist(), strict=True))
+    raised = {
+        name: moved[name]
+        for label, table in zip(rest.scene.blades.label, _blade_tables(rest.design), strict=True)
+        for name in names_on_tip(label, len(table.dampers))
+        if name in moved
+    }
+    factor = amplitude(rest.scene, step, size, raised.values() if of_dampers else ())
+    largest = LARGEST_RISE * (size or rest.size)
+    return replace(
+        rest,
+        pose=displace(numbering, nominal_pose(rest.scene), phase * factor * step),
+        raised={
+            name: phase * min(max(factor * value, -largest), largest)
+            for name, value in raised.items()
+        },
+    )

@@ -169,6 +169,8 @@ def draw_suspension(
             canvas.line(ends, look.line, 4.5 * look.width, look.order + 0.25)
         elif one.kind in ("spring", "damper"):
             _draw_spring(canvas, one, line, unit, taken, look)
+        elif one.kind == "mass":
+            _draw_mass(canvas, line, unit, look)
         elif one.grounded:
             _draw_foot(canvas, line[-1], unit, look)
 
@@ -205,6 +207,13 @@ def _draw_spring(
     if np.linalg.norm(upper - lower) > unit:
         sign = np.vstack([lower, sign, upper] if lower[1] < upper[1] else [upper, sign, lower])
     canvas.line(sign, look.line, 1.3 * look.width, look.order + 0.4)
+
+
+def _draw_mass(canvas: Canvas, line: Array, unit: float, look: Look) -> None:
+    """Draw a damper: a square of a size `unit` at the end of a line (2, 2)."""
+    canvas.line(line, look.line, look.width, look.order + 0.4)
+    corners = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * 0.4 * unit
+    canvas.polygon(line[1] + corners, look.line, look.line, look.width, look.order + 0.5)
 
 
 def _draw_foot(canvas: Canvas, point: Array, unit: float, look: Look) -> None:

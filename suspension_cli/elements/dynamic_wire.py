@@ -28,7 +28,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from suspension_cli.design.schema import Gas
-from suspension_cli.elements import joined_sections, loss, resting, tensioned_beam
+from suspension_cli.elements import (
+    joined_sections,
+    loss,
+    resting,
+    tensioned_beam,
+    wire_damper,
+)
 from suspension_cli.elements.joined_sections import ENDS, EPS, Joined
 from suspension_cli.scene.scene import Fibre, Section
 
@@ -62,6 +68,11 @@ class TautWire:
     def round(self) -> bool:
         """Whether both planes have the same bending stiffness."""
         return all(section.round for section in self.fibre.sections)
+
+    @property
+    def damped(self) -> bool:
+        """Whether dampers are on it."""
+        return any(section.damper is not None for section in self.fibre.sections)
 
     def at(self, omega: Inexact[np.ndarray, " frequency"]) -> WireAtFrequencies:
         """The wire at frequencies (f,), rad/s."""
@@ -234,7 +245,8 @@ class PartAtFrequencies:
     def resonances_below(self) -> Int[np.ndarray, " frequency"]:
         """Count resonances (f,) below each frequency with clamped ends.
 
-        Those of the sections, and those that joining them adds (see `elements.joined_sections`).
+        Those of the sections and of the dampers between them at rest, and those that joining them
+        adds (see `elements.joined_sections`).
         """
         if not self.strand.massive:
             return np.zeros(np.shape(self.omega), dtype=int)
@@ -242,7 +254,11 @@ class PartAtFrequencies:
             below = tensioned_beam.resonances_below(self._waves)
         else:
             below = joined_sections.rod_resonances_below(*self._numbers, self.omega)
-        return below.sum(0) + self._joined.negative
+        of_dampers = sum(
+            wire_damper.resonances_below(section.damper, PARTS[self.number], self.omega)
+            for section in self.sections
+        )
+        return below.sum(0) + self._joined.negative + of_dampers
 
     def dissipated(
         self, motion: Inexact[np.ndarray, "end motion frequency"]
@@ -251,7 +267,7 @@ class PartAtFrequencies:
 
         By cause and temperature (K), that of the section or of the gas. Causes are ``stretching``
         or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at the middle of the wire;
-        causes of their own that losses of bending have; and ``gas``.
+        causes of their own that losses of bending have; ``dampers``; and ``gas``.
         """
         names = ("bending-upper", "bending-lower")
         if not self.bends:
@@ -265,6 +281,11 @@ class PartAtFrequencies:
                 result[cause, section.temperature] += fraction * lost
             rest = 1 - sum(causes.values())
             result[names[piece.end], section.temperature] += rest * lost
+        if self._dampers is not None:
+            lost = np.imag(self._dampers)[:, None] * np.abs(self._node_motions(motion)) ** 2
+            for section, own in zip(self.sections, lost, strict=False):
+                if section.damper is not None:
+                    result["dampers", section.temperature] += np.maximum(own, 0.0)
         around = self.strand.surrounded
         if drag is not None and around is not None and around.temperature is not None:
             result["gas", around.temperature] += drag.sum(0)
@@ -328,17 +349,11 @@ class PartAtFrequencies:
         The imaginary parts keep their digits however small the loss, as in a complex step: on the
         chord and the slopes relative to it nothing cancels.
         """
+        moved = self._section_motions(motion)
         if not self.bends:
-            whole = np.tensordot(ENDS[1], motion, 1)
-            moved = joined_sections.section_motions(self._joined.motions, whole).swapaxes(0, 1)
-            springs = np.array([moved[1] - moved[0], *moved])
+            upper, lower = moved.swapaxes(0, 1)
+            springs = np.array([lower - upper, upper, lower])
             return _dissipate(((0, 0), (1, 1), (2, 2)), [*self._springs], springs)
-        whole = np.array(motion)
-        whole[2] *= 2 / self._length
-        whole[3] -= whole[2]
-        if not self.strand.massive:
-            whole = whole[1::2]
-        moved = joined_sections.section_motions(self._joined.motions, whole)
         beams = self._uniform_beams
         if not self._cut:
             return _dissipate(self._places, beams, moved.swapaxes(0, 1))
@@ -381,14 +396,55 @@ class PartAtFrequencies:
     def _joined(self) -> Joined:
         """All sections together."""
         if not self.bends:
-            return joined_sections.join_rods(self._springs)
+            springs = self._springs
+            if self._dampers is not None:
+                # each from the lower end of its section to the ground
+                held = np.concatenate([self._dampers, np.zeros_like(self._dampers[:1])])
+                between, upper, lower = springs
+                springs = np.stack(np.broadcast_arrays(between, upper, lower + held))
+            return joined_sections.join_rods(springs)
         size = 4 if self.strand.massive else 2
         places = self._places
         elements = self._uniform_beams
         parts = np.zeros((size, size, *elements[0].shape), dtype=elements[0].dtype)
         for (i, j), value in zip(places, elements, strict=True):
             parts[i, j] = parts[j, i] = value
-        return joined_sections.join(parts, self.strand.tensions, self.strand.lengths)
+        return joined_sections.join(parts, self.strand.tensions, self.strand.lengths, self._dampers)
+
+    @cached_property
+    def _dampers(self) -> Inexact[np.ndarray, "node *#frequency"] | None:
+        """Dynamic stiffness of dampers between the sections, N/m; None if nothing is there."""
+        between = [section.damper for section in self.sections[:-1]]
+        part = PARTS[self.number]
+        if part == "twist" or not self.strand.massive or not any(between):
+            return None
+        lossy = self.strand.lossy
+        return self.strand.stack(
+            [wire_damper.stiffness(damper, part, self.omega, lossy=lossy) for damper in between]
+        )
+
+    def _node_motions(
+        self, motion: Inexact[np.ndarray, "end motion frequency"]
+    ) -> Inexact[np.ndarray, "node motion frequency"]:
+        """Motion (m) of the points between the sections, in motions of the ends of the wire."""
+        moved = self._section_motions(motion)[:-1]
+        if not self.bends:
+            return moved[:, 1]
+        return moved[:, 0] + self.strand.lengths[:-1, None] / 2 * moved[:, 2]
+
+    def _section_motions(
+        self, motion: Inexact[np.ndarray, "end motion frequency"]
+    ) -> Inexact[np.ndarray, "section end motion frequency"]:
+        """Motion of every section in the coordinates that join them."""
+        if not self.bends:
+            whole = np.tensordot(ENDS[1], motion, 1)
+        else:
+            whole = np.array(motion)
+            whole[2] *= 2 / self._length
+            whole[3] -= whole[2]
+            if not self.strand.massive:
+                whole = whole[1::2]
+        return joined_sections.section_motions(self._joined.motions, whole)
 
     @property
     def _places(self) -> tuple[tuple[int, int], ...]:

@@ -22,7 +22,8 @@ mean tension of the whole excepted. No force on the node gives (eta, zeta) = N q
 P_A^T K_A P_A + P_B^T K_B P_B, and with M = P [1; N] the whole is M_A^T K_A M_A + M_B^T K_B M_B. An
 error of N enters in its square, as no force acts on the node. EI / L_A^3 of a short section
 multiplies only its small deformation; in the usual difference of stiffnesses of the ends it would
-swamp the tension and the longer section.
+swamp the tension and the longer section. A stiffness D between the node and the ground (a damper)
+adds D w^2, with the motion w = W + (L_A - L_B) phi / 2 + eta of the node.
 
 The number of resonances of the clamped wire below this frequency exceeds that of its parts by the
 number of negative eigenvalues of the stiffness of (eta, zeta) (Wittrick and Williams, Q. J. Mech.
@@ -79,11 +80,13 @@ def join(
     parts: Inexact[np.ndarray, "end end section *shape"],
     tensions: Inexact[np.ndarray, "section *#shape"],
     lengths: Inexact[np.ndarray, "section *#shape"],
+    held: Inexact[np.ndarray, "node *#shape"] | None = None,
 ) -> Joined:
     """Join sections of a beam in pairs, then the pairs, until one is left.
 
     `parts` are the stiffness of each section on (W, T_s, phi, d), or on (T_s, d) without inertia,
-    from the top; tensions and lengths are in N and m.
+    from the top; tensions and lengths are in N and m. `held` is a stiffness between each node and
+    the ground, N/m, of sections with inertia.
     """
     motions = []
     negative = 0
@@ -107,6 +110,10 @@ def join(
         massive = len(parts) == 4
         if massive:
             node[0, 2] += step
+        place = (l_a - l_b) / 2  # of the node below the middle of the whole
+        if held is not None:
+            node[0, [0, -2]] += held[::2]
+            node[0, 2] += held[::2] * place
         (ee, ez), (_, zz) = node[:, -2:]
         det = ee * zz - ez**2
         det = np.where(det == 0, EPS * np.abs(ee * zz), det)  # at a resonance: just beside it
@@ -126,6 +133,12 @@ def join(
         if massive:
             pairs[2] += step * eta
             pairs[:, 2] += step * eta
+        if held is not None:
+            moved = eta.copy()
+            moved[0] += 1
+            moved[2] += place
+            pairs += held[::2] * moved[:, None] * moved
+            held = held[1::2]
         length = l_a + l_b
         tension = (t_a * l_a + t_b * l_b) / length
         pairs = (pairs + pairs.swapaxes(0, 1)) / 2

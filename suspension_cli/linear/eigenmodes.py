@@ -288,9 +288,9 @@ def describe(coordinate: str) -> str:
     """Describe a coordinate in words: ``test pitch``, ``upper.blade1 tip vertical``."""
     body, dof = place(coordinate)
     part = ""
-    if body.endswith(".damper"):
-        body = body.removesuffix(".damper")
-        part = " damper"
+    if body.count(".") == 2:  # on the tip of a blade
+        body, _, part = body.rpartition(".")
+        part = f" {part}"
     elif "." in body:
         part = " tip"
     return f"{body}{part} {DOF_NAMES.get(dof) or WIRE_MODE_NAMES[dof]}"

@@ -36,14 +36,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Peaks:
-    """Largest magnitude (SI) of each response, infinite at a lossless pole, and where (Hz)."""
-
-    frequency: Float[np.ndarray, "output input"] = field(metadata=in_unit("Hz"))
-    size: Float[np.ndarray, "output input"] = field(metadata=in_unit("{unit}"))
-
-
-@dataclass(frozen=True)
 class Response:
     """Responses of outputs to inputs.
 
@@ -57,10 +49,6 @@ class Response:
         Number of blocks solved.
     closed_loop
         Whether the loops of the design's local control are closed.
-    largest
-        Peaks within the band, also between the frequencies; None if not searched.
-    fine_frequency, fine
-        Values at more frequencies, which resolve resonances, for pictures; None without these.
     """
 
     frequency: Float[np.ndarray, " frequency"] = field(metadata=in_unit("Hz"))
@@ -70,13 +58,6 @@ class Response:
     value: Complex[np.ndarray, "frequency output input"] = field(metadata=in_unit("{unit}"))
     blocks: int = field(default=0, metadata=NOT_STORED)
     closed_loop: bool = False
-    largest: Peaks | None = None
-    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
-        default=None, metadata=in_unit("Hz")
-    )
-    fine: Complex[np.ndarray, "fine_frequency output input"] | None = field(
-        default=None, metadata=in_unit("{unit}")
-    )
 
 
 def solve(

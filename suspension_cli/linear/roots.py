@@ -250,12 +250,13 @@ def find_roots(
     close: float = CLOSE,
     known: int = 0,
     noise: float = ROUGH,
+    together: int = TOGETHER,
 ) -> Roots:
     """Find the roots near start values, which all oscillate, or are all real.
 
     Those closer than `close`, or than their `width`, by how much losses may move each (rad/s),
-    start together. In the first `known` steps values stay, if shapes are unknown. Those with
-    relative rounding errors above `noise` are lost.
+    take their first `together` steps together. In the first `known` steps values stay, if shapes
+    are unknown. Those with relative rounding errors above `noise` are lost.
     """
     if not len(start.value):
         return start
@@ -263,7 +264,7 @@ def find_roots(
     width = np.broadcast_to(width, start.value.shape)
     if (np.imag(start.value) > 0).all():
         groups = [g for g in group_roots(start, close, width) if known or len(g) > 1]
-        found = _iterate(pencil, blocks, start, groups, known + TOGETHER, loss, known)
+        found = _iterate(pencil, blocks, start, groups, known + together, loss, known)
     each = list(np.arange(len(start.value))[:, None])
     found = _iterate(pencil, blocks, found, each, STEPS, loss, noise=noise)
     far = np.abs(found.value - start.value) > STRAYED * np.abs(start.value)

@@ -420,6 +420,9 @@ def find_poles(
     Real parts that may be rounding errors are 0. A pole is named after a filter's state only if
     mechanical ones have less than `NAMED` of its participation.
     """
+    if not len(system.a):
+        none = np.zeros(0, dtype=complex)
+        return Poles(none, ()), np.zeros((len(system.c), 0), dtype=complex)
     eigen: Any = np.linalg.eig(system.a)
     values = eigen.eigenvalues.astype(complex)
     right = eigen.eigenvectors

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from suspension_cli.design.materials import Bulk
@@ -186,7 +187,14 @@ class WireTerm(Term):
         """The wires with one loss angle (rad) in all deformations, in vacuum."""
         fibre = self.strand.fibre
         losses = (Bulk(angle),)
-        sections = tuple(replace(section, losses=losses) for section in fibre.sections)
+        sections = tuple(
+            replace(
+                section,
+                losses=losses,
+                damper=section.damper and msgspec.structs.replace(section.damper, loss_angle=angle),
+            )
+            for section in fibre.sections
+        )
         fibre = replace(fibre, sections=sections)
         return replace(self, strand=replace(self.strand, fibre=fibre, surrounded=None))
 

@@ -104,5 +104,5 @@ def surroundings_key(design: Design) -> tuple[str, ...]:
     """Support structure, all dampers and cavities, which designs of one batch share."""
     # repr of floats is exact
     dampers = [stage.damping for stage in design.stage]
-    on_tips = [[table.damper for table in stage.blade_tables] for stage in design.stage]
+    on_tips = [[table.dampers for table in stage.blade_tables] for stage in design.stage]
     return (repr(design.support), repr(dampers), repr(on_tips), repr(design.cavity))

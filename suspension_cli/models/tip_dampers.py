@@ -15,17 +15,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from suspension_cli.design.wires import names_on_tip
 from suspension_cli.linear.coordinates import AddedCoordinates, momentum_units
 from suspension_cli.linear.matrix_terms import StructuralLoss
 from suspension_cli.scene.arrays import Array
 from suspension_cli.scene.pose import layout
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Inexact, Int
 
     from suspension_cli.design.schema import Design
     from suspension_cli.design.wires import TipDamper
@@ -37,16 +39,27 @@ ROUNDING = 1e-14
 """Fraction of the largest element of a matrix below which one is a rounding error."""
 
 
-def dampers_of(design: Design) -> dict[str, tuple[str, TipDamper]]:
-    """Name of the stage, and damper, of each blade that has one, by the label of the blade."""
-    result: dict[str, tuple[str, TipDamper]] = {}
+class DamperOnTip(NamedTuple):
+    """A damper, the number that it has on its blade, its coordinate, and the blade's stage."""
+
+    number: int
+    name: str
+    blade: str
+    stage: str
+    table: TipDamper
+
+
+def dampers_of(design: Design) -> list[DamperOnTip]:
+    """List all dampers, first the first on each blade."""
+    result: list[DamperOnTip] = []
     for stage in design.stage:
         tables = [stage.blades] * stage.blades.count if stage.blades else stage.blade
         for number, table in enumerate(tables, 1):
-            if table.damper is not None:
-                label = f"{stage.name}.{getattr(table, 'name', f'blade{number}')}"
-                result[label] = stage.name, table.damper
-    return result
+            label = f"{stage.name}.{getattr(table, 'name', f'blade{number}')}"
+            names = names_on_tip(label, len(table.dampers))
+            for n, (name, damper) in enumerate(zip(names, table.dampers, strict=True), 1):
+                result.append(DamperOnTip(n, name, label, stage.name, damper))
+    return sorted(result, key=lambda one: one.number)
 
 
 def tip_motion(scene: Scene, pose: Pose, blade: int) -> Inexact[np.ndarray, "*batch coordinate"]:
@@ -66,18 +79,19 @@ def tip_motion(scene: Scene, pose: Pose, blade: int) -> Inexact[np.ndarray, "*ba
 def with_tip_dampers(model: LinearSystem, design: Design, scene: Scene, pose: Pose) -> LinearSystem:
     """Add the dampers on the tips of blades to a linear model about a pose, any batch axes.
 
-    Where tips are combined by symmetry, so are their dampers.
+    Where tips are combined by symmetry, so are their dampers: the first of all, and so on.
     """
     dampers = dampers_of(design)
     if not dampers:
         return model
-    numbers = [scene.blades.label.index(label) for label in dampers]
+    numbers = np.array([scene.blades.label.index(one.blade) for one in dampers])
     tips = layout(scene).blade[numbers, 2]
-    combined = np.flatnonzero(model.basis[tips].any(0))
+    place = np.array([one.number for one in dampers])
+    alike = [tips[place == n] for n in range(1, max(place) + 1)]
+    mixed = np.array(block_diag(*(_combinations(model, some) for some in alike)), dtype=float)
     count = len(dampers)
-    mixed = model.basis[np.ix_(tips, combined)] if len(combined) == count else np.eye(count)
     size = model.size
-    masses = np.array([damper.mass for _, damper in dampers.values()])
+    masses = np.array([one.table.mass for one in dampers])
     motion = np.stack([tip_motion(scene, pose, number) for number in numbers], axis=-2)
     coupling = _without_rounding(mixed.T @ (masses[:, None] * motion) @ model.basis)
     mass = np.zeros((*coupling.shape[:-2], size + count, size + count), dtype=coupling.dtype)
@@ -86,7 +100,7 @@ def with_tip_dampers(model: LinearSystem, design: Design, scene: Scene, pose: Po
     mass[..., size:, size:] = _form(mixed, masses)
     stiffness = np.zeros((size + count, size + count))
     losses: dict[tuple[str, float], StructuralLoss] = {}
-    for number, (stage, damper) in enumerate(dampers.values()):
+    for number, (*_, stage, damper) in enumerate(dampers):
         own = np.zeros_like(stiffness)
         own[size:, size:] = _form(mixed, damper.spring * np.eye(count)[number])
         stiffness += own
@@ -100,7 +114,7 @@ def with_tip_dampers(model: LinearSystem, design: Design, scene: Scene, pose: Po
     cleaned = [replace(one, matrix=_without_rounding(one.matrix)) for one in losses.values()]
     units = ("m",) * count
     added = AddedCoordinates(
-        name=tuple(f"{label}.damper.z" for label in dampers),
+        name=tuple(one.name for one in dampers),
         unit=units,
         momentum_unit=momentum_units(units),
         mass=mass,
@@ -109,6 +123,14 @@ def with_tip_dampers(model: LinearSystem, design: Design, scene: Scene, pose: Po
     )
     wider = model.widened(added)
     return replace(wider, terms=(*wider.terms, *cleaned), basis=_basis(wider.basis, mixed))
+
+
+def _combinations(model: LinearSystem, tips: Int[np.ndarray, " damper"]) -> Array:
+    """The combinations of some tips in which a system has them, if these are no others."""
+    combined = np.flatnonzero(model.basis[tips].any(0))
+    if len(combined) != len(tips):
+        return np.eye(len(tips))
+    return model.basis[np.ix_(tips, combined)]
 
 
 def _form(mixed: Array, diagonal: Array) -> Array:

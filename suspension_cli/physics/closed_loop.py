@@ -52,7 +52,10 @@ if TYPE_CHECKING:
 
 
 PADE = 8
-"""Order of Pade's approximation of a delay T; its error is 5e-4 up to omega T = 8."""
+"""Order of Pade's approximation of a delay T."""
+PADE_ERROR = 5e-4
+"""Its largest error up to omega T = `PADE_RANGE`."""
+PADE_RANGE = 8.0
 
 
 DIRECT = 6
@@ -182,13 +185,16 @@ def close_loops(
     drives: Float[np.ndarray, "input coordinate"],
     outputs: list[Signal],
     rows: Float[np.ndarray, "output coordinate"],
+    noise: Float[np.ndarray, "input node"] | None = None,
+    demands: Float[np.ndarray, "output node"] | None = None,
 ) -> StateSpace:
     """Build the closed-loop state space of signals with given linear forms.
 
-    With the forces and inputs of filters w, and z = (sensed motions, outputs of filters), w = F z
-    closes the loops of
+    Inputs may add to what filters read (`noise`), and outputs may have those of filters
+    (`demands`). With the forces and inputs of filters w, and z = (sensed motions, outputs of
+    filters), w = F z + N e closes the loops of
 
-        x' = A x + B w + B_e e,    z = C x + D w + D_e e,    y = C_o x + D_o w + D_oe e.
+        x' = A x + B w + B_e e,    z = C x + D w + D_e e,    y = C_o x + D_o w + D_oe e + V z.
     """
     from scipy.linalg import block_diag
 
@@ -222,10 +228,19 @@ def close_loops(
     )
     one = np.eye(count)
     none = np.zeros((count, count))
+    entering = np.zeros((2 * count, i))
+    if noise is not None:
+        entering[count:] = noise.T
+    leaving = np.zeros((o, 2 * count))
+    if demands is not None:
+        leaving[:, count:] = demands
+    through = d[o:, i:]
     feedback = np.block([[none, -one], [one, network.of_nodes]])
-    feedback = feedback @ np.linalg.inv(np.eye(2 * count) - d[o:, i:] @ feedback)
-    back = b[:, i:] @ feedback
-    through = d[:o, i:] @ feedback
+    solved = np.linalg.inv(np.eye(2 * count) - through @ feedback)
+    # z = solved (C x + applied e)
+    applied = d[o:, :i] + through @ entering
+    back = b[:, i:] @ feedback @ solved
+    forward = (d[:o, i:] @ feedback + leaving) @ solved
     names = [
         f"{node.name} {k}"
         for node, (states, *_) in zip(network.nodes, filters, strict=True)
@@ -234,9 +249,9 @@ def close_loops(
     return replace(
         bare,
         a=a + back @ c[o:],
-        b=b[:, :i] + back @ d[o:, :i],
-        c=c[:o] + through @ c[o:],
-        d=d[:o, :i] + through @ d[o:, :i],
+        b=b[:, :i] + back @ applied + b[:, i:] @ entering,
+        c=c[:o] + forward @ c[o:],
+        d=d[:o, :i] + forward @ applied + d[:o, i:] @ entering,
         state=(*bare.state, *names),
         state_unit=(*bare.state_unit, *["1"] * len(names)),
         input=bare.input[:i],
@@ -344,6 +359,23 @@ def find_poles(plant: Plant) -> Poles:
     motion = np.concatenate([one.motion for one in found if one.motion is not None])
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], tuple(states[n] for n in order), motion[order])
+
+
+def follow_poles(plant: Plant, known: Poles) -> Poles:
+    """Find the closed-loop poles of a plant, also with wire mass, from those of another model.
+
+    Both models have the same coordinates. One that is lost keeps its value.
+    """
+    plant = _with_states(plant)
+    value = known.value.copy()
+    assert known.motion is not None
+    for block, numbers in _build_blocks(plant):
+        within = _Within(plant, block, tuple(numbers))
+        own = np.flatnonzero(known.motion[:, within.bodily].any(1))
+        states = tuple(known.state[n] for n in own)
+        found, _, lost = within.refine(_Starts(known.value[own], states, known.motion[own]))
+        value[own[~lost]] = found[~lost]
+    return replace(known, value=value)
 
 
 def _with_states(plant: Plant) -> Plant:

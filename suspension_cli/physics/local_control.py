@@ -56,11 +56,13 @@ TINY = 1e-11
 class Channel:
     """One reading of motions, by a loop or a sensor that has its name.
 
-    `sensor_noise` is that of its own, `on_ground` its reading of the six motions of the ground.
+    `sensor_noise` is that of its own, `motions` are what it reads, with factors, and `on_ground` is
+    its reading of the six motions of the ground.
     """
 
     name: str
     sensor_noise: MotionNoise
+    motions: Sequence[tuple[float, Signal]]
     on_ground: Float[np.ndarray, " 6"]
 
 
@@ -117,9 +119,8 @@ class Plant:
         """Linear forms of the forces of the coils of OSEMs."""
         result = np.zeros((len(self.osems), self.model.size))
         for row, osem in zip(result, self.osems, strict=True):
-            for dof, part in enumerate(osem.driving_row):
-                end = Signal(osem.name, osem.stage, dof, (0.0, 0.0, 0.0), acts=True)
-                row += part * signals.linear_form(_relate(end, osem), self.model)
+            for part, end in coil_forces(osem):
+                row += part * signals.linear_form(end, self.model)
         return result
 
     def select(self, nodes: list[int]) -> Plant:
@@ -196,6 +197,14 @@ def build_plant(design: Design, system: Solvable) -> Plant:
     )
 
 
+def coil_forces(osem: Osem) -> list[tuple[float, Signal]]:
+    """List the forces and torques of which that of a coil is the sum, with factors."""
+    centre = (0.0, 0.0, 0.0)
+    parts = enumerate(osem.driving_row)
+    ends = [(part, Signal(osem.name, osem.stage, n, centre, acts=True)) for n, part in parts]
+    return [(part, _relate(end, osem)) for part, end in ends if part]
+
+
 @dataclass(frozen=True)
 class LoopEnd:
     """What a sensor reads or an actuator pushes: motions with factors, and weights of all OSEMs."""
@@ -210,7 +219,7 @@ def _make_channel(owner: Loop | Sensor, read: LoopEnd) -> Channel:
     for factor, signal in read.motions:
         if signal.is_ground:
             on_ground[signal.dof] += factor
-    return Channel(owner.name, owner.sensor_noise, on_ground)
+    return Channel(owner.name, owner.sensor_noise, read.motions, on_ground)
 
 
 def _sense(read: LoopEnd, model: LinearSystem) -> Float[np.ndarray, " coordinate"]:

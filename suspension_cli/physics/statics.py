@@ -238,7 +238,8 @@ def _weigh_wires(design: Design, scene: Scene, loads: Sequence[WireLoad]) -> Wir
     for n, (table, load) in enumerate(zip(tables, loads, strict=True)):
         length = float(wires.length[n])
         pieces = wire_line_densities(design, table, length)
-        weight = gravity * sum(piece * density for piece, density in pieces)
+        mass = sum(piece * density for piece, density in pieces)
+        weight = gravity * (mass + sum(damper.mass for damper in table.dampers))
         total += weight
         if weight / load.tension > ratio:
             ratio = weight / load.tension

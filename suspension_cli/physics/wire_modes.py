@@ -7,9 +7,9 @@
 array([0.946, 0.946, 1.564])
 
 `linear.roots` finds all frequencies without loss. Shapes and poles with all losses are roots,
-near these, of the suspension with every wire cut in two (`linear.roots`). The cut is at a point of
-no symmetry, whose motion becomes six more coordinates: then a violin mode that moves no body has a
-shape too, and no stiffness function is near its pole at a mode.
+near these, of the suspension with every wire cut in two (`physics.cut_wires`, `linear.roots`). The
+cut is at a point of no symmetry, whose motion becomes six more coordinates: then a violin mode that
+moves no body has a shape too, and no stiffness function is near its pole at a mode.
 """
 
 from __future__ import annotations
@@ -23,11 +23,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elements.dynamic_wire import COORDINATES, PARTS
-from suspension_cli.elements.joined_sections import ENDS
+from suspension_cli.elements.dynamic_wire import PARTS
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import batch_modes, damped, eigenmodes, quality, roots
-from suspension_cli.linear.coordinates import AddedCoordinates, momentum_units
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.mode_pairing import pair_bodies
 from suspension_cli.linear.pencil import Block, Pencil
@@ -39,8 +37,9 @@ from suspension_cli.linear.terms import LIGHT_ENDING
 from suspension_cli.linear.wire_term import WireTerm, is_massive
 from suspension_cli.models.choice import shifts_by_wire_mass
 from suspension_cli.models.spectrum_error import has_wire_mass
+from suspension_cli.physics import cut_wires
+from suspension_cli.physics.cut_wires import CutWires
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.scene import Fibre
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -48,15 +47,16 @@ if TYPE_CHECKING:
 CUTS = ((3 - 5**0.5) / 2, 0.36, 0.45)
 """Fractions of a wire above the cut, tried in turn: the golden section is far from nodes of low
 order, but a piece may resonate at the frequency of a mode."""
-PER_WIRE = sum(COORDINATES[part] // 2 for part in PARTS)
-"""Coordinates of a cut."""
-CUT_UNITS = ("m", "rad", "m", "rad", "m", "rad")
-"""Their units: deflection and slope in both planes, stretching, twist."""
 HIGHEST = 1.05
 """Highest frequency of the search for modes of bodies with wire mass, over the highest without;
 wire mass lowers frequencies, except next to a violin mode."""
+RAISED = 1.5
+"""Highest frequency of that search over the highest without wire mass, if wires have dampers: one
+that is tuned below a mode raises it."""
 SLOWEST = 1e-4
 """Fraction of the lowest static frequency below which modes are not searched for."""
+LONGER = 4
+"""Number of steps that roots take together if wires have dampers, which move them far."""
 CLOSE = 1e-6
 """Relative distance of frequencies whose shapes are solved for together."""
 DEGENERATE = 1e-10
@@ -275,7 +275,9 @@ def solve_bodies(
             bodily = (share > BODILY) | damped.mark_light(found)
             if bodily.all() and not _repeated(solver.system, found):
                 return found
-    top = float(np.nanmax(solver.modes.frequency))  # wire mass lowers all frequencies
+    top = float(np.nanmax(solver.modes.frequency))
+    if any(isinstance(term, WireTerm) and term.strand.damped for term in solver.system.terms):
+        top *= RAISED  # else wire mass lowers all frequencies
     admit(count_modes(solver, top), top)
     found = solve(solver, top, damping=True, progress=progress)
     of_bodies = found.order == 0
@@ -308,13 +310,13 @@ class _WiresCut:
     whole: Solver
     pencil: Pencil
     block: Block
-    kinds: list[WireTerm]
+    kinds: list[CutWires]
     strong: Roots
 
     @staticmethod
     def of(whole: Solver, fraction: float, strong: Modes) -> _WiresCut:
         """Cut the wires of a system; find the poles of modes that are strongly damped."""
-        cut, kinds = cut_all(whole.system, fraction)
+        cut, kinds = cut_wires.cut_all(whole.system, fraction)
         pencil = Pencil(Structure(cut))
         order = np.argsort(pencil.owner[6:], kind="stable")
         blocks = [Block(pencil, 6 + order, np.ones(6, dtype=bool))]
@@ -355,7 +357,9 @@ class _WiresCut:
         shapes = start.motions(blocks, self.pencil.model.size)
         q = quality.evaluate(self.pencil.model, start.value, shapes).q
         start = replace(start, value=1j * np.sqrt(omega**2 * (1 + 1j / q)))
-        found = roots.find_roots(self.pencil, blocks, start, omega / (2 * q))
+        damped_wires = any(kind.term.strand.damped for kind in self.kinds)
+        together = LONGER if damped_wires else roots.TOGETHER
+        found = roots.find_roots(self.pencil, blocks, start, omega / (2 * q), together=together)
         every = self.strong.followed_by(found)
         again = roots.repeated(every)[len(self.strong.value) :]
         return self.describe(found), ~(found.lost | again)
@@ -367,17 +371,22 @@ class _WiresCut:
         motion = found.motions([self.block], cut.size)
         own = motion[:, : self.whole.system.size]
         quantities = quality.evaluate(cut, value, motion)
-        # of both pieces
-        energy = quantities.wires.reshape(len(self.kinds), 2, len(PARTS), len(value)).sum(1)
+        # of all pieces
+        first = np.cumsum([0, *(len(kind.pieces) for kind in self.kinds[:-1])])
+        energy = np.add.reduceat(quantities.wires, first, axis=0)
+        of_dampers = np.array([kind.damper_energies(motion) for kind in self.kinds])
+        of_dampers = of_dampers / np.where(quantities.weight > 0, quantities.weight, 1.0)
+        energy += of_dampers
+        quantities = replace(quantities, bodily=quantities.bodily - of_dampers.sum((0, 1)))
         shape = own / np.sqrt(quantities.weight)[:, None]
         block = np.argmax(
             [np.abs(own[:, some]).sum(1) for some in self.whole.structure.blocks], axis=0
         )
         modes = eigenmodes.build(self.whole.system, value, shape, block, quantities)
         wire: dict[str, Array] = {}
-        for term, parts in zip(self.kinds, energy, strict=True):
+        for kind, parts in zip(self.kinds, energy, strict=True):
             for part, fraction in zip(PARTS, parts, strict=True):
-                name = f"{term.stage}.{NAMES[part]}"
+                name = f"{kind.term.stage}.{NAMES[part]}"
                 wire[name] = wire.get(name, 0.0) + fraction
         modes = replace(modes, wire=tuple(wire), wire_energy=np.array([*wire.values()]).T)
         return replace(modes, order=self._half_waves(modes, np.imag(value), energy))
@@ -397,11 +406,11 @@ class _WiresCut:
 
         @cache
         def resonances(kind: int, part: str) -> Array:
-            return self.kinds[kind].strand.held_resonances(part, float(omega.max()))
+            return self.kinds[kind].term.strand.held_resonances(part, float(omega.max()))
 
         for n, (stage, dof) in enumerate(modes.home):
             part = part_of.get(dof)
-            alike = [kind for kind, term in enumerate(self.kinds) if term.stage == stage]
+            alike = [kind for kind, own in enumerate(self.kinds) if own.term.stage == stage]
             if part and alike:
                 kind = max(alike, key=lambda kind: energy[kind, PARTS.index(part), n])
                 result[n] = np.abs(resonances(kind, part) - omega[n]).argmin() + 1
@@ -419,7 +428,7 @@ def count_modes(system: Solvable, highest: float) -> int:
 def most_in_a_minute(model: LinearSystem, most: int) -> int:
     """Number of modes that are found in about a minute, at most `most`; fewer of larger systems."""
     wires = sum(len(term.number) for term in model.terms if isinstance(term, WireTerm))
-    coordinates = model.size + PER_WIRE * wires
+    coordinates = model.size + cut_wires.PER_CUT * wires
     return min(most, int(MINUTE / coordinates**2))
 
 
@@ -433,95 +442,3 @@ def _lowest_frequency(static: Modes) -> float:
     """Frequency below which modes are not searched for, rad/s."""
     squared = np.abs(static.omega_squared[static.omega_squared != 0])
     return SLOWEST * float(np.sqrt(squared.min(initial=(2 * np.pi) ** 2)))
-
-
-def cut_all(model: LinearSystem, fraction: float = CUTS[0]) -> tuple[LinearSystem, list[WireTerm]]:
-    """Cut every wire in two; also return the wires of each kind.
-
-    The coordinates are the model's, then those of every cut. The first terms are the upper and
-    lower pieces of the wires of each kind.
-    """
-    whole = [term for term in model.terms if isinstance(term, WireTerm)]
-    names = [
-        f"{term.stage}.cut{n}.{k}"
-        for term in whole
-        for n in range(len(term.forms["twist"]))
-        for k in range(PER_WIRE)
-    ]
-    size = model.size + len(names)
-    added, none = np.zeros((2, size, size))
-    pieces = []
-    start = model.size
-    for term in whole:
-        upper, lower = _cut(term, fraction, start, size)
-        pieces += [upper, lower]
-        start += PER_WIRE * len(term.forms["twist"])
-        for sign, one in (-1, term), (1, upper), (1, lower):
-            added[np.ix_(one.columns, one.columns)] += sign * _static_stiffness(one)
-    units = len(names) // PER_WIRE * CUT_UNITS
-    cuts = AddedCoordinates(
-        tuple(names), units, momentum_units(units), none, added, none, belong_to_bodies=True
-    )
-    system = model.widened(cuts)
-    others = [term for term in system.terms if not isinstance(term, WireTerm)]
-    return (
-        replace(
-            system,
-            elongation=np.zeros((0, size)),
-            k=np.zeros(0),
-            allowed=np.ones((size, size), dtype=bool),
-            terms=(*pieces, *others),
-            rigid=None,
-        ),
-        whole,
-    )
-
-
-def _cut(term: WireTerm, fraction: float, start: int, size: int) -> list[WireTerm]:
-    """Cut the wires of a kind; their cuts are the coordinates from `start` on."""
-    upper: dict[str, Array] = {}
-    lower: dict[str, Array] = {}
-    wires = np.arange(len(term.forms["twist"]))[:, None]
-    more = size - term.size
-    for part in PARTS:
-        p = COORDINATES[part] // 2
-        ends = np.pad(ENDS[p] @ term.forms[part], ((0, 0), (0, 0), (0, more)))
-        cut = np.eye(size)[start + PER_WIRE * wires + np.arange(p)]
-        back = np.linalg.inv(ENDS[p])
-        upper[part] = back @ np.concatenate([ends[:, :p], cut], axis=1)
-        lower[part] = back @ np.concatenate([cut, ends[:, p:]], axis=1)
-        start += p
-    every = np.arange(size)
-    return [
-        WireTerm(
-            term.stage, replace(term.strand, fibre=fibre), term.number, every, forms, size
-        ).spread(np.eye(size))
-        for fibre, forms in zip(
-            _cut_fibre(term.strand.fibre, fraction), (upper, lower), strict=True
-        )
-    ]
-
-
-def _static_stiffness(term: WireTerm) -> Array:
-    """Static stiffness of wires among `term.columns`, without their stretching."""
-    result = np.zeros((len(term.columns),) * 2)
-    for part, rows in term.motion.items():
-        if part != "stretch":
-            static = term.strand.static[part]
-            result += np.einsum("wic,ij,wjd->cd", rows, static, rows)
-    return result
-
-
-def _cut_fibre(fibre: Fibre, fraction: float) -> tuple[Fibre, Fibre]:
-    """Divide a wire at the cut into an upper and a lower piece."""
-    left = fraction * sum(section.length for section in fibre.sections)
-    upper = []
-    lower = []
-    for section in fibre.sections:
-        inside = min(max(left, 0.0), section.length)
-        left -= section.length
-        if inside > 1e-12 * section.length:
-            upper.append(replace(section, length=inside))
-        if section.length - inside > 1e-12 * section.length:
-            lower.append(replace(section, length=section.length - inside))
-    return replace(fibre, sections=tuple(upper)), replace(fibre, sections=tuple(lower))

@@ -297,7 +297,7 @@ def _list_stage(design: Design, places: Places, n: int, first: int) -> tuple[lis
                 "axes": stiffness > 0,
                 "tip": tip,
                 "stiffness": stiffness,
-                "tip_mass": table.tip_mass + (table.damper.mass if table.damper else 0.0),
+                "tip_mass": table.tip_mass + sum(damper.mass for damper in table.dampers),
                 "loss": derive.part_loss(design, table),
                 "given": math.nan if table.load is None else table.load,
             }

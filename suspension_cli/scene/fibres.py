@@ -24,10 +24,12 @@ from suspension_cli.design.materials import (
 )
 from suspension_cli.design.schema import Design, Spring
 from suspension_cli.design.wires import (
+    CLOSE,
     AnyBlade,
     Clamp,
     Stretch,
     Wire,
+    WireDamper,
     WireSet,
     is_ring,
     stretches,
@@ -116,10 +118,32 @@ def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Sec
             made[name] = own, mechanisms_of(own, table)
         temperature = piece.temperature or design.constants.temperature
         sections.append(_section(piece, *made[name], temperature))
+    sections = _with_dampers(sections, table.dampers)
     along = 1.0
     if table.k is not None:
         along = table.k * sum(own.length / own.stretching for own in sections)
     return tuple(replace(own, stretching=along * own.stretching) for own in sections)
+
+
+def _with_dampers(sections: list[Section], dampers: Sequence[WireDamper]) -> list[Section]:
+    """Cut the sections of a wire where dampers are, each at the lower end of a section."""
+    whole = sum(section.length for section in sections)
+    left = list(sections)
+    result: list[Section] = []
+    above = 0.0
+    for damper in dampers:
+        place = damper.at * whole
+        while above + left[0].length < place * (1 - CLOSE):
+            result.append(left.pop(0))
+            above += result[-1].length
+        upper = min(place - above, left[0].length)
+        lower = left[0].length - upper
+        result.append(replace(left[0], length=upper, damper=damper))
+        above += upper
+        left[0] = replace(left[0], length=lower)
+        if lower < CLOSE * whole:
+            left.pop(0)
+    return [*result, *left]
 
 
 def _weighed(
@@ -137,7 +161,7 @@ def _weighed(
     for section in sections:
         own = section.mass * section.length
         result.append(replace(section, tension_offset=along * (left - own / 2)))
-        left = left - own
+        left = left - own - (section.damper.mass if section.damper else 0.0)
     return tuple(result)
 
 

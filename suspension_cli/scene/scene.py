@@ -19,6 +19,7 @@ import numpy as np
 from suspension_cli.design.cross_sections import CrossSection
 from suspension_cli.design.materials import Mechanism
 from suspension_cli.design.schema import Gas
+from suspension_cli.design.wires import WireDamper
 from suspension_cli.scene.arrays import Array, change_arrays, inner, inner_axes, shared
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class Section:
     temperature: float  # K
     torsion_factor: float = 1.0  # on G J + T I_p/A, where the torsional stiffness is given
     tension_offset: float = 0.0  # of its middle from that of the wire, due to its weight, N
+    damper: WireDamper | None = None  # at its lower end
 
     @property
     def round(self) -> bool:

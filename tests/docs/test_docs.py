@@ -66,6 +66,7 @@ TABLES = {
     "Wires of several sections": [wires.WireSection],
     "Necks of fibres": [wires.Neck],
     "Measured profiles of fibres": [wires.Profile],
+    "Dampers on wires": [wires.WireDamper],
     "[stage.blades]": [schema.BladeSet],
     "[[stage.wire]]": [schema.Wire],
     "[[stage.blade]]": [schema.Blade],

@@ -74,8 +74,9 @@ def test_a_blade_bends_from_its_root_to_the_end_of_its_wire():
 def test_positive_pitch_takes_the_top_of_a_body_to_positive_x():
     design, scene, found = solved(SINGLE)
     number = [home[1] for home in found.home].index("pitch")
-    pose = geometry.mode_pose(scene, found.coordinate, found.shape[number])
-    sketch = replace(geometry.sketch_at_rest(design, scene), pose=pose)
+    rest = geometry.sketch_at_rest(design, scene)
+    sketch = geometry.sketch_mode(rest, found.coordinate, found.shape[number])
+    pose = sketch.pose
     corner, half = lines(sketch, "body")[0][0], sketch.outlines[0].half
     angle = float(np.arcsin(pose.rotation[1][0, 2]))
     assert 0 < angle <= geometry.LARGEST_ANGLE

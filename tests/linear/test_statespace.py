@@ -94,7 +94,7 @@ def test_the_band_is_true(name):
     first, last = model.body[0], model.body[-1]
     for into, out in (("support.x", "x"), ("support.z", "z"), (f"{first}.force_x", "pitch")):
         inputs, outputs = plants.drives(model, into), plants.motions(model, f"{last}.{out}")
-        made = export.build(model, inputs, outputs)
+        made = export.build(model, export.Opened(inputs, outputs))
         assert made.tolerance == 1e-9
         assert made.band[0] < low / 2
         assert made.band[1] == pytest.approx(high * 100)
@@ -121,7 +121,7 @@ def test_zero_pole_gain(name):
         plants.drives(model, "support.x", "support.z", f"{model.body[0]}.force_x"),
         plants.motions(model, f"{model.body[-1]}.x", f"{model.body[0]}.z"),
     )
-    made = export.build(model, inputs, outputs, zpk=True)
+    made = export.build(model, export.Opened(inputs, outputs), zpk=True)
     assert made.zpk is not None
     assert made.tolerance == 1e-3
     assert made.worst < 1e-6

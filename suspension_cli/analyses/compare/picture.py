@@ -115,8 +115,9 @@ def _draw_changes(
     if np.nan_to_num(change).any():
         largest = int(np.nanargmax(np.abs(change)))
         row, column = divmod(largest, change.shape[1])
-        title += f": {labels[row]} {format_signed(change[row, column])} % in "
-        title += shorten(found.name[column], max(54 - len(title), 6))
+        title += f": {labels[row]} {format_signed(change[row, column])} %"
+        if len(found.name) > 2:  # else the line below names it
+            title += f" in {shorten(found.name[column], max(50 - len(title), 6))}"
     reference, *others = [single_line(name) for name in found.name]
     against = " · ".join(filter(None, (f"{', '.join(others)} against {reference}", _models(found))))
     label = f"{what} relative to {shorten(reference, 16)} (%)"

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from suspension_cli.analyses import options, tables
-from suspension_cli.analyses.analysis import Analysis, Run
+from suspension_cli.analyses.analysis import Analysis, Document, Run
 from suspension_cli.analyses.export.file import FORMATS
 from suspension_cli.analyses.options import option
 
 if TYPE_CHECKING:
     import h5py
 
+    from suspension_cli.analyses.export.front_end import FrontEndFiles
     from suspension_cli.analyses.export.gwinc_tables import GwincTables
     from suspension_cli.analyses.export.solve import Export, Exported
 
@@ -75,6 +75,14 @@ class ExportAnalysis(Analysis):
             "of all stages of the main chain; for gwinc x of the mirror",
         ),
         option(
+            "--closed-loop",
+            is_flag=True,
+            help="Close the loops of the design's [control] table. Inputs are also sensor.NAME,"
+            " noise of a sensor, and actuator.NAME, a force added to that of a loop or coil;"
+            " outputs also sensor.NAME, its reading, and drive.NAME, the force demanded. All are"
+            " exported by default.",
+        ),
+        option(
             "--loss/--no-loss",
             default=False,
             show_default=True,
@@ -103,7 +111,7 @@ class ExportAnalysis(Analysis):
             "--rate",
             type=click.FloatRange(1.0, 1e7),
             default=16384.0,
-            help="Sample rate of foton, Hz.",
+            help="Sample rate of foton and of front-end, Hz.",
         ),
         option(
             "--interferometer",
@@ -125,70 +133,29 @@ class ExportAnalysis(Analysis):
         options.VERBOSE,
     )
 
-    def solve(self, run: Run) -> Export | GwincTables:
+    def solve(self, run: Run) -> Export | GwincTables | FrontEndFiles:
         """Build the state space and measure its band."""
-        from suspension_cli.analyses.export import file, foton_modules
-        from suspension_cli.analyses.export import solve as export
-        from suspension_cli.design.derive import main_chain
-        from suspension_cli.grids import parse_band
-        from suspension_cli.linear import signals
-        from suspension_cli.linear.statespace import with_constant_loss
-        from suspension_cli.models.choice import Frequencies
-        from suspension_cli.physics import model_choice
-
-        setting = run.setting
-        loss = run.setting["loss"]
-        _check_order(setting)
-        if setting["format"] == "gwinc":
+        _check_options(run.setting)
+        if run.setting["format"] == "gwinc":
             from suspension_cli.analyses.export import gwinc_tables
 
             return gwinc_tables.solve(self, run)
-        fidelity = setting["fidelity"]
-        tolerance = setting["tolerance"]
-        if loss:
-            request = lambda _: Frequencies()  # noqa: E731
-            choice, model = model_choice.choose(run.source, fidelity, request, tolerance=tolerance)
-        else:
-            choice, model = model_choice.for_modes(run.source, fidelity, tolerance, massless=True)
-        model = model_choice.stable_system(
-            run.source, choice, setting["allow_unstable"], run.log, model, bends=True
-        )
-        known = signals.bodies_with_signals(model)
-        chain = main_chain(run.design)
-        finesse = setting["format"] == "finesse"
-        usual = file.finesse_signals if finesse else signals.local_control_signals
-        drives, motions = usual(chain)
-        inputs = [signals.parse_input(text, known) for text in setting["inputs"] or drives]
-        outputs = [signals.parse_output(text, known) for text in setting["outputs"] or motions]
-        if finesse:
-            names = [[signal.text for signal in some] for some in (inputs, outputs)]
-            file.check_names(names[0], names[1], chain[-1])
-        zpk = setting["format"] == "zpk"
-        band = parse_band(setting["band"] or "0.1:100", "--band")
-        accuracy = setting["accuracy"]
-        if loss:
-            order = setting["order"]
-            made = export.build_lossy(model, inputs, outputs, band, accuracy, order=order, zpk=zpk)
-        else:
-            constant = with_constant_loss(model)
-            lossless = replace(constant.lossless, terms=constant.terms)
-            made = export.build(lossless, inputs, outputs, zpk=zpk)
-            if model.is_lossy or model.terms:
-                run.log.warn("exported without damping: accurate off resonance; --loss gives Q too")
-        made = replace(made, mirror=chain[-1])
-        if setting["format"] == "foton":
-            filters = foton_modules.make_foton(made, setting["rate"], band, accuracy)
-            made = replace(made, filters=filters)
-        made = export.compare_with_complete(made, run.design, inputs, outputs)
-        origin = run.origin(self, choice)
-        return export.Export.extending(made, format=setting["format"], run=origin)
+        if run.setting["format"] == "front-end":
+            from suspension_cli.analyses.export import front_end
 
-    def text(self, result: Export | GwincTables) -> str:
+            return front_end.solve(self, run)
+        from suspension_cli.analyses.export import state_space
+
+        return state_space.solve(self, run)
+
+    def text(self, result: Export | GwincTables | FrontEndFiles) -> str:
         """Return the size of the system and the band of agreement."""
         run = result.run
         if result.format == "gwinc":
             summary = cast("GwincTables", result).describe(run.file)
             return f"{run.choice.line}\n{summary}"
+        if result.format == "front-end":
+            return "\n".join(_describe_front_end(cast("FrontEndFiles", result)))
         made = cast("Export", result)
         own = f"the {run.model} model to {made.tolerance:g}"
         low, high = made.tried
@@ -204,6 +171,7 @@ class ExportAnalysis(Analysis):
         counts = [len(getattr(made.system, key)) for key in ("state", "input", "output")]
         size = "states: {}, inputs: {}, outputs: {}".format(*counts)
         lines = [run.choice.line, f"{size}; {agrees}", error]
+        lines += _describe_loops(made)
         if (orders := made.orders) is not None:
             rows = zip(orders.states, 100 * orders.worst, 100 * orders.q_error, strict=True)
             columns = {"states": "d", "off resonance\n%": ".2g", "Q\n%": ".2g"}
@@ -220,21 +188,34 @@ class ExportAnalysis(Analysis):
             lines += [tables.render(columns | {"error": ".2g"}, rows)]
         return "\n".join([*lines, _table(made)])
 
-    def path(self, result: Export | GwincTables, folder: Path) -> Path:
+    def path(self, result: Export | GwincTables | FrontEndFiles, folder: Path) -> Path:
         """Return the path of the exported file."""
         stem = result.run.design.stem()
         form = result.format
         # gwinc takes a dot for the start of a file's ending
-        stem = stem.replace(".", "_") if form == "gwinc" else f"{stem}-statespace"
+        if form == "gwinc":
+            stem = stem.replace(".", "_")
+        elif form != "front-end":
+            stem = f"{stem}-statespace"
         return folder / f"{stem}{FORMATS[form].suffix}"
 
-    def save(self, path: Path, result: Export | GwincTables) -> None:
+    def save(self, path: Path, result: Export | GwincTables | FrontEndFiles) -> None:
         """Write the exported file, in the format of its ending."""
         from suspension_cli.analyses.export.file import format_of
 
         FORMATS[format_of(path, result)].write(path, result, result.provenance)
 
-    def fill(self, file: h5py.File, result: Export | GwincTables) -> None:
+    def others(self, result: Export | GwincTables | FrontEndFiles, path: Path) -> list[Path]:
+        """Write the matrices of a front end beside its filters."""
+        if result.format != "front-end":
+            return []
+        from suspension_cli.analyses.export import front_end
+
+        beside = path.with_suffix(".snap")
+        front_end.write_matrices(beside, cast("FrontEndFiles", result), result.provenance)
+        return [beside]
+
+    def fill(self, file: h5py.File, result: Export | GwincTables | FrontEndFiles) -> None:
         """Refuse: a state space has no labelled arrays."""
         from suspension_cli.errors import InputError
 
@@ -242,10 +223,13 @@ class ExportAnalysis(Analysis):
         raise InputError.of("", "a state space has no labelled arrays", remedy)
 
 
-def _check_order(setting: Mapping[str, Any]) -> None:
-    """Raise `InputError` for a number of states of a system that is not reduced."""
+def _check_options(setting: Mapping[str, Any]) -> None:
+    """Raise `InputError` for options that do not go together."""
     from suspension_cli.errors import InputError
 
+    if setting["closed_loop"] and setting["format"] == "gwinc":
+        remedy = "leave it out, or take another format"
+        raise InputError.of("--closed-loop", "gwinc has no loops of suspensions", remedy)
     order = setting["order"]
     if order is None:
         return
@@ -254,6 +238,45 @@ def _check_order(setting: Mapping[str, Any]) -> None:
     if not setting["loss"]:
         problem = "without losses the number of states is that of the bodies"
         raise InputError.of("--order", problem, "add --loss, or leave it out", f"{order}")
+
+
+def _describe_front_end(made: FrontEndFiles) -> Iterator[str]:
+    """Tabulate the modules and matrices of a front end."""
+    import numpy as np
+
+    columns = dict.fromkeys(("module", "sections", "poles"), "")
+    rows = [(one.name, one.sections, one.poles) for one in made.filters.module]
+    yield f"filter modules at {made.filters.rate:g} Hz:\n"
+    yield tables.render(columns, rows)
+    elements = [
+        (matrix.name, row + 1, column + 1, matrix.row[row], matrix.column[column], value)
+        for matrix in made.matrix
+        for (row, column), value in np.ndenumerate(matrix.value)
+        if value
+    ]
+    columns = dict.fromkeys(("matrix", "row", "column", "makes", "of"), "")
+    yield "\nelements of matrices that are not 0:\n"
+    yield tables.render(columns | {"value": ".4g"}, elements)
+    yield "\nin m, rad, N and N m; not included: responses of sensors and drivers, and delays"
+
+
+def _describe_loops(made: Export) -> Iterator[str]:
+    """Describe closed loops: their poles beside those of the complete equations, and filters."""
+    from suspension_cli.analyses.export.state_space import describe_filters
+
+    poles = made.poles
+    if poles is None:
+        return
+    if len(poles.state):
+        highest = made.tried[1]
+        most, n = poles.largest(highest)
+        where = f"{poles.state[n]}, {poles.frequency[n]:.4g} Hz" if most else "all"
+        q = poles.q_error(made.tried)
+        yield (
+            f"closed-loop poles up to {highest:.4g} Hz agree with the complete equations within"
+            f" {100 * most:.2g} % ({where}), their Q within {100 * q:.2g} %"
+        )
+    yield from describe_filters(made.run.design.design)
 
 
 def _table(made: Exported) -> str:
@@ -274,8 +297,14 @@ def _table(made: Exported) -> str:
     def coordinate(signal: str) -> str:
         return signal.partition("@")[0].rpartition(".")[2].rpartition("_")[2]
 
+    def is_of_loop(pair: Document) -> bool:
+        ends = pair["output"], pair["input"]
+        return any(name.startswith(("sensor.", "actuator.", "drive.")) for name in ends)
+
     equal = [pair for pair in pairs if coordinate(pair["output"]) == coordinate(pair["input"])]
-    shown = equal if equal and len(pairs) > MOST else pairs
+    shown = pairs
+    if len(pairs) > MOST:
+        shown = [pair for pair in equal or pairs if not is_of_loop(pair)] or pairs
     columns = {"output": "", "input": ""}
     for error in AGREEMENT:
         columns |= {f"{100 * error:g} % from\nHz": ".3g", f"{100 * error:g} % to\nHz": ".4g"}

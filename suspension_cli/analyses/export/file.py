@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
+    from suspension_cli.analyses.export.front_end import FrontEndFiles
     from suspension_cli.analyses.export.gwinc_tables import GwincTables
     from suspension_cli.analyses.export.solve import Export, Exported
     from suspension_cli.files.hdf5 import Provenance
@@ -53,7 +54,7 @@ def suspend(name, mirror, facing=1):
 """End of the module for finesse."""
 
 
-def format_of(path: Path, made: Export | GwincTables) -> str:
+def format_of(path: Path, made: Export | GwincTables | FrontEndFiles) -> str:
     """Name of the format of a path's ending; of a table for gwinc it is a folder, without ending.
 
     Raises `InputError` if there is none; only HDF5 has zeros, poles and gain.
@@ -64,14 +65,16 @@ def format_of(path: Path, made: Export | GwincTables) -> str:
             remedy = "leave out the dot"
             raise InputError.of("--out", problem, remedy, format_value(str(path)))
         return "gwinc"
-    has_zeros = cast("Export", made).zpk is not None
-    endings = {
-        Path(f"x{form.suffix}").suffix: name
-        for name, form in FORMATS.items()
-        if name != "gwinc" and (name == "zpk") == has_zeros
-    }
+    alone = {"gwinc", "front-end"}
+    if made.format == "front-end":
+        suitable = ["front-end"]
+    elif cast("Export", made).zpk is not None:
+        suitable = ["zpk"]
+    else:
+        suitable = [name for name in FORMATS if name not in {*alone, "zpk"}]
+    endings = {Path(f"x{FORMATS[name].suffix}").suffix: name for name in suitable}
     if path.suffix.lower() not in endings:
-        problem = "is of no format with zeros and poles" if has_zeros else "is of no format"
+        problem = "is of no format of this result"
         remedy = f"end it in {', '.join(endings)}"
         raise InputError.of("--out", problem, remedy, format_value(str(path)))
     return endings[path.suffix.lower()]
@@ -137,6 +140,9 @@ def _agreement(made: Exported) -> dict[str, Any]:
     result["worst_error"] = made.worst
     if found is not None:
         result |= {"agreement_model": found.model, "agreement_unknown": found.unknown}
+    if made.poles is not None:
+        result["pole_difference"] = made.poles.largest(made.tried[1])[0]
+        result["pole_q_error"] = made.poles.q_error(made.tried)
     return result
 
 
@@ -285,6 +291,12 @@ def _write_foton(path: Path, made: Exported, origin: Provenance) -> None:
     write_bytes(path, "\n".join([*lines, "", *comment_design(origin.design), ""]).encode())
 
 
+def _write_front_end(path: Path, made: FrontEndFiles, origin: Provenance) -> None:
+    from suspension_cli.analyses.export import front_end
+
+    front_end.write_filters(path, made, origin)
+
+
 def _write_gwinc(path: Path, made: GwincTables, origin: Provenance) -> None:
     from suspension_cli.analyses.export import gwinc_tables
 
@@ -319,5 +331,8 @@ FORMATS = {
         "-finesse.py", _write_finesse, "a Python module with an element of finesse 3"
     ),
     "foton": Format("-foton.txt", _write_foton, "a filter file of a front end"),
+    "front-end": Format(
+        "-front-end.txt", _write_front_end, "filters and matrices of the loops for a front end"
+    ),
     "gwinc": Format("-gwinc", _write_gwinc, "a folder with a noise budget of gwinc"),
 }

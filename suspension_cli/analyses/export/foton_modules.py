@@ -10,6 +10,7 @@ space, off resonance.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,11 +76,16 @@ def make_foton(
                 break
         error, parts, text = min(tried, key=lambda one: one[0])
         signals = made.system.output[o], made.system.input[i]
-        name = re.sub(r"\W+", "_", "_".join(signals)).upper()[:LONGEST]
-        same = sum(one.name.startswith(name) for one in modules)
-        name += f"_{same}" if same else ""
+        name = name_module("_".join(signals), [one.name for one in modules])
         modules.append(Module(name, *signals, parts, text, error))
     return FilterFile(rate, band, tuple(modules))
+
+
+def name_module(text: str, taken: Sequence[str]) -> str:
+    """Name of a module for a text, unlike those that are taken."""
+    name = re.sub(r"\W+", "_", text).upper()[:LONGEST]
+    same = sum(one.startswith(name) for one in taken)
+    return f"{name}_{same}" if same else name
 
 
 def _units(roots: Complex[np.ndarray, " root"], limit: float) -> Units:
@@ -129,7 +135,7 @@ def _reduce(
         size = _deviation(change)[1] if pairs else np.array([np.inf])
         chosen = int(size.argmin())
         if spare >= 0 and (not pairs or (order <= most and size[chosen] > FAINT)):
-            return _split(zeros, poles, float(_deviation(rest)[0]))
+            return split(zeros, poles, float(_deviation(rest)[0]))
         z, p = pairs[chosen]
         rest = change[chosen]
         if z >= 0:
@@ -147,8 +153,11 @@ def _deviation(values: Complex[np.ndarray, "*change frequency"]) -> tuple[np.nda
     return constant, np.abs(values / constant[..., None] - 1).max(-1)
 
 
-def _split(zeros: Units, poles: Units, gain: float) -> list[Filter]:
-    """Split into filters of up to `ORDER` poles, pairs first, with the zeros next to them."""
+def split(zeros: Units, poles: Units, gain: float) -> list[Filter]:
+    """Split into filters of up to `ORDER` poles, pairs first, with the zeros next to them.
+
+    Roots are in Hz, one of each pair; the gain is that of factors (r + i f) / abs(r).
+    """
     zeros, poles = (some[np.lexsort((np.abs(some), -_count(some)))] for some in (zeros, poles))
     ordered = [root for unit in poles for root in _roots(unit)]
     below = [ordered[n : n + ORDER] for n in range(0, len(ordered), ORDER)] or [[]]
@@ -163,12 +172,16 @@ def _split(zeros: Units, poles: Units, gain: float) -> list[Filter]:
 
 def _digitise(part: Filter, rate: float) -> str:
     """Second-order sections of a filter at a sample rate, as a design string."""
+    return write_sections(foton.change_rate(part, rate))
+
+
+def write_sections(made: Filter) -> str:
+    """Write the second-order sections of a digital filter as a design string."""
     from scipy import signal
 
-    made = foton.change_rate(part, rate)
     zeros, poles = (-2 * np.pi * np.array(some) for some in (made.zeros, made.poles))
     gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
-    rows = signal.zpk2sos(*signal.bilinear_zpk(zeros, poles, gain, rate))
+    rows = signal.zpk2sos(*signal.bilinear_zpk(zeros, poles, gain, made.rate))
     gain = float(rows[:, 0].prod())
     numbers = np.column_stack([rows[:, 4:], rows[:, 1:3] / rows[:, :1]]).ravel().tolist()
     return f'sos({gain!r},[{";".join(map(repr, numbers))}],"o")'

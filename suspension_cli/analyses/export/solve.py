@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from suspension_cli.analyses.export.relaxation import Candidates, check_size, list_candidates
-from suspension_cli.analyses.export.state_choice import Wanted, choose_states, correct, pose
+from suspension_cli.analyses.export.closed_poles import ComparedPoles
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOFS
 from suspension_cli.design.foton_file import FilterFile
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
-from suspension_cli.errors import InputError
 from suspension_cli.files.documents import Layout
-from suspension_cli.linear import damped, eigenmodes, response, statespace
+from suspension_cli.linear import eigenmodes, response, statespace
 from suspension_cli.linear.eigenmodes import Modes
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
+from suspension_cli.physics.loop_signals import ClosedLoops
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
@@ -44,15 +44,6 @@ TOLERANCE = 1e-9
 TOLERANCE_ZPK = 1e-3
 """Relative error of a zero-pole-gain form in its band: the eigenvalue problem of its zeros has
 rounding errors relative to the largest one."""
-SAMPLES = 200
-"""Number of frequencies of the band at which states with losses are chosen."""
-SHIFT = 1e-4
-"""Relative error of the frequency of a mode that counts as much as one of a response by `accuracy`,
-if it is more than that share of the mode's width."""
-MARGIN = 0.5
-"""Error at the frequencies where states are chosen, over that which is allowed."""
-GROWTH = 1.05
-"""Ratio of the numbers of states of systems that are compared with the direct solution."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +91,8 @@ class Exported:
         Name of the design's mirror.
     filters
         The same as a Foton filter file.
+    poles
+        With the loops closed, its poles beside those of the complete equations.
     """
 
     system: statespace.StateSpace
@@ -114,6 +107,7 @@ class Exported:
     orders: Orders | None = None
     mirror: str = ""
     filters: FilterFile | None = None
+    poles: ComparedPoles | None = None
 
     @property
     def frequency(self) -> Float[np.ndarray, " frequency"]:
@@ -135,12 +129,14 @@ class Export(Written, Exported):
     """An exported system: matrices, bands of agreement, and the format that was asked for."""
 
     in_json: ClassVar = Layout(
-        only="format file filters system band tolerance worst q_error orders agreement",
+        only="format file closed_loop filters system band tolerance worst q_error orders poles"
+        " agreement",
         names={"band": "band_hz", "worst": "worst_error", "q_error": "worst_q_error"},
-        sparse="filters orders",
+        sparse="closed_loop filters orders poles",
         flat="filters system",
     )
     format: str = "mat"
+    closed_loop: bool = False
 
 
 @dataclass(frozen=True)
@@ -204,134 +200,58 @@ class Agreement:
         return tuple(pairs)
 
 
-def build(
-    model: LinearSystem, inputs: list[Signal], outputs: list[Signal], *, zpk: bool = False
-) -> Exported:
-    """Build the system from inputs to outputs, with its band of agreement.
+@dataclass(frozen=True)
+class Opened:
+    """Inputs and outputs of a suspension without loops."""
+
+    inputs: list[Signal]
+    outputs: list[Signal]
+
+    def build(self, system: Solvable) -> statespace.StateSpace:
+        """Build the state space of a model without wire mass."""
+        return statespace.build(Solver.of(system).system, self.inputs, self.outputs)
+
+    def solve(
+        self, system: Solvable, frequency: Float[np.ndarray, " frequency"], more: Sequence[Signal]
+    ) -> Complex[np.ndarray, "frequency output input"]:
+        """Solve the complete equations at frequencies in Hz; `more` motions come last."""
+        return response.solve(system, frequency, self.inputs, [*self.outputs, *more]).value
+
+    def observed(self) -> list[Signal]:
+        """List the outputs."""
+        return self.outputs
+
+    def pairs(self, system: Solvable) -> tuple[list[Signal], list[Signal]]:
+        """List the inputs, and the outputs, of the mechanics."""
+        del system
+        return self.inputs, self.outputs
+
+
+Ends = Opened | ClosedLoops
+"""Inputs and outputs, and how they are connected."""
+
+
+def build(model: LinearSystem, ends: Ends, *, zpk: bool = False) -> Exported:
+    """Build the system between inputs and outputs, with its band of agreement.
 
     The `model` has constant matrices. If `zpk`, the zero-pole-gain form is computed, and compared.
     """
     lowest, highest = mode_range(model)
     tried = (lowest / 100, 100 * highest)
     tolerance = TOLERANCE_ZPK if zpk else TOLERANCE
-    exact = _solve(model, np.geomspace(*tried, GRID), inputs, outputs)
-    system = statespace.build(model, inputs, outputs)
-    return _measure(system, exact, tried, tolerance, zpk=zpk, narrow=True)
+    exact = solve_exactly(model, np.geomspace(*tried, GRID), ends)
+    return measure(ends.build(model), exact, tried, tolerance, zpk=zpk, narrow=True)
 
 
-def build_lossy(
-    model: LinearSystem,
-    inputs: list[Signal],
-    outputs: list[Signal],
-    band: tuple[float, float],
-    accuracy: float,
-    *,
-    order: int | None = None,
-    zpk: bool = False,
-) -> Exported:
-    """Build the system with losses, and with the mass of wires that the `model` has.
-
-    States are added until responses off resonance have errors up to `accuracy` and Q up to twice
-    that, in the band (Hz). If none suffices, or with the largest `order` given, it is the system of
-    the smallest sum of the former and half of the latter. Raises `InputError` if the bodies need
-    more states than `order`.
-    """
-    check_size(model, band)
-    solver = Solver(model)
-    modes = damped.solve(solver)
-    exact = _solve(solver, np.geomspace(*band, GRID), inputs, outputs)
-    candidates = list_candidates(model, band)
-    rows: list[tuple[int, float, float]] = []
-    best: tuple[float, Exported] | None = None
-    last = 0
-    steps = _choose_steps(solver, candidates, modes, inputs, outputs, band, accuracy)
-    fixed = None
-    for number, strengths in enumerate(steps):
-        added = candidates.count_states(strengths)
-        is_due = number == len(steps) - 1 or fixed is None or fixed + added >= GROWTH * last
-        if fixed is not None and order is not None and fixed + added > order:
-            break
-        if not is_due:
-            continue
-        system = statespace.build(candidates.build(strengths), inputs, outputs)
-        last = len(system.state)
-        fixed = last - added
-        if order is not None and last > order:
-            break
-        made = _measure(system, exact, band, accuracy, zpk=False, narrow=False)
-        made = replace(made, q_error=_error_of_q(system, modes, band))
-        q_error = made.q_error or 0.0
-        total = made.worst + q_error / 2
-        if best is None or total < best[0]:
-            best = total, made
-            rows.append((last, made.worst, q_error))
-        if order is None and max(made.worst, q_error / 2) <= accuracy:
-            break
-    if best is None:
-        problem = f"is less than the {last} states of the bodies in these responses"
-        raise InputError.of("--order", problem, "raise it, or take fewer signals", f"{order}")
-    made = best[1]
-    if zpk:
-        measured = _measure(made.system, exact, band, accuracy, zpk=True, narrow=False)
-        made = replace(measured, q_error=made.q_error)
-    states, worst, q_error = (np.array(column) for column in zip(*rows, strict=True))
-    return replace(made, orders=Orders(states, worst, q_error))
-
-
-def _choose_steps(
-    solver: Solver,
-    candidates: Candidates,
-    modes: Modes,
-    inputs: list[Signal],
-    outputs: list[Signal],
-    band: tuple[float, float],
-    accuracy: float,
-) -> list[list[Array]]:
-    """Choose strengths of candidates step by step, corrected once for what is not linear.
-
-    Errors are relative to responses across the band, but near zeros to those beside them.
-    """
-    from scipy.ndimage import maximum_filter1d
-
-    model = solver.system
-    frequency = np.geomspace(*band, SAMPLES)
-    exact = _solve(solver, frequency, inputs, outputs)
-    some = _modes_within(modes, band)
-    q = modes.q[some]
-    omega = 2 * np.pi * modes.frequency[some]
-    pole = omega * (1j * np.sqrt(np.maximum(1 - 1 / (4 * q**2), 0.0)) - 1 / (2 * q))
-    wanted = Wanted(
-        inputs=inputs,
-        outputs=outputs,
-        frequency=frequency,
-        size=maximum_filter1d(exact.size, 3, axis=0),
-        pole=pole,
-        shape=np.linalg.solve(model.basis, np.pad(modes.shape[some], ((0, 0), (6, 0))).T).T,
-        in_quadrature=np.minimum(accuracy / (q * SHIFT), 1.0),
-    )
-    groups = pose(solver, candidates, wanted)
-    enough = MARGIN * accuracy
-    best = candidates.stable(choose_states(groups, enough))[-1]
-    system = statespace.build(candidates.build(best), inputs, outputs)
-    size = np.where(wanted.size > 0, wanted.size, np.inf)
-    error = (system.at(frequency) - exact.value) / size
-    if not len(system.a):
-        return [best]
-    found = np.linalg.eigvals(system.a)
-    nearest = found[np.abs(found - pole[:, None]).argmin(1)]
-    groups = correct(groups, best, error, (nearest**2 - pole**2) / wanted.width)
-    return candidates.stable(choose_states(groups, enough))
-
-
-def _modes_within(modes: Modes, band: tuple[float, float]) -> Bool[np.ndarray, " mode"]:
+def modes_within(modes: Modes, band: tuple[float, float]) -> Bool[np.ndarray, " mode"]:
     """Mark the modes in a band (Hz) that oscillate with losses."""
     inside = (modes.frequency > band[0]) & (modes.frequency < band[1])
     return inside & np.isfinite(modes.q) & (modes.q > 0.5)
 
 
-def _measure(
+def measure(
     system: statespace.StateSpace,
-    exact: _Exact,
+    exact: Exact,
     tried: tuple[float, float],
     tolerance: float,
     *,
@@ -369,7 +289,7 @@ def mode_range(model: LinearSystem) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class _Exact:
+class Exact:
     """Responses of the direct solution, and the motion of each output's body at the same inputs.
 
     The motion is the largest response of the body's six coordinates; 1 rad counts as 1 m.
@@ -398,14 +318,12 @@ class _Exact:
         return np.where(np.isnan(error), np.inf, error)
 
 
-def _solve(
-    system: Solvable,
-    frequency: Float[np.ndarray, " frequency"],
-    inputs: list[Signal],
-    outputs: list[Signal],
-) -> _Exact:
+def solve_exactly(
+    system: Solvable, frequency: Float[np.ndarray, " frequency"], ends: Ends
+) -> Exact:
     """Solve directly for responses and for the motions of the bodies."""
     solver = Solver.of(system)
+    outputs = ends.observed()
     bodies = [one.body for one in outputs if one.body in solver.system.body]
     bodies = list(dict.fromkeys(bodies))
     motions = [
@@ -413,17 +331,18 @@ def _solve(
         for body in bodies
         for n, dof in enumerate(DOFS)
     ]
-    found = response.solve(solver, frequency, inputs, [*outputs, *motions]).value
+    found = ends.solve(solver, frequency, motions)
     value, others = np.split(found, [len(outputs)], axis=1)
-    largest = np.abs(others).reshape(len(frequency), len(bodies), len(DOFS), -1).max(2)
+    by_body = (len(frequency), len(bodies), len(DOFS), value.shape[2])
+    largest = np.abs(others).reshape(by_body).max(2)
     motion = np.zeros(value.shape)
     for n, one in enumerate(outputs):
         if one.body in bodies:
             motion[:, n] = largest[:, bodies.index(one.body)]
-    return _Exact(value, motion)
+    return Exact(value, motion)
 
 
-def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, float]) -> float:
+def error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, float]) -> float:
     """Largest relative error of the Q of a mode in a band, Hz.
 
     Each pole is compared with the mode beside it whose Q is nearest; the system may leave out
@@ -433,7 +352,7 @@ def _error_of_q(system: statespace.StateSpace, modes: Modes, band: tuple[float, 
     poles = poles[np.imag(poles) > 0]
     frequency = np.abs(poles) / (2 * np.pi)
     q = np.abs(poles) / np.maximum(-2 * poles.real, 1e-300)
-    some = _modes_within(modes, band)
+    some = modes_within(modes, band)
     expected = modes.frequency[some]
     own = modes.q[some]
     beside = np.abs(frequency[:, None] / expected - 1) < np.maximum(APART, 1 / own)
@@ -451,15 +370,14 @@ def off_resonance(
     return median_filter(error, (points, 1, 1), mode="nearest")
 
 
-def compare_with_complete(
-    made: Exported, design: Design, inputs: list[Signal], outputs: list[Signal]
-) -> Exported:
+def compare_with_complete(made: Exported, design: Design, ends: Ends) -> Exported:
     """Add the bands in which an export agrees with the most complete model of the design."""
     complete = registry.MOST_COMPLETE
     unknown = complete.unsuitable(design)
-    band = np.full((len(AGREEMENT), len(outputs), len(inputs), 2), np.nan)
+    shape = len(made.system.output), len(made.system.input)
+    band = np.full((len(AGREEMENT), *shape, 2), np.nan)
     if not unknown:
-        exact = _solve(complete.system(design), made.frequency, inputs, outputs)
+        exact = solve_exactly(complete.system(design), made.frequency, ends)
         error = off_resonance(exact.errors_of(made.value), made.frequency)
         for n, o, i in np.ndindex(band.shape[:-1]):
             agrees = error[:, o, i] <= AGREEMENT[n]

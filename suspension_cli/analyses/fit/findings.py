@@ -273,6 +273,14 @@ def _next(found: Fitted, responses: ResponseFit) -> list[str]:
     ]
 
 
+def rounding(found: Fitted) -> str:
+    """Say to how many digits the written parameters are rounded."""
+    return (
+        f"parameters are rounded to {found.digits} digits, which changes none of their"
+        " combinations by more than a tenth of its standard error"
+    )
+
+
 def fitted_design(found: Fitted, number: int, file: str, measured: str, command: str) -> str:
     """Return the fitted design of an experiment (from 0), headed by comments on its origin."""
     others = ", ".join(name for n, name in enumerate(found.experiment) if n != number)
@@ -286,7 +294,10 @@ def fitted_design(found: Fitted, number: int, file: str, measured: str, command:
     head += ["MISFIT: these parameters contradict their priors"] * found.unlikely_priors
     if found.responses is not None:
         head += [one.text for one in found.responses.corrections]
-    head += [f"  {command}", f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
+    head += [f"  {command}"]
+    if found.digits:
+        head.append(rounding(found))
+    head += [f"chi^2 = {found.chi_squared:.4g}, {found.freedom} degrees of freedom"]
     for n in np.flatnonzero(found.shared[:, number]).tolist():
         sigma = format_uncertainty(found, n)
         value = f"{float(found.value[n]):.12g}{', ' if sigma.startswith('not') else ' '}{sigma}"

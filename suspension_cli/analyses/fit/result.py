@@ -62,6 +62,8 @@ class Fitted:
         parameters; 1/singular is the relative uncertainty of the combination `direction`.
     toml, design_before
         Designs after and before the fit as TOML.
+    digits
+        Significant digits to which the parameters in `toml` are rounded; 0 if they are not.
     ends
         chi^2 at the end of each search, ascending; the first is that of this fit, not rounded.
     determined
@@ -150,6 +152,7 @@ class Fitted:
     title: str = ""
     responses: ResponseFit | None = None
     matrices: OsemFit | None = None
+    digits: int = 0
 
     @property
     @derived(along="parameter")

@@ -32,6 +32,7 @@ from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import determined, missing_links, next_measurements, start
 from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.chi_squared_search import Search, search
+from suspension_cli.analyses.fit.experiment import Build
 from suspension_cli.analyses.fit.explanations import Exchange
 from suspension_cli.analyses.fit.least_squares import covariance, data_rows, minimise
 from suspension_cli.analyses.fit.problem import Problem
@@ -41,6 +42,7 @@ from suspension_cli.analyses.fit.solution import Solution, best_of
 from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured
+from suspension_cli.design.significant_digits import round_to_digits
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.linear import signals
 from suspension_cli.measurements.resonances import find_peaks
@@ -56,6 +58,11 @@ NEARLY: dict[str, Any] = {"tolerance": 1e-7, "held": True}
 """End of the search before the last one, whose derivatives are exact."""
 EXCHANGES = 3
 """Most exchanges of labels that are fitted."""
+NEGLIGIBLE = 0.1
+"""Standard errors by which rounding may change a combination of parameters."""
+FEWEST_DIGITS = 3
+MOST_DIGITS = 12
+"""Significant digits of written parameters that are tried."""
 WORTH_REPORTING = 0.1
 """Fraction of chi^2 below which an exchange of labels is reported."""
 
@@ -237,6 +244,7 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
     scale = 1.0
     if freedom > 0 and is_unlikely(found.chi_squared, len(slope), inner):
         scale = float(np.sqrt(found.chi_squared / freedom))
+    digits, rounded = _round_builds(found, slope / scale)
     relative = np.where(value != 0, np.abs(value), 1.0)
     rows = data_rows(problem, slope) * relative
     _, singular, direction = np.linalg.svd(rows, full_matrices=False)
@@ -273,11 +281,35 @@ def _collect(found: Solution, slope: Array, measured: Measured, ends: Array) -> 
         freedom=freedom,
         singular=singular,
         direction=direction,
-        toml=tuple(reader.write_toml(build.document, build.text) for build in builds),
+        toml=tuple(reader.write_toml(build.document, build.text) for build in rounded),
         design_before=(),
         ends=ends,
+        digits=digits,
     )
     return replace(result, determined=determined.describe(problem, slope, result))
+
+
+def _round_builds(found: Solution, slope: Array) -> tuple[int, list[Build]]:
+    """Find the fewest digits that matter to no combination of the parameters, and their builds.
+
+    Rounding changes each combination by at most `NEGLIGIBLE` of its standard error, which the
+    derivatives `slope` of the weighted data and priors give: parameters that the data determine
+    only together need more digits than their own errors say. Those at a bound, or at their start,
+    keep all digits, as all do (0 digits) if none suffice.
+    """
+    problem = found.problem
+    value = found.z[: problem.count]
+    _, _, low, high, *_ = problem.unknowns
+    exact = (value == problem.base) | (value <= low[: len(value)]) | (value >= high[: len(value)])
+    for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1):
+        rounded = np.array([round_to_digits(own, digits) for own in value.tolist()])
+        written = np.where(exact, value, rounded)
+        if np.linalg.norm(slope[:, : len(value)] @ (written - value)) <= NEGLIGIBLE:
+            break
+    else:
+        digits, written = 0, value
+    pairs = zip(problem.experiment, problem.shared.T, strict=True)
+    return digits, [one.at(written[here]) for one, here in pairs]
 
 
 def _responses(found: Solution, slope: Array) -> ResponseFit:

@@ -23,7 +23,6 @@ from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.grids import parse_place
 from suspension_cli.linear.eigenmodes import Modes, describe, place
 from suspension_cli.scene.arrays import Array
-from suspension_cli.scene.pose import Pose, displace, layout, nominal_pose
 from suspension_cli.scene.scene import Scene
 
 ACROSS = 6
@@ -139,14 +138,15 @@ def _split(modes: Modes, numbers: list[int]) -> Iterator[tuple[str, list[int]]]:
             yield title + (f" modes, {page + 1} of {count}" if count > 1 else " modes"), part
 
 
-def make_panel(modes: Modes, number: int, rest: Sketch, pose: Pose | None = None) -> Panel:
-    """Make the panel of a mode, displaced to a pose; by default that of `geometry.mode_pose`."""
+def make_panel(modes: Modes, number: int, rest: Sketch, phase: float = 1.0) -> Panel:
+    """Make the panel of a mode at a phase, from 1 (largest displacement) to -1."""
     view = choose_view(modes, number)
     detail = find_detail(modes, number, view, rest)
-    if pose is None:
-        size = None if detail is None else float(np.max(detail[1] - detail[0]))
-        pose = geometry.mode_pose(rest.scene, modes.coordinate, modes.shape[number], size)
-    sketch = replace(rest, pose=pose)
+    size = None if detail is None else float(np.max(detail[1] - detail[0]))
+    of_dampers = modes.home[number][0].count(".") == 2
+    sketch = geometry.sketch_mode(
+        rest, modes.coordinate, modes.shape[number], size, phase, of_dampers=of_dampers
+    )
     if detail is not None:
         return Panel(number, view, sketch, *detail, is_detail=True)
     points = np.concatenate([_whole(view, rest), sketch.points(view)])
@@ -431,15 +431,8 @@ def animate(modes: Modes, number: int, design: Design, scene: Scene) -> bytes:
     """
     with style.house_style():
         rest = geometry.sketch_at_rest(design, scene, THICK)
-        numbering = layout(scene)
-        still = nominal_pose(scene)
-        step = geometry.mode_step(numbering, modes.coordinate, modes.shape[number])
-        detail = find_detail(modes, number, choose_view(modes, number), rest)
-        size = None if detail is None else float(np.max(detail[1] - detail[0]))
-        step = geometry.amplitude(scene, step, size) * step
-        sizes = np.cos(2 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
-        poses = [displace(numbering, still, size * step) for size in sizes]
-        shown = [make_panel(modes, number, rest, pose) for pose in poses]
+        phases = np.cos(2 * np.pi * np.arange(FRAMES // 2 + 1) / FRAMES)
+        shown = [make_panel(modes, number, rest, phase) for phase in phases.tolist()]
         low = np.min([panel.low for panel in shown], axis=0)
         high = np.max([panel.high for panel in shown], axis=0)
         shown = [replace(panel, low=low, high=high) for panel in shown]

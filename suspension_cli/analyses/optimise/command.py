@@ -155,7 +155,8 @@ class OptimiseAnalysis(Analysis):
         rows = zip(numbers.name, numbers.unit, numbers.before, numbers.after, remarks, strict=True)
         lines = [result.run.choice.line, "", tables.render(columns, rows), ""]
         columns = {"goal": "", "before": ".4g", "after": ".4g", "margin\n%": "+.3g", "": ""}
-        lines += [tables.render(columns | {"limit": ""}, [*_goals(result)])]
+        columns |= {"limit": "", "model": ""} if len(result.levels) > 1 else {"limit": ""}
+        lines += [tables.render(columns, [row[: len(columns)] for row in _goals(result)])]
         lines += [f"  UNKNOWN  {what}" for what in result.unknown]
         return "\n".join([*lines, "", *_verdict(result)])
 
@@ -205,7 +206,10 @@ def _warn(found: Found, log: Log) -> None:
 
 
 def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
-    """Rows for goals of one name: limits not met, active, or with the least margin; objectives."""
+    """Rows for goals of one name: limits not met, active, or with the least margin; objectives.
+
+    The last column is the model in which each is computed.
+    """
     limits = found.limits
     each = found.quantities
     names = limits.group
@@ -221,12 +225,15 @@ def _goals(found: Optimum) -> Iterator[list[float | str | None]]:
             margin = round(100 * float(limits.room[n]), 4) + 0.0  # -0.0 becomes 0.0
             remark = "" if limits.met[n] else "NOT MET"
             remark = "active" if limits.met[n] and limits.active[n] else remark
-            yield [title if n == mine[0] else "", before, after, margin, remark, limits.name[n]]
-    rows = zip(each.name, each.unit, each.before, each.after, each.weight, strict=True)
-    for name, unit, before, after, weight in rows:
+            title = title if n == mine[0] else ""
+            model = each.model[limits.quantity[n]]
+            yield [title, before, after, margin, remark, limits.name[n], model]
+    rows = zip(each.name, each.unit, each.before, each.after, each.weight, each.model, strict=True)
+    for name, unit, before, after, weight, model in rows:
         if weight:
             title = "minimised" if weight > 0 else "maximised"
-            yield [title, before, after, None, "", name if unit == "1" else f"{name}, {unit}"]
+            named = name if unit == "1" else f"{name}, {unit}"
+            yield [title, before, after, None, "", named, model]
 
 
 def _verdict(found: Optimum) -> Iterator[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ import numpy as np
 from suspension_cli.design import paths, reader
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.schema import Design
+from suspension_cli.design.significant_digits import round_to_digits
 from suspension_cli.errors import Fault, InputError, format_value
 from suspension_cli.studies import parameters
 
@@ -93,7 +93,7 @@ class FreeDesign:
             else:
                 between = item.lower + u * (item.upper - item.lower)
             if self.digits:
-                rounded = _round(between, self.digits, self.side[n] if self.side else 0)
+                rounded = round_to_digits(between, self.digits, self.side[n] if self.side else 0)
                 between = min(max(rounded, item.lower), item.upper)
             begin = float(self.begin[n])
             exact = {0.0: item.lower, 1.0: item.upper, begin: float(self.start[n])}
@@ -138,12 +138,6 @@ class FreeDesign:
             return self.design(fraction)
         except InputError:
             return None
-
-
-def _round(value: float, digits: int, side: int) -> float:
-    """Round to significant digits: to the nearest number, or up (`side` 1) or down (-1)."""
-    mode = {0: ROUND_HALF_EVEN, 1: ROUND_CEILING, -1: ROUND_FLOOR}[side]
-    return float(Context(prec=digits, rounding=mode).create_decimal(value))
 
 
 def _faults(

@@ -252,9 +252,14 @@ class Found:
         return bool(self.limits.met.all()) and not self.unknown
 
     @property
+    def levels(self) -> list[str]:
+        """Models with which the quantities were computed."""
+        return sorted({level for level in self.quantities.model if level} or {self.fidelity})
+
+    @property
     def checked(self) -> str:
         """Models with which the quantities were computed, in words."""
-        levels = sorted({level for level in self.quantities.model if level} or {self.fidelity})
+        levels = self.levels
         return f"checked with the {' and '.join(levels)} model{'s' * (len(levels) > 1)}"
 
 

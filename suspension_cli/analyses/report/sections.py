@@ -224,7 +224,7 @@ def numbers(report: Composition) -> Iterator[Block]:
         columns = {head: " " if "\n" in head or head == "wires" else "" for head in heads}
         rows = [[cell.replace("−", "-") for cell in row] for row in one.rows]
         yield page.table(tables.Table(columns, rows), one.title)
-    keys = drawn.key(report.scene)[: len(drawn.KEY)]
+    keys = drawn.key(report.source.design, report.scene)[: len(drawn.KEY)]
     yield Paragraph([" ".join(map(_symbol, keys))], "model")
     parts = [
         (stage.name, part.material or "-", _diameter(part))

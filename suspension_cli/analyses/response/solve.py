@@ -16,9 +16,9 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -31,11 +31,10 @@ from suspension_cli.design.derive import mirror
 from suspension_cli.design.measured import Measured
 from suspension_cli.drawing.added_points import NARROWEST, add_from_model, add_points
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value
-from suspension_cli.files.declared import INLINE, in_unit
+from suspension_cli.files.declared import INLINE, NOT_STORED, in_unit
 from suspension_cli.files.documents import Layout
 from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import damped, response, signals
-from suspension_cli.linear.response import Peaks
 from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.measurements import read, resonances
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
 
     from suspension_cli.analyses.analysis import Analysis, Run
     from suspension_cli.design.schema import Design
+    from suspension_cli.drawing.added_points import Curve
     from suspension_cli.linear.statespace import Poles
 
 MANY = 8
@@ -210,6 +210,47 @@ class SingleResponse:
     value: Complex[np.ndarray, " frequency"]
 
 
+@dataclass(frozen=True)
+class Peaks:
+    """Largest magnitude (SI) of each response, infinite at a lossless pole, and where (Hz)."""
+
+    frequency: Float[np.ndarray, "output input"] = field(metadata=in_unit("Hz"))
+    size: Float[np.ndarray, "output input"] = field(metadata=in_unit("{unit}"))
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Responses at any frequencies, to resolve resonances and find peaks.
+
+    `poles` are the frequencies of closed loops, Hz; None if they are open.
+    """
+
+    solver: Solver
+    transfer: Transfer
+    poles: Array | None
+
+    @cached_property
+    def resonances(self) -> Array:
+        """Frequencies where resonances may be, Hz."""
+        return estimate_resonances(self.solver) if self.poles is None else self.poles
+
+    def refine(
+        self,
+        frequency: Float[np.ndarray, " frequency"],
+        value: Complex[np.ndarray, "frequency output input"],
+    ) -> tuple[Curve, Peaks]:
+        """Add frequencies (Hz) to those of responses until resonances are resolved; find peaks."""
+        few = value[0].size <= MANY
+        fine = add_from_model(lambda: (self.solve, self.resonances), frequency, value, few=few)
+        resolved = few and len(fine[0]) > len(frequency)
+        known = fine if resolved else (frequency, value)
+        return fine, find_peaks(*known, self.solve, self.resonances, resolved=resolved)
+
+    def solve(self, frequency: Array) -> Complex[np.ndarray, "frequency output input"]:
+        """Solve at frequencies in Hz."""
+        return self.transfer.values(self.solver, frequency)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Response(Record, response.Response):
     """Responses, and measured transfer functions that they are compared with.
@@ -226,11 +267,13 @@ class Response(Record, response.Response):
         Complex, SI.
     closed_loop
         Whether the loops of the design's local control are closed.
-    largest
-        Peaks within the band, also between the frequencies; None beside measured functions.
+    peaks
+        Peaks within the band, also between the frequencies: `largest` computes them when they are
+        first needed. None beside measured functions.
     fine_frequency, fine
-        Values at more frequencies, which resolve resonances, for the picture; None beside measured
-        functions.
+        Values at more frequencies, which resolve resonances, for the picture. They are computed
+        when the result is first printed, drawn or saved: of a result of `sus.response` itself they
+        are None, `complete()` has them. None beside measured functions, too.
     measured
         Measured transfer functions, each with its prediction.
     """
@@ -240,7 +283,34 @@ class Response(Record, response.Response):
         sparse="closed_loop measured",
         flat="responses",
     )
+    peaks: Peaks | None = field(default=None, metadata=in_unit("", name="largest"))
+    fine_frequency: Float[np.ndarray, " fine_frequency"] | None = field(
+        default=None, metadata=in_unit("Hz")
+    )
+    fine: Complex[np.ndarray, "fine_frequency output input"] | None = field(
+        default=None, metadata=in_unit("{unit}")
+    )
     measured: tuple[Comparison, ...] = ()
+    refined: _Curve | None = field(default=None, metadata=NOT_STORED)
+
+    def complete(self) -> Self:
+        """Return the record with its peaks and the curve of its picture.
+
+        Both are computed the first time.
+        """
+        return self._completed
+
+    @cached_property
+    def _completed(self) -> Self:
+        if self.refined is None:
+            return self
+        (at, fine), peaks = self.refined.refine(self.frequency, self.value)
+        return replace(self, fine_frequency=at, fine=fine, peaks=peaks, refined=None)
+
+    @property
+    def largest(self) -> Peaks | None:
+        """Peaks within the band, computed the first time; None beside measured functions."""
+        return self.complete().peaks
 
     @property
     def responses(self) -> tuple[SingleResponse, ...]:
@@ -253,10 +323,11 @@ class Response(Record, response.Response):
 
     @property
     def curve(self) -> tuple[Float[np.ndarray, " frequency"], Complex[np.ndarray, "frequency o i"]]:
-        """Frequencies (Hz) and values of the picture."""
-        if self.fine_frequency is None or self.fine is None:
+        """Frequencies (Hz) and values of the picture, computed the first time."""
+        drawn = self.complete()
+        if drawn.fine_frequency is None or drawn.fine is None:
             return self.frequency, self.value
-        return self.fine_frequency, self.fine
+        return drawn.fine_frequency, drawn.fine
 
 
 def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
@@ -276,9 +347,6 @@ def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
     if isinstance(wanted, ClosedTransfer):
         poles = find_steady_poles(run.design, solver, choice.model, "response", run.log, unstable)
         closed = wanted, poles
-        resonances = poles.frequency
-    else:
-        resonances = estimate_resonances(solver)
     found = response.Response(
         wanted.frequency,
         tuple(signal.text for signal in wanted.inputs),
@@ -290,14 +358,10 @@ def solve(analysis: Analysis, run: Run, *, default: bool) -> Response:
     measured = compare(model, items, found, closed) if items else ()
     for text in filter(None, map(slip, measured)):
         run.log.warn(text)
-    if not items:
-        at_all = partial(wanted.values, solver)
-        few = found.value[0].size <= MANY
-        curve = add_from_model(lambda: (at_all, resonances), found.frequency, found.value, few=few)
-        found = replace(found, fine_frequency=curve[0], fine=curve[1])
-        resolved = few and len(curve[0]) > len(found.frequency)
-        found = replace(found, largest=find_peaks(found, at_all, resonances, resolved=resolved))
-    return Response.extending(found, measured=measured, run=run.origin(analysis, choice))
+    at_poles = None if closed is None else closed[1].frequency
+    refined = None if items else _Curve(solver, wanted, at_poles)
+    origin = run.origin(analysis, choice)
+    return Response.extending(found, measured=measured, refined=refined, run=origin)
 
 
 def read_files(files: Sequence[str], ends: Sequence[Sequence[str]]) -> tuple[Item, ...]:
@@ -373,7 +437,8 @@ def request(
 
 
 def find_peaks(
-    answer: response.Response,
+    frequency: Float[np.ndarray, " frequency"],
+    value: Complex[np.ndarray, "frequency output input"],
     solve: Callable[[Array], Complex[np.ndarray, "frequency output input"]],
     modes: Array,
     *,
@@ -381,16 +446,14 @@ def find_peaks(
 ) -> Peaks:
     """Find the largest magnitude of every response within the band of its grid.
 
-    If the curve of the picture has `resolved` each peak, its highest points are taken; else points
-    are added first, at `modes` (or poles, Hz) and at maxima on the grid. Then the magnitude is
-    maximised between the neighbours of the highest point. A peak narrower than the distance of
-    neighbours can be is that of a pole without loss: infinite.
+    If the curve has `resolved` each peak, its highest points are taken; else points are added
+    first, at `modes` (or poles, Hz) and at maxima of the curve. Then the magnitude is maximised
+    between the neighbours of the highest point. A peak narrower than the distance of neighbours can
+    be is that of a pole without loss: infinite.
     """
-    curve = (answer.frequency, answer.value)
-    if resolved and answer.fine_frequency is not None and answer.fine is not None:
-        curve = (answer.fine_frequency, answer.fine)
-    frequency, order = np.unique(curve[0], return_index=True)
-    value = curve[1][order]
+    shape = value.shape[1:]
+    frequency, order = np.unique(frequency, return_index=True)
+    value = value[order]
     above = frequency > 0
     if above.any() and not resolved:
         points = add_points(solve, frequency[above], value[above], modes, least=LOW)
@@ -411,7 +474,6 @@ def find_peaks(
         better = found > best[pair]
         best[pair[better]] = found[better]
         where[pair[better]] = place[better]
-    shape = answer.value.shape[1:]
     return Peaks(where.reshape(shape), best.reshape(shape))
 
 

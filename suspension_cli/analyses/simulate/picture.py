@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,37 +19,42 @@ if TYPE_CHECKING:
     from suspension_cli.scene.arrays import Array
 
 TALL = 1.7
-"""Height of panels, in."""
+"""Height of panels of motions, in."""
+LOW = 1.1
+"""Height of panels of actuators, in."""
 BUCKETS = 1500
 """Intervals of which the smallest and the largest value are drawn."""
 MOST = 6
-"""Most lines of a panel."""
+"""Most actuators of a unit."""
 THIN: LineLook = {"linewidth": 0.7}
 """Look of lines."""
 
 
 def draw(found: Simulation) -> Figure:
-    """Draw a panel for each motion, and one for the forces of each unit."""
+    """Draw a panel for each motion, and for each actuator, those of a unit on one scale."""
     time = Across("time (s)", "linear")
     rows = []
     for n, output in enumerate(found.output):
         line = Line(*_envelope(found.time, found.value[:, n]), "_", PALETTE[0], THIN)
         label = single_line(f"{output} ({found.unit[n]})", 30)
         title = f"RMS {found.rms[n]:.3g} {found.unit[n]}, largest {found.largest[n]:.3g}"
-        rows.append(Panel(label, [line], TALL, title=title, across=time))
+        rows.append(Panel(label, [line], TALL, title=title))
     for unit in dict.fromkeys(found.actuator_unit):
-        own = [n for n, one in enumerate(found.actuator_unit) if one == unit]
-        own = sorted(own, key=lambda n: -found.largest_force[n])[:MOST]
-        lines = [
-            Line(*_envelope(found.time, found.force[:, n]), found.actuator[n], PALETTE[k], THIN)
-            for k, n in enumerate(own)
-        ]
-        title = "forces of actuators"
-        worst = max(own, key=lambda n: found.at_limit[n])
-        if found.at_limit[worst]:
-            share = 100 * found.at_limit[worst]
-            title += f"; {found.actuator[worst]} is at its limit {share:.3g} % of the time"
-        rows.append(Panel(f"force ({unit})", lines, TALL, title=title, ends=True, across=time))
+        every = [n for n, one in enumerate(found.actuator_unit) if one == unit]
+        own = sorted(sorted(every, key=lambda n: -found.largest_force[n])[:MOST])
+        largest = 1.05 * float(found.largest_force[own].max()) or 1.0
+        kind = "torque" if unit == "N m" else "force"
+        for n in own:
+            line = Line(*_envelope(found.time, found.force[:, n]), "_", PALETTE[1], THIN)
+            title = f"{kind} of {found.actuator[n]}"
+            if n == own[0] and len(own) < len(every):
+                title += f"; the largest {MOST} of {len(every)} are drawn"
+            if found.at_limit[n]:
+                title += f"; at its limit {100 * found.at_limit[n]:.3g} % of the time"
+            label = f"{kind} ({unit})"
+            limits = -largest, largest
+            rows.append(Panel(label, [line], LOW, limits=limits, title=title))
+    rows[-1] = replace(rows[-1], across=time)
     return panels.draw("Motions and forces in time", found.subtitle, rows)
 
 

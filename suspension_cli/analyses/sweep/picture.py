@@ -64,6 +64,8 @@ LOW = 1.8
 """Height of each of more panels."""
 LIMIT = (0, (6, 2))
 """Dashes of limits of requirements."""
+TEXT = 0.25
+"""Fraction of the width that their texts may take."""
 FAR = 10.0
 """Margin up to which margins are told apart, where those of a map are drawn."""
 WORDS = {
@@ -387,8 +389,6 @@ def _limits(swept: Sweep, own: list[int]) -> list[Rule]:
     if swept.required_quantity is None or swept.at_least is None or swept.at_most is None:
         return []
     found = []
-    # the text keeps clear of the vertical line of the design
-    at_right = float(np.mean(np.array(swept.axes[0].values) < swept.drawn[0])) < 0.5
     for n, name in enumerate(swept.required_quantity):
         if name not in names:
             continue
@@ -398,12 +398,29 @@ def _limits(swept: Sweep, own: list[int]) -> list[Rule]:
             if not np.isfinite(limit):
                 continue
             text = f"{prefix}{words} {format_raised(float(limit), 4)}"
+            at_right = _is_right_clear(swept, swept.value[..., own], float(limit))
             line = Rule(float(limit), text, colour=RED, dashes=LIMIT, at_right=at_right)
             found.append(line)
             signed = of_magnitude and (swept.value[..., own[names.index(name)]] < 0).any()
             if signed:
                 found.append(Rule(-float(limit), "", colour=RED, dashes=LIMIT))
     return found
+
+
+def _is_right_clear(swept: Sweep, value: Float[np.ndarray, "point result"], limit: float) -> bool:
+    """Whether the text of a limit line is further from the curves (p, r) at its right end.
+
+    It keeps clear of the vertical line of the design too.
+    """
+    below = float(np.mean(np.array(swept.axes[0].values) < swept.drawn[0]))
+    if abs(below - 0.5) > 0.5 - TEXT:
+        return below < 0.5
+    reach = max(int(TEXT * len(value)), 1)
+    left, right = (
+        np.min(np.abs(part - limit), initial=np.inf, where=np.isfinite(part))
+        for part in (value[:reach], value[-reach:])
+    )
+    return bool(right >= left)
 
 
 def _both_modes(swept: Sweep, one: Labelled, colour: str) -> list[Line]:

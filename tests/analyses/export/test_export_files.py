@@ -29,7 +29,9 @@ def made():
     """A triple with dampers, from support and forces to two bodies."""
     model = plants.model("triple", "force", damping=True)
     inputs, outputs = signals.local_control_signals(model.body)
-    return export.build(model, plants.drives(model, *inputs), plants.motions(model, *outputs))
+    return export.build(
+        model, export.Opened(plants.drives(model, *inputs), plants.motions(model, *outputs))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -93,8 +95,10 @@ def test_zero_pole_gain(origin, tmp_path):
     model = plants.model("triple", "force")
     made = export.build(
         model,
-        plants.drives(model, "support.x", "support.z"),
-        plants.motions(model, "test.x", "test.z@0,0.01,0"),
+        export.Opened(
+            plants.drives(model, "support.x", "support.z"),
+            plants.motions(model, "test.x", "test.z@0,0.01,0"),
+        ),
         zpk=True,
     )
     path = tmp_path / "triple-zpk.h5"
@@ -135,7 +139,9 @@ def test_python_control(made):
 
 def test_zero_states_still_have_shapes(origin, tmp_path):
     model = plants.model("triple", "force")
-    made = export.build(model, plants.drives(model, "support.x"), plants.motions(model, "test.z"))
+    made = export.build(
+        model, export.Opened(plants.drives(model, "support.x"), plants.motions(model, "test.z"))
+    )
     for form, name in (("mat", "a.mat"), ("npz", "a.npz"), ("hdf5", "a.h5"), ("control", "a.json")):
         FORMATS[form].write(tmp_path / name, made, origin)
     assert json.loads((tmp_path / "a.json").read_text())["D"] == [[0.0]]

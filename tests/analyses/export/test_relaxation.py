@@ -214,7 +214,7 @@ def test_errors_are_judged_against_the_motion_of_the_body():
         model, *(f"{body}.{dof}" for body in ("upper", "test") for dof in DOFS)
     )
     frequency = np.array([0.3, 2.0, 20.0])
-    exact = export._solve(model, frequency, inputs, [outputs[0], outputs[11]])
+    exact = export.solve_exactly(model, frequency, export.Opened(inputs, [outputs[0], outputs[11]]))
     found = sus.response(
         design,
         inputs="support.pitch",
@@ -226,6 +226,6 @@ def test_errors_are_judged_against_the_motion_of_the_body():
     largest = np.stack([size[:, :6].max(1), size[:, 6:].max(1)], axis=1)
     assert exact.motion[..., 0] == pytest.approx(largest, rel=1e-9)
 
-    exact = export._Exact(np.array([[[1.0], [1e-17], [1e-3], [0.0]]]), np.ones((1, 4, 1)))
+    exact = export.Exact(np.array([[[1.0], [1e-17], [1e-3], [0.0]]]), np.ones((1, 4, 1)))
     errors = exact.errors_of(np.array([[[1.01], [1e-10], [1.01e-3], [1e-30]]]))[0, :, 0]
     assert errors[:3] == pytest.approx([0.01, 1e-4, 0.01]) and errors[3] == np.inf

@@ -168,7 +168,7 @@ MEASURED = ROOT / "measured" / "husman2000" / "table1-case4.toml"
 
 
 def test_the_fitted_design(tmp_path):
-    """It has the fitted values, and its modes on the model are those that the fit reports."""
+    """It has the fitted values with the digits that matter, and the modes that the fit reports."""
     result = run("fit", CASE, MEASURED, "--out", tmp_path, "--json")
     answer = strict_json(result.stdout)
     fitted = tmp_path / "husman2000-table1-case4-fitted.toml"
@@ -176,13 +176,34 @@ def test_the_fitted_design(tmp_path):
         "# table1-case4.toml, fitted to table1-case4.toml by pendsus"
     )
     design = reader.read(fitted).design
-    assert design.materials["steel302"].youngs_modulus == answer["parameters"][0]["value"]
+    digits = answer["digits"]
+    assert 3 <= digits <= 6
+    assert f"rounded to {digits} digits" in fitted.read_text()
+    modulus = design.materials["steel302"].youngs_modulus
+    assert modulus == float(f"{answer['parameters'][0]['value']:.{digits}g}")
     assert answer["fidelity"] == "beam" and 0 < answer["estimated_error"] < 1e-3
     again = eigenmodes.solve(registry.BEAM.system(design))
-    for mode in answer["modes"]:
-        assert mode["after_hz"] == pytest.approx(
-            again.frequency[again.label.index(mode["label"])], rel=1e-12
-        )
+    changes = [
+        (mode["after_hz"] - again.frequency[again.label.index(mode["label"])])
+        / mode["uncertainty_hz"]
+        for mode in answer["modes"]
+    ]
+    assert 1e-6 < np.linalg.norm(changes) < 0.1
+
+
+def test_parameters_known_only_together_are_written_with_more_digits():
+    """E and the mass are known to 1 % each, but bounce, which depends on E over m, to 1e-6."""
+    modes = Mode(label="test vertical", frequency=11.4, uncertainty=1e-5)
+    free = [
+        Free(name="materials.steel302.youngs_modulus", prior=1.7e11, uncertainty=1.7e9),
+        Free(name="stage.test.body.mass", prior=20.0, uncertainty=0.2),
+    ]
+    found = fit.solve([CASE.read_text()], Measured(mode=[modes], parameter=free))
+    assert (found.sigma > 1e-3 * found.value).all()
+    again = eigenmodes.solve(registry.STRING.system(reader.parse(found.toml[0])))
+    bounce = again.frequency[again.label.index("test vertical")]
+    assert bounce == pytest.approx(found.after[0], abs=1e-6)
+    assert found.digits >= 5
 
 
 E = "materials.steel302.youngs_modulus"

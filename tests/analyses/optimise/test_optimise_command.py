@@ -140,6 +140,21 @@ def test_an_optimum_on_violin_meets_its_limits_by_the_plain_commands(tmp_path):
         assert limit["value"] == pytest.approx(value, rel=1e-6)
 
 
+def test_several_models_are_named_goal_by_goal(tmp_path):
+    """A violin mode needs the mass of wires, the others do not: each row says its model."""
+    raw = {
+        "requirement": [
+            {"quantity": "test violin 1", "at_least": 300.0},
+            {"quantity": "lowest pitch", "at_least": 0.4},
+        ],
+        "free": [{"name": "stage.test.wires.radius", "lower": 6e-5, "upper": 1e-4}],
+    }
+    result = optimise(CONFIGS / "double.toml", raw, tmp_path, "--no-plot")
+    assert re.search(r"test violin 1 >= 300 Hz +violin\n", result.stdout)
+    assert re.search(r"lowest pitch >= 0.4 Hz +string\n", result.stdout)
+    assert "checked with the string and violin models" in result.stdout
+
+
 def test_what_is_not_known_is_not_all_met(tmp_path):
     """Of two materials one has a strength; the last line says so, as does the exit code."""
     raw = {

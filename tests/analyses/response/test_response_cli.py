@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.analyses.response import solve
 from suspension_cli.design.reader import read
 from suspension_cli.linear import eigenmodes
 from tests.support import plants, scenes
@@ -180,6 +181,24 @@ def test_largest_values_of_many_responses():
         near = at * (1 + np.linspace(-1e-3, 1e-3, 2001))
         around = sus.response(design, inputs=[into], outputs=[out], frequency=near).value
         assert size >= np.abs(around).max() * (1 - 1e-9)
+
+
+def test_curve_and_peaks_are_computed_when_they_are_needed(tmp_path, monkeypatch):
+    """Once for text, picture and file, not for the values alone, and never for what was loaded."""
+    calls = []
+    refine = solve.add_from_model
+    monkeypatch.setattr(solve, "add_from_model", lambda *a, **k: calls.append(a) or refine(*a, **k))
+    found = sus.response(sus.example("double"), frequency="0.1:50:60", fidelity="string")
+    assert found.document() and found.fine is None and not calls
+    found.save(tmp_path / "response.h5")
+    found.plot()
+    assert f"{found.largest.size[0, 0]:.4g}" in str(found)
+    assert len(calls) == 1
+    loaded = sus.load(tmp_path / "response.h5")
+    loaded.plot()
+    np.testing.assert_array_equal(loaded.fine, found.complete().fine)
+    np.testing.assert_array_equal(loaded.largest.size, found.largest.size)
+    assert str(loaded) == str(found) and len(calls) == 1
 
 
 @pytest.mark.filterwarnings("ignore::suspension_cli.PendsusWarning")
