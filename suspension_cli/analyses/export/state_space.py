@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses.export import closed_poles, file, foton_modules, lossy
 from suspension_cli.analyses.export import solve as export
 from suspension_cli.analyses.export.solve import Ends, Export, Opened
-from suspension_cli.design.derive import main_chain
+from suspension_cli.design.derive import gravity_strength, main_chain
 from suspension_cli.grids import parse_band
 from suspension_cli.linear import signals
 from suspension_cli.linear.statespace import with_constant_loss
@@ -125,7 +125,7 @@ def describe_filters(design: Design) -> Iterator[str]:
     control = design.control
     if control is None:
         return
-    nodes = loop_network.build(control)[0].nodes
+    nodes = loop_network.build(control, gravity_strength(design))[0].nodes
     if delay := max(node.delay for node in nodes):
         highest = closed_loop.PADE_RANGE / (2 * math.pi * delay)
         yield (
