@@ -288,6 +288,7 @@ def export(
     format: str = 'mat',
     inputs: Names = (),
     outputs: Names = (),
+    closed_loop: bool = False,
     loss: bool = False,
     band: str | None = None,
     accuracy: float = 0.01,
@@ -304,16 +305,21 @@ def export(
     ----------
     design : Design
         The design, or the path of its file.
-    format : {"mat", "npz", "hdf5", "zpk", "control", "finesse", "foton", "gwinc"}
+    format : {"mat", "npz", "hdf5", "zpk", "control", "finesse", "foton", "front-end", "gwinc"}
         mat: MATLAB; npz: numpy; hdf5: HDF5; zpk: zeros, poles, gain; control: python-control;
         finesse: a Python module with an element of finesse 3; foton: a filter file of a front end;
-        gwinc: a folder with a noise budget of gwinc.
+        front-end: filters and matrices of the loops for a front end; gwinc: a folder with a noise
+        budget of gwinc.
     inputs : str or sequence of str
         An input. Default: the support's six motions and six forces on the first stage; for finesse
         x, pitch and yaw of the support and of all stages of the main chain.
     outputs : str or sequence of str
         An output. Default: the six motions of the first stage and of the mirror; for finesse x,
         pitch and yaw of all stages of the main chain; for gwinc x of the mirror.
+    closed_loop : bool
+        Close the loops of the design's [control] table. Inputs are also sensor.NAME, noise of a
+        sensor, and actuator.NAME, a force added to that of a loop or coil; outputs also
+        sensor.NAME, its reading, and drive.NAME, the force demanded. All are exported by default.
     loss : bool
         Include losses and the mass of wires, with the right Q and the right isolation.
     band : str, optional
@@ -326,7 +332,7 @@ def export(
         Most states with losses: the most accurate system of up to so many. Default: as many as
         accuracy needs.
     rate : float
-        Sample rate of foton, Hz.
+        Sample rate of foton and of front-end, Hz.
     interferometer : str
         For gwinc: the one whose budget gets the suspension, aLIGO, Aplus, Voyager, CE1, ... or the
         path of a budget.
