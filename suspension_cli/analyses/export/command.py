@@ -177,7 +177,7 @@ class ExportAnalysis(Analysis):
             columns = {"states": "d", "off resonance\n%": ".2g", "Q\n%": ".2g"}
             lines += ["\nlargest error by number of states:\n", tables.render(columns, list(rows))]
         if (filters := made.filters) is not None:
-            low, high = filters.band
+            low, high = made.tried if filters.band is None else filters.band
             head = f"filter modules at {filters.rate:g} Hz, with the largest error from {low:g} to"
             columns = dict.fromkeys(("module", "output", "input", "sections", "poles"), "")
             rows = [
@@ -244,7 +244,7 @@ def _describe_front_end(made: FrontEndFiles) -> Iterator[str]:
     """Tabulate the modules and matrices of a front end."""
     import numpy as np
 
-    columns = dict.fromkeys(("module", "sections", "poles"), "")
+    columns: dict[str, str] = dict.fromkeys(("module", "sections", "poles"), "")
     rows = [(one.name, one.sections, one.poles) for one in made.filters.module]
     yield f"filter modules at {made.filters.rate:g} Hz:\n"
     yield tables.render(columns, rows)

@@ -124,7 +124,7 @@ def make(plant: Plant, rate: float) -> FrontEnd:
         modules.append(Module(name, node.name, f"row {number} of READ", parts, text))
     names = tuple(one.name for one in modules)
     channels = tuple(channel.name for channel in plant.channels)
-    alone = np.flatnonzero(~(plant.driving != 0).any(0))
+    alone = np.flatnonzero(~(plant.driving != 0).any(0)).tolist()
     # forces are the outputs of the filters with the sign turned, u = -v; a 0 stays positive
     forces = 0.0 - np.concatenate([plant.driving, np.eye(len(plant.loops))[alone]])
     pushed = [f"coil {one.name}" for one in plant.osems]
