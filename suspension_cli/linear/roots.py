@@ -82,6 +82,8 @@ LITTLE = 1e-6
 """Fraction of the largest motion that filters without a motion are taken to read at the start."""
 GRID = 256
 """Frequencies of the initial count, and those counted at once."""
+CIRCLE = 32
+"""Points of a circle around which roots are counted."""
 BALANCED = 3
 """Times that rows and columns are divided by the roots of their largest elements."""
 
@@ -408,15 +410,9 @@ def _advance(
         own = [groups[n] for n in here]
         s = shift[here]
         values = block.at(there).functions
-        functions = values[:, here]
-        slopes = (values[:, len(shift) + here] - functions) / (BESIDE * s)
-        slopes[:2] = 0.0
-        slopes[2] = float(loss != "none")
-        slopes[3] = 2 * s
-        if isinstance(block, ClosedBlock):
-            of_loops = [loop.at(s) for loop in block.loops]
-            functions = np.concatenate([functions, *(one for one, _ in of_loops)])
-            slopes = np.concatenate([slopes, *(slope for _, slope in of_loops)])
+        functions, slopes = _with_slopes(
+            block, s, values[:, here], values[:, len(shift) + here], loss
+        )
         size = len(block.owner)
         x = np.zeros((size, max(map(len, own)), len(own)), dtype=complex)
         for n, group in enumerate(own):
@@ -432,6 +428,47 @@ def _advance(
                 change, turn = _diagonalise(quotients[n, :k, :k], alike)
                 roots.value[group] = s[n] - change
                 roots.motion[:size, group] = shapes @ turn
+
+
+def _with_slopes(
+    block: Block,
+    s: Complex[np.ndarray, " frequency"],
+    functions: Functions,
+    beside: Functions,
+    loss: Loss,
+) -> tuple[Functions, Functions]:
+    """Complete functions of a block at s, known also at s (1 + BESIDE), and their derivatives."""
+    slopes = (beside - functions) / (BESIDE * s)
+    slopes[:2] = 0.0
+    slopes[2] = float(loss != "none")
+    slopes[3] = 2 * s
+    if isinstance(block, ClosedBlock):
+        of_loops = [loop.at(s) for loop in block.loops]
+        functions = np.concatenate([functions, *(one for one, _ in of_loops)])
+        slopes = np.concatenate([slopes, *(slope for _, slope in of_loops)])
+    return functions, slopes
+
+
+def sums_within(
+    pencil: Pencil, block: Block, centre: complex, radius: float, loss: Loss
+) -> Complex[np.ndarray, " sum"]:
+    """Count the roots of a block in a circle (rad/s), and sum (s - centre) and its square.
+
+    By the argument principle, the sum of g(s) over all roots is the integral of g tr(Z^-1 Z') along
+    the circle over 2 pi i; the trapezoidal rule converges geometrically (Delves and Lyness, Math.
+    Comp. 21, 543, 1967). A count that is no whole number says that a root is near the circle. Sums
+    are known where the roots themselves are not: two that coincide and have one shape move by the
+    square root of a rounding error.
+    """
+    offset = radius * np.exp(2j * np.pi * np.arange(CIRCLE) / CIRCLE)
+    s = centre + offset
+    oscillating = np.full(2 * CIRCLE, centre.imag)
+    there = pencil.at_poles(np.append(s, s * (1 + BESIDE)), loss, oscillating)
+    values = block.at(there).functions
+    functions, slopes = _with_slopes(block, s, values[:, :CIRCLE], values[:, CIRCLE:], loss)
+    matrix, slope = (block.matrix(one)[:, 6:] for one in (functions, slopes))
+    trace = np.einsum("iif->f", dense(matrix, slope))
+    return np.array([np.mean(trace * offset**power) for power in (1, 2, 3)])
 
 
 def _mark(

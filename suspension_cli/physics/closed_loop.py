@@ -90,6 +90,12 @@ SAME = 1e-6
 """Relative distance of two poles up to which they are one."""
 
 
+BY_NUMBER = 1e-3
+"""Relative distance within which poles that coincide are counted; rounding moves four by 1e-4."""
+COINCIDENT = 1e-2
+"""Largest spread of such poles over that distance."""
+WHOLE = 1e-3
+"""Largest distance of a number of poles from a whole one; a pole near the circle leaves 0.5."""
 BESIDE = 1 + 1e-6
 """Factor from a start value to where the force of a loop is evaluated: it may be a pole of it."""
 
@@ -440,6 +446,7 @@ def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list
     if within.is_lossy and lost.any():
         start = within.settled(start, lost)
         value, motion, lost = within.refine(start)
+    within.find_coincident(start, value, lost)
     fast = -np.real(start.value) * within.delay
     lost |= ~(fast <= FAR)
     if within.delay:
@@ -499,6 +506,13 @@ class _Starts:
             (*self.state, *other.state),
             np.concatenate([self.motion, other.motion]),
         )
+
+    def with_real_poles_apart(self) -> _Starts:
+        """Replace pairs that rounding has made of equal real poles by two real ones each."""
+        imaginary = np.imag(self.value)
+        pair = (imaginary > 0) & (imaginary < BY_NUMBER * np.abs(self.value))
+        real = replace(self, value=np.where(pair, np.real(self.value), self.value))
+        return real.followed_by(real.select(pair)) if pair.any() else real
 
     def select(self, some: Bool[np.ndarray, " pole"] | list[int]) -> _Starts:
         """Select some."""
@@ -564,7 +578,7 @@ class _Within:
         motion[:, self.bodily] = shape.T
         value[np.abs(value) <= STILL * np.abs(value).max(initial=0.0)] = 0.0
         value = _move_filter_poles(value, found.state, own.network.nodes)
-        return _Starts(value, found.state, motion)
+        return _Starts(value, found.state, motion).with_real_poles_apart()
 
     def at(self, omega: float, share: float = 1.0) -> _Starts:
         """Solve for the oscillating poles with the stiffness at a frequency (rad/s).
@@ -650,6 +664,32 @@ class _Within:
                 value[some[kept]] = _refine_decays(self.plant, block, own)
                 motion[some[kept]] = own.motions([block], self.plant.model.size)
         return value, motion, lost
+
+    def find_coincident(
+        self,
+        start: _Starts,
+        value: Complex[np.ndarray, " pole"],
+        lost: Bool[np.ndarray, " pole"],
+    ) -> None:
+        """Find lost poles, in place, that coincide with others, as those of the halves of a blend.
+
+        Such poles share one shape, so that a search finds one of them and with few digits. They are
+        found by their number and their sum.
+        """
+        pencil = self.plant.solver.pencil
+        for n in np.flatnonzero(lost & (start.value != 0)):
+            centre = complex(start.value[n])
+            radius = BY_NUMBER * abs(centre)
+            near = np.abs(start.value - centre) < radius
+            if not lost[n] or near.sum() < 2:
+                continue
+            loss = "all" if centre.imag else "dampers"
+            count, first, second = roots.sums_within(pencil, self.block, centre, radius, loss)
+            mean = first / near.sum()
+            spread = abs(second / near.sum() - mean**2) ** 0.5
+            if abs(count - near.sum()) < WHOLE and spread < COINCIDENT * radius:
+                value[near & lost] = centre + mean
+                lost &= ~near
 
     def search_again(
         self, value: Complex[np.ndarray, " pole"], missing: Bool[np.ndarray, " pole"]

@@ -95,7 +95,7 @@ DEPENDS = {
     "Loop": "damper gain zeros poles sensor_noise actuator_noise",
     "MotionSpectrum": "asd",
     "NoiseSpectrum": "asd",
-    "Osem": "sensor_noise force_noise driver_noise range",
+    "Osem": "sensor_noise force_noise driver_noise range sensing driving",
     "Requirement": "band below above",
     "RequiredQuantity": "at_least at_most",
     "Sensor": "motion sensor_noise",

@@ -347,3 +347,40 @@ def test_a_blend_that_does_not_sum_to_one():
     off = np.abs(1 / (1 + 1j * f / 2) + 1j * f / 3 / (1 + 1j * f / 3) - 1).max()
     with pytest.raises(InputError, match=f"sum to 1 only within {off:.3g}"):
         plant(BLEND | {"sensor": sensors})
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "hidden"),
+    [
+        ('zpk([],[0.3],1,"n")', f'zpk([0],[0.3],{1 / 0.3!r},"n")', [0.3]),
+        ('zpk([],[0.1;1.0],1,"n")', 'zpk([0;1.1],[0.1;1.0],11,"n")', [0.1, 1.0]),
+    ],
+)
+def test_both_filters_of_a_blend_may_be_written_out(low, high, hidden):
+    """Their poles coincide and move nothing: others are those of one sensor without filters."""
+    motions = [{"name": name, "motion": "upper.x"} for name in ("one", "other")]
+    halves = [{"sensor": "one", "filter": low}, {"sensor": "other", "filter": high}]
+    loop = {"name": "x", "actuator": "upper.force_x", "filter": LEAD}
+    blend = {"name": "both", "blend": True, "inputs": halves}
+    control = {"sensor": [*motions, blend], "loop": [{**loop, "sensor": "both"}]}
+    plain = {"loop": [{**loop, "sensor": "upper.x"}]}
+    found = closed_loop.find_poles(plant(control, loss=True))
+    plain_poles = closed_loop.find_poles(plant(plain, loss=True)).value
+    expected = np.append(plain_poles, [-2 * np.pi * one for one in 2 * hidden])
+    order = np.argsort(np.abs(expected))
+    assert np.sort(np.abs(found.value)) == pytest.approx(np.abs(expected)[order], rel=1e-6)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_equal_real_poles_of_feed_forward_stay_where_they_are(count):
+    """Nothing moves them, and rounding would make triple ones a pair that oscillates."""
+    poles = ";".join(["20"] * count)
+    forward = {"sensor": "platform", "actuator": "upper.force_x"}
+    text = f'zpk([0],[{poles}],30,"n")'
+    control = {
+        "sensor": [{"name": "platform", "motion": "support.x"}],
+        "loop": [{"name": "x", **forward, "filter": text}],
+    }
+    found = closed_loop.find_poles(plant(control, loss=True)).value
+    near = found[np.abs(np.abs(found) / (40 * np.pi) - 1) < 1e-3]
+    assert near == pytest.approx([-40 * np.pi] * count, rel=1e-6)
