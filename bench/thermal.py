@@ -39,5 +39,5 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         "sus.thermal of a quadruple, x and z, 3,000 frequencies / pygwinc",
         whole_call(sus.thermal, outputs=["test.x", "test.z"], frequency=grid),
         lambda: suspQuad(grid, quadruple),
-        26,
+        22,
     )

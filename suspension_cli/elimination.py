@@ -358,6 +358,10 @@ class Elements:
             start += len(rows)
         return Elements(places[0], places[1], weights)
 
+    def select(self, some: Bool[np.ndarray, " element"]) -> Elements:
+        """Select some of the elements."""
+        return Elements(self.row[some], self.column[some], self.weights[some])
+
     @cached_property
     def groups(
         self,
@@ -412,7 +416,7 @@ class Elements:
         for n in range(len(dense)):
             key = has_row[n].tobytes() + has_column[n].tobytes()
             alike.setdefault(key, []).append(n)
-        pieces = []
+        result = np.zeros_like(dense)
         for members in alike.values():
             rows = np.flatnonzero(has_row[members[0]])
             columns = np.flatnonzero(has_column[members[0]])
@@ -422,10 +426,13 @@ class Elements:
             left = to_absolute[6 + rows, 6:]
             right = to_absolute[columns]
             terms = np.abs(left).T @ sizes(matrix, place[6 + rows], place[columns]) @ np.abs(right)
-            for n, result, bound in zip(members, left.T @ matrix @ right, terms, strict=True):
-                kept = np.nonzero(np.abs(result) > ROUNDING * bound + (error if n == 0 else 0.0))
-                pieces.append((*kept, n, result[kept][:, None]))
-        return Elements.of(pieces, self.weights.shape[1])
+            bound = ROUNDING * terms
+            if members[0] == 0:
+                bound[0] += error
+            changed = left.T @ matrix @ right
+            result[members] = np.where(np.abs(changed) > bound, changed, 0.0)
+        row, column = np.nonzero(result.any(0))
+        return Elements(row, column, np.ascontiguousarray(result[:, row, column].T))
 
 
 @dataclass(frozen=True)
@@ -448,11 +455,17 @@ class Equations:
         return by_body(np.array(self.owner, dtype=int), coupled[:, 6:])
 
     @cached_property
-    def place(self) -> Int[np.ndarray, " element"]:
-        """Number of each element in the pattern; -1 for mirrored ones and those of the support."""
+    def _in_pattern(self) -> tuple[Int[np.ndarray, " element"], Elements]:
+        """Numbers in the pattern of the elements that it has, and these; not mirrored ones."""
         number = np.full((len(self.owner), 6 + len(self.owner)), -1)
         number[self.pattern.row, 6 + self.pattern.column] = np.arange(len(self.pattern.row))
-        return number[self.elements.row, self.elements.column]
+        place = number[self.elements.row, self.elements.column]
+        return place[place >= 0], self.elements.select(place >= 0)
+
+    @cached_property
+    def _pull(self) -> Elements:
+        """Elements in the columns of the support."""
+        return self.elements.select(self.elements.column < 6)
 
     def solve(
         self,
@@ -461,26 +474,30 @@ class Equations:
         forces: Float[np.ndarray, "own input #system"],
     ) -> Inexact[np.ndarray, "own input system"]:
         """Solve for coordinates q, given support motions and forces on x."""
-        values = self.elements.at(functions)
+        values = self.in_pattern(functions)
         own, inputs = forces.shape[:2]
         shape = self.pattern.size, inputs, values.shape[1]
         right = np.zeros(shape, dtype=values.dtype)
         if self.to_absolute is not None:
             forces = np.tensordot(self.to_absolute[6 : 6 + own, 6 : 6 + own].T, forces, 1)
         right[:own] = forces
-        for motion in np.flatnonzero(moves.any((1, 2))):
+        moving = np.flatnonzero(moves.any((1, 2)))
+        pulling = self._pull.at(functions) if len(moving) else values[:0]
+        for motion in moving:
             driven = np.flatnonzero(moves[motion].any(1))
-            pull = np.flatnonzero(self.elements.column == motion)
-            rows = self.elements.row[pull, None]
-            right[rows, driven] -= values[pull, None] * moves[motion, driven]
-        return self.pattern.solve(self.in_pattern(values), right)[:own]
+            pull = np.flatnonzero(self._pull.column == motion)
+            rows = self._pull.row[pull, None]
+            right[rows, driven] -= pulling[pull, None] * moves[motion, driven]
+        return self.pattern.solve(values, right)[:own]
 
     def in_pattern(
-        self, values: Inexact[np.ndarray, "_ system"]
+        self, functions: Inexact[np.ndarray, "function system"]
     ) -> Inexact[np.ndarray, "element system"]:
-        """The elements of the pattern."""
+        """Evaluate the elements of the pattern."""
+        place, elements = self._in_pattern
+        values = elements.at(functions)
         result = np.zeros((len(self.pattern.row), values.shape[1]), dtype=values.dtype)
-        result[self.place[self.place >= 0]] = values[self.place >= 0]
+        result[place] = values
         return result
 
 

@@ -499,7 +499,7 @@ def _step(
         if isinstance(block, ClosedBlock):  # these equations are not symmetric
             y = dense(block.matrix(functions)[:, 6:], right)
         else:
-            values = block.absolute.in_pattern(block.elements.at(functions))
+            values = block.absolute.in_pattern(functions)
             y = block.absolute.pattern.solve_nearly_singular(values, right)
         size = np.abs(y).max(0)
         size[size == 0] = 1.0

@@ -44,6 +44,8 @@ ONE_MODEL_ONLY = "some builds have an equilibrium in only one of the models"
 NO_BUILD = "no build that was compared has an equilibrium"
 TOLERANCE = 1e-3
 """Relative error that `auto` allows by default."""
+SAME = 1e-6
+"""Relative distance of frequencies up to which curves resolve both from either."""
 
 
 def choose(
@@ -277,13 +279,15 @@ def shifts(simple: Solvable, refined: Solvable) -> tuple[Modes, Float[np.ndarray
 def estimate_resonances(solver: Solver) -> Float[np.ndarray, " resonance"]:
     """Frequencies (Hz) where resonances may be: those of modes without wire mass, and with it.
 
-    A peak beside a zero may be narrower than its shift by wire mass, and show nowhere else.
+    A peak beside a zero may be narrower than its shift by wire mass, and show nowhere else. Shifts
+    below `SAME` are too small for two.
     """
     modes = solver.constant.modes
     if not has_wire_mass(solver.system):
         return modes.frequency
-    lowered = modes.frequency * (1 - shifts_by_wire_mass(modes, solver.system))
-    return np.concatenate([modes.frequency, lowered])
+    shift = shifts_by_wire_mass(modes, solver.system)
+    lowered = modes.frequency * (1 - shift)
+    return np.concatenate([modes.frequency[shift > SAME], lowered])
 
 
 def shifts_by_wire_mass(found: Modes, model: LinearSystem) -> Float[np.ndarray, " mode"]:
