@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 MET = PALETTE[0]
 MISSED = PALETTE[1]
 CAUSE = PALETTE[2]
-NAMES = 1.72
+NAMES = 2.3
 """Width of the margin left of rows, in."""
 MAX_ROWS = 8, 6
 """Largest number of causes, and of modes or statics of one unit, shown."""
