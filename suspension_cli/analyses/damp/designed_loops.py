@@ -17,23 +17,31 @@ from typing import TYPE_CHECKING
 from suspension_cli.analyses.damp.filter_keys import as_keys
 from suspension_cli.analyses.damp.required_margins import LoopRequirements, list_results
 from suspension_cli.conventions import DOFS
-from suspension_cli.design import reader
+from suspension_cli.design import foton, reader
 from suspension_cli.design.derive import mirror
+from suspension_cli.errors import InputError
 from suspension_cli.files.declared import in_unit
 from suspension_cli.linear import signals
-from suspension_cli.physics import local_control, model_choice, optimal_loops
+from suspension_cli.physics import closed_loop, local_control, model_choice, optimal_loops
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from suspension_cli.analyses.analysis import Run
     from suspension_cli.analyses.damp.required_margins import RequiredResult
     from suspension_cli.design.foton import Filter
     from suspension_cli.design.reader import Source
     from suspension_cli.design.schema import Design
+    from suspension_cli.linear.system import LinearSystem
 
 SETTLING = 10.0
 """Longest settling time, s, unless the design requires one."""
 SENSITIVITY = 2.0
 """Largest magnitude of the sensitivity, unless the design requires a distance from -1."""
+RATE = 16384.0
+"""Sample rate of front ends at which loops that are found are closed again, Hz."""
+KEYS = ("damper", "gain", "zeros", "poles", "filter", "gain_at")
+"""Keys of a loop that give its filter."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +123,30 @@ def solve(run: Run) -> tuple[Run, tuple[DesignedLoop, ...], tuple[RequiredResult
                 left_out=", ".join(f"{one:.4g}" for one in found.left_out),
             )
         )
+    _demand_stability_when_sampled(source, model, setting["redesigned"] or names)
     results = list_results(required.judge(source.design))
     return replace(run, source=source), tuple(done), results
+
+
+def _demand_stability_when_sampled(
+    source: Source, model: LinearSystem, names: Sequence[str]
+) -> None:
+    """Close the loops with the filters that were found as Foton samples them at `RATE`.
+
+    Raises `InputError` if a pole grows then, or is lost.
+    """
+    assert source.design.control is not None
+    loops = tomllib.loads(source.text)["control"]["loop"]
+    for number, loop in enumerate(source.design.control.loop):
+        if loop.name in names:
+            sampled = {"design": foton.format_filter(loop.controller), "rate": RATE}
+            kept = {key: value for key, value in loops[number].items() if key not in KEYS}
+            loops[number] = kept | {"filter": sampled}
+    design = reader.replaced(source, {"control.loop": loops}).design
+    if closed_loop.find_poles(local_control.build_plant(design, model)).stable:
+        return
+    problem = f"is unstable with the filters that were found sampled at {RATE:g} Hz"
+    raise InputError.of("control", problem, "allow a longer --settling or a smaller --sensitivity")
 
 
 def _motion_along(design: Design, number: int) -> str:
@@ -133,8 +163,7 @@ def with_filter(source: Source, number: int, made: Filter) -> Source:
     until then the loop has the filter 1.
     """
     loops = tomllib.loads(source.text)["control"]["loop"]
-    of_filter = ("damper", "gain", "zeros", "poles", "filter", "gain_at")
-    loops[number] = {key: value for key, value in loops[number].items() if key not in of_filter}
+    loops[number] = {key: value for key, value in loops[number].items() if key not in KEYS}
     loops[number] |= {"filter": "gain(1)"}
     bare = reader.replaced(source, {"control.loop": loops})
     del loops[number]["filter"]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.analyses.damp import designed_loops
 from suspension_cli.errors import InputError
 from tests.support.commandline import run, strict_json
 from tests.support.paths import CONFIGS
@@ -138,3 +139,11 @@ def test_requirements_that_no_filter_meets_are_reported(tmp_path):
     assert "NOT met" in result.stdout
     assert "margin yaw.phase >= 89 deg" in result.stdout
     assert (tmp_path / "triple-damped-lqg.toml").exists()
+
+
+def test_filters_are_closed_again_as_they_are_sampled(monkeypatch):
+    """At 7 Hz, unlike the rate of a front end, they would drive modes near 3 Hz."""
+    monkeypatch.setattr(designed_loops, "RATE", 7.0)
+    wanted = {"method": "lqg", "redesigned": ["yaw"], "settling": 12.0, "fidelity": "string"}
+    with pytest.raises(InputError, match="sampled at 7 Hz"):
+        sus.damp(DESIGN, frequency=[1.0], duration=1.0, **wanted)
