@@ -134,7 +134,7 @@ def run(
         f"xcouple, triple, string, {BUILDS} builds / numpy.linalg.eigvalsh of 18 x 18",
         compute_all(string),
         eigenvalue_floor(18, np.linalg.eigvalsh),
-        8.5,
+        7.0,
     )
     ratio(
         "the same on beam / on string",
@@ -150,7 +150,7 @@ def run(
     )
     source = read(RANDOM)
     names = tuple(stage.name for stage in source.design.stage)
-    for level, limit in (("string", 7.0), ("beam", 11.5)):
+    for level, limit in (("string", 6.5), ("beam", 11.0)):
         random = RandomBuilds(source.text, BUILDS, 7, coupling_question(names, 0), level=level)
         size = len(random.nominal.omega_squared)
         ratio(
