@@ -688,7 +688,9 @@ class _Within:
             mean = first / near.sum()
             spread = abs(second / near.sum() - mean**2) ** 0.5
             if abs(count - near.sum()) < WHOLE and spread < COINCIDENT * radius:
-                value[near & lost] = centre + mean
+                found = centre + mean
+                # real ones stay real: the sum has an imaginary part from rounding
+                value[near & lost] = found if centre.imag else found.real
                 lost &= ~near
 
     def search_again(

@@ -33,6 +33,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -401,12 +402,17 @@ class MatrixProblem:
     @cached_property
     def parts(self) -> tuple[slice, slice, slice, slice, slice, int]:
         """Places of A, B, K, changes of frequencies, dampings, and the delay in z."""
-        own = len(self.motion)
-        changes = len(self.responses.first)
-        modes = len(self.responses.mode_omega)
-        of_a = own * (len(self.data.sensors) - 1)
-        a, b, k, c, d = np.cumsum([of_a, own * len(self.data.coils), own, changes, modes]).tolist()
-        return slice(a), slice(a, b), slice(b, k), slice(k, c), slice(c, d), d
+        motions = len(self.motion)
+        counts = {
+            "a": motions * (len(self.data.sensors) - 1),
+            "b": motions * len(self.data.coils),
+            "scale": motions,
+            "change": len(self.responses.first),
+            "damping": len(self.responses.mode_omega),
+        }
+        ends = [0, *np.cumsum(list(counts.values())).tolist()]
+        of_a, of_b, of_scale, of_change, of_damping = (slice(*pair) for pair in pairwise(ends))
+        return of_a, of_b, of_scale, of_change, of_damping, ends[-1]
 
     @cached_property
     def free_columns(self) -> Float[np.ndarray, "motion sensor number"]:
@@ -571,7 +577,9 @@ def solve(data: OsemData, plant: Plant) -> MatrixSolution:
     count = 2 * data.value.size
     unknowns = problem.parts[-1] + 1
     if count < unknowns:
-        text = f"{len(data.frequency)} frequencies give {count} numbers for {unknowns} unknowns"
+        measured = len(data.frequency)
+        each = "1 frequency gives" if measured == 1 else f"{measured} frequencies give"
+        text = f"{each} {count} numbers for {unknowns} unknowns"
         raise InputError.of("transfer_function", text, "measure at more frequencies")
     a, b = _alternate(problem)
     problem = replace(problem, sign=problem.signs(a))

@@ -384,3 +384,4 @@ def test_equal_real_poles_of_feed_forward_stay_where_they_are(count):
     found = closed_loop.find_poles(plant(control, loss=True)).value
     near = found[np.abs(np.abs(found) / (40 * np.pi) - 1) < 1e-3]
     assert near == pytest.approx([-40 * np.pi] * count, rel=1e-6)
+    assert not np.imag(near).any()

@@ -153,7 +153,7 @@ def test_what_the_data_do_not_determine_is_refused(plant):
     with pytest.raises(InputError, match=r"these data do not tell x.* of upper apart"):
         matrix_fit.solve(noise, plant)
     few = OsemData(OSEMS, OSEMS, GRID[:1], data.value[:1], data.sigma[:1])
-    with pytest.raises(InputError, match=r"1 frequencies give 18 numbers for .* unknowns"):
+    with pytest.raises(InputError, match=r"1 frequency gives 18 numbers for .* unknowns"):
         matrix_fit.solve(few, plant)
     above = tuple(Osem(name=n, stage="upper", at=(0, 0, 0), direction=(0, 1, 1)) for n in "ab")
     two = OsemData(above, above, GRID, data.value[:, :2, :2], data.sigma[:, :2, :2])
