@@ -35,8 +35,6 @@ BLENDS = 1e-2
 in use reach 4e-3 (log 86588 of LIGO Hanford)."""
 TILTS = {"x": ("pitch", -1.0), "y": ("roll", 1.0)}
 """Angle that a sensor along an axis reads as acceleration, and the sign of this over gravity."""
-ASIDE = 1 + 1e-5
-"""Factor on the poles of a reading of tilt: equal poles of two filters are not seen by loops."""
 BAND = (1e-3, 1e3, 2000)
 """Lowest and highest frequency, Hz, and number of points at which blends are summed."""
 
@@ -163,9 +161,8 @@ class Sensor(Table, frozen=True):
         angle, sign = TILTS[axis]
         # divided by s^2 = (2 pi i f)^2
         gain = sign * made.gain / (2 * math.pi) ** 2
-        poles = tuple(pole * ASIDE for pole in made.poles)
         angles = Sensor(name=f"{self.name} tilt", motion=f"{stage}.{angle}")
-        return angles, foton.Filter(gain, tuple(zeros), poles)
+        return angles, foton.Filter(gain, tuple(zeros), made.poles)
 
 
 def check_filter(table: Table, name: str) -> Problems:

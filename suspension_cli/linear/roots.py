@@ -423,9 +423,12 @@ def _advance(
             shapes = y[:, :k, n]
             if keeps_values:
                 roots.motion[:size, group] = shapes
-            elif np.isfinite(shapes).all():  # else s is a root to the last bit
+                continue
+            quotient = quotients[n, :k, :k]
+            # else s is a root to the last bit, or those of a group have one shape: each goes alone
+            if np.isfinite(shapes).all() and (k == 1 or np.isfinite(quotient).all()):
                 alike = ALIKE * float(np.abs(s[n]))
-                change, turn = _diagonalise(quotients[n, :k, :k], alike)
+                change, turn = _diagonalise(quotient, alike)
                 roots.value[group] = s[n] - change
                 roots.motion[:size, group] = shapes @ turn
 

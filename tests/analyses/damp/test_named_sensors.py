@@ -354,6 +354,11 @@ def test_a_blend_that_does_not_sum_to_one():
     [
         ('zpk([],[0.3],1,"n")', f'zpk([0],[0.3],{1 / 0.3!r},"n")', [0.3]),
         ('zpk([],[0.1;1.0],1,"n")', 'zpk([0;1.1],[0.1;1.0],11,"n")', [0.1, 1.0]),
+        (
+            'zpk([],[0.3+i*0.2;0.3-i*0.2],1,"n")',
+            f'zpk([0;0.6],[0.3+i*0.2;0.3-i*0.2],{0.6 / 0.13!r},"n")',
+            [0.3 + 0.2j],
+        ),
     ],
 )
 def test_both_filters_of_a_blend_may_be_written_out(low, high, hidden):

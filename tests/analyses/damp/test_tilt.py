@@ -38,7 +38,7 @@ def test_feed_forward_of_tilt(axis, angle, sign):
     moved = respond(fed(axis), f"upper.force_{axis}", out)
     read = make_response(SEISMOMETER).at(FREQUENCY) * sign * 9.81 / OMEGA**2
     expected = direct - moved * make_response(FILTER).at(FREQUENCY) * read
-    np.testing.assert_allclose(closed, expected, rtol=3e-5)
+    np.testing.assert_allclose(closed, expected, rtol=1e-9)
     assert (np.abs(closed - direct) > 1e-3 * np.abs(closed)).any()
 
 
