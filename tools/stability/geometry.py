@@ -84,8 +84,8 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
         value=np.asarray(distance),
         error=error,
         finding=(
-            f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm"
-            " ) stretch and gravity cancel; difference quotients have no digits left from 10⁻⁵"
+            f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm)"
+            " stretch and gravity cancel; difference quotients have no digits left from 10⁻⁵"
             " on. Closed forms distinguish stable from unstable down to 10⁻¹¹ of that height."
         ),
         limit=(
