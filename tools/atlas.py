@@ -71,16 +71,16 @@ blades from a tenth to a ten-thousandth of the stiffness of their wires, silica 
 
 HEAD = f"""# Where methods fail
 
-Each row drives one parameter to where methods are known to fail, and compares each with closed forms or arithmetic of 50 digits and more. A method has
-broken where it is wrong by more than {100 * BROKEN:g} %, from there on. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. What fails here is written as
-people write it (`tools/stability/naive.py`, `tools/stability/energy.py`); the program itself is called through its public functions.
-`make stability` writes this page, `tests/linear/test_stability.py` pins every row. *Academic* is a trouble in which no method breaks within the
-range of suspensions that were built (REAL in `tools/atlas.py`; grey in the picture).
+Each row drives one parameter to where methods are known to fail, and compares each with closed forms or 50 digits and more. A method has
+broken from where on it is wrong by more than {100 * BROKEN:g} %. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. Methods that fail are written as
+people write them (`tools/stability/naive.py`, `tools/stability/energy.py`); the program is called through its public functions. *Academic*: no
+method breaks within the range of built suspensions (REAL in `tools/atlas.py`; grey in the picture). `make stability` writes this page,
+`tests/linear/test_stability.py` pins every row.
 
 ![How far each trouble can be driven before a method breaks](stability.png)
 
-For each trouble the picture shows how far the worst and the best common method get before they break,
-and how far the program does; the panels behind it, with the same letters, follow the table.
+The picture shows how far the worst and the best common method get, and the program; the panels, with the same letters, follow the
+table.
 
 | | driven by | built | other methods break at | largest error of pendsus | its limit, and what it says there |
 |---|---|---|---|---|---|
@@ -147,8 +147,7 @@ def report(rows: list[Row], map_table: str) -> str:
     """Format the whole page: rows, panels, and the table of the errors of maps."""
     sentences = [f"**{row.title}** ({row.quantity}). {row.finding}" for row in rows]
     panels = [
-        f"![Relative error of each method along the parameter that drives it, page {number}]"
-        f"(stability_{number}.png)"
+        f"![Relative errors, page {number}](stability_{number}.png)"
         for number in range(1, count_pages(rows) + 1)
     ]
     table = "\n".join(table_row(row) for row in rows)

@@ -22,6 +22,8 @@ DESIGN, GOALS = "configs/husman2000/triple-vertical.toml", "goals/geo600.toml"
 NAME = "husman2000-triple-vertical"
 BAND = (0.5, 5.0)
 """Hz (section 5a)."""
+DAMPED = "can be damped"
+"""Verdict of `pendsus modes`."""
 
 
 def pendsus(*words: str, out: Path) -> Any:
@@ -40,7 +42,7 @@ def pendsus(*words: str, out: Path) -> Any:
 def listed(found: dict[str, Any], before: dict[str, Any], after: dict[str, Any]) -> list[str]:
     """List all modes by family, before and after, with the criterion by `pendsus modes` alone."""
     lines = [
-        "| mode | before (Hz) | after (Hz) | in the top mass | `pendsus modes` says | mostly |",
+        "| mode | before (Hz) | after (Hz) | in the top mass | not damped because | mostly |",
         "|---|---:|---:|---:|---|---|",
     ]
     fresh = {mode["frequency_hz"]: mode for mode in after["modes"]}
@@ -49,9 +51,10 @@ def listed(found: dict[str, Any], before: dict[str, Any], after: dict[str, Any])
         mine = fresh[min(fresh, key=lambda f: abs(f - mode["after_hz"]))]
         was = min(drawn, key=lambda f: abs(f - mode["before_hz"]))
         share = 100 * mode["top_mass_fraction_after"]
+        reason = "" if mine["verdict"] == DAMPED else f" {mine['verdict']}"
         lines.append(
             f"| {mode['name']} | {was:.3f} | {mine['frequency_hz']:.3f} | {share:.1f} % |"
-            f" {mine['verdict']} | {mine['label']} |"
+            f"{reason} | {mine['label']} |"
         )
     return lines
 
@@ -65,7 +68,7 @@ def main() -> None:
         before, after = (pendsus("modes", file, out=out / "modes") for file in (DESIGN, str(made)))
         shutil.copyfile(out / f"{NAME}-optimise.png", ROOT / "results" / "optimise.png")
         text = made.read_text(encoding="utf-8").replace(str(out), "results")
-    inside = [mode for mode in after["modes"] if mode["verdict"] == "can be damped"]
+    inside = [mode for mode in after["modes"] if mode["verdict"] == DAMPED]
     arrived = sum(start["arrived_at"] == 1 for start in found["starts"])
     met = (
         f"{sum(row['met'] for row in found['limits'])} of {len(found['limits'])} limits are met,"
@@ -89,8 +92,7 @@ def main() -> None:
         "",
         *listed(found, before, after),
         "",
-        "All parameters and limits, before and after, are comments of"
-        " [optimise.toml](optimise.toml).",
+        "Parameters and limits are comments of [optimise.toml](optimise.toml).",
         "",
     ]
     page = "\n".join(lines)

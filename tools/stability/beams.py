@@ -110,9 +110,8 @@ def row(slenderness: Any = SLENDERNESS) -> Row:
         value=np.asarray(slenderness),
         error=sample(slenderness, compute),
         finding=(
-            "cosh and sinh of the whole wire overflow in a slender one, and their differences"
-            " cancel in one that is stiff and slow. The program splits the motion into even and odd"
-            " halves, uses tanh alone and sums a series where waves cancel."
+            "cosh and sinh overflow in a slender wire, and cancel in a stiff and slow one. The"
+            " program takes even and odd halves, tanh alone, and a series where waves cancel."
         ),
         limit="none found",
         mark={"overflow of cosh": 710.0},
@@ -184,9 +183,8 @@ def short_sections(lengths: Any = None) -> Row:
         error=sample(lengths, compute),
         finding=(
             "12 EI / l³ of a short section swamps the tension and the long section that it is"
-            " joined to. The program joins sections on the slope of the chord and the slopes of the"
-            " ends relative to it, where only the small deformation of the short section has that"
-            " stiffness."
+            " joined to. Joined on slopes relative to the chord, only its own small deformation"
+            " has that stiffness."
         ),
         limit="none found",
     )

@@ -52,11 +52,10 @@ def row(ratio: Any = RATIO) -> Row:
         value=np.asarray(ratio, dtype=float),
         error=error,
         finding=(
-            "A nearly rigid wire on a soft blade leaves k − k²/(k + k_b) of its stiffness, and the"
-            " sum in one double has already lost k_b; eliminating the tip together with the body"
-            " below squares that loss. The program keeps what is rounded away, and where stiffness"
-            " depends on frequency it takes the wires' tensions as coordinates, so that compliances"
-            " add."
+            "A nearly rigid wire on a soft blade leaves k − k²/(k + k_b) of its stiffness, a"
+            " sum that has lost k_b; eliminating the tip with the body below squares the loss."
+            " The program keeps what is rounded away, or adds compliances, with the wires'"
+            " tensions as coordinates."
         ),
         limit="none found; of builds whose blades have a tip mass, modes lose 10⁻¹⁵ × ratio",
     )

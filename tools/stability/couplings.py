@@ -77,10 +77,9 @@ def tiny(offset: Any = TINY) -> Row:
         }
         | {name: relative(values, reference) for name, values in methods.items()},
         finding=(
-            "A coupling of 10⁻¹⁰ is far below the rounding of lengths computed from the"
-            " coordinates of their ends, and difference quotients lose half of all digits before."
-            " The program counts elongations from the nominal pose, in which nothing cancels, and"
-            " keeps exact zeros where a symmetry forbids a coupling."
+            "A coupling of 10⁻¹⁰ is far below the rounding of lengths from coordinates;"
+            " difference quotients lose half of all digits. The program counts elongations from"
+            " the nominal pose, and keeps exact zeros where symmetry forbids a coupling."
         ),
         limit=(
             "the last bit of a point, 10⁻¹⁸ m, over the offset; of couplings of second order ratios"
@@ -110,10 +109,9 @@ def large(offset: Any = LARGE) -> Row:
         error={SHIPPED: relative(_shipped(offset), reference)}
         | {name: relative(values, reference) for name, values in methods.items()},
         finding=(
-            "An imperfect body hangs elsewhere than drawn, and a model about the nominal pose, or"
-            " in proportion to the imperfection, answers for a suspension that is not there:"
-            " already at 10 μm here. The program finds the pose with exact finite rotations and"
-            " linearises there."
+            "An imperfect body hangs elsewhere than drawn: models about the nominal pose, or in"
+            " proportion to the imperfection, are wrong from 10 μm on. The program finds the"
+            " pose with exact finite rotations and linearises there."
         ),
         limit="none found; where a build has no equilibrium on taut wires it says so",
     )

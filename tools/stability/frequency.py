@@ -65,9 +65,9 @@ def roll_off(frequency: Any = FREQUENCY) -> Row:
         error={f"{SHIPPED}: body by body": compared.error[:, 0, 0]}
         | {name: relative(value, reference) for name, value in found.items()},
         finding=(
-            "A response that falls as 1/f⁸ is the tiny difference of the modes' contributions, or a"
-            " product over zeros that are known only to the rounding of the largest one. Solving"
-            " the stages one after the other multiplies their transmissions, and nothing cancels."
+            "A response that falls as 1/f⁸ is a tiny difference of modes, or a product over"
+            " zeros known to the rounding of the largest one. Transmissions of stages, solved"
+            " one after the other, multiply: nothing cancels."
         ),
         limit="none found; `export` prints the band in which a state space or zpk is right",
         mark={"highest mode": float(eigenmodes.solve(model).frequency[-1])},
@@ -97,9 +97,9 @@ def long_chain(stages: Any = STAGES) -> Row:
         value=np.asarray(stages, dtype=float),
         error=sample(stages, compute),
         finding=(
-            "Thirty stages transmit 10⁻⁵⁸ of the support's motion, which a sum over modes cannot"
-            " resolve, and transfer matrices carried from the top grow by as much as the motion"
-            " falls. Eliminating from the mirror up keeps the digits of every stage."
+            "Thirty stages transmit 10⁻⁵⁸ of the support's motion: a sum over modes cannot"
+            " resolve this, and transfer matrices from the top grow by as much. Elimination from"
+            " the mirror up keeps all digits."
         ),
         limit="none found; below 10⁻³⁰⁸ a response is 0",
     )

@@ -84,10 +84,9 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
         value=np.asarray(distance),
         error=error,
         finding=(
-            f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm) stretch and gravity"
-            " cancel, and what is left of the restoring torque keeps as many digits fewer as it is"
-            " smaller: of difference quotients none at 10⁻⁵. The program's closed forms tell"
-            " stable from unstable down to 10⁻¹¹ of that height."
+            f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm)"
+            " stretch and gravity cancel; difference quotients have no digits left from 10⁻⁵"
+            " on. Closed forms distinguish stable from unstable down to 10⁻¹¹ of that height."
         ),
         limit=(
             "ε / distance, from 10⁻¹² on reported as rigid; `modes` warns where lowering wires by"
@@ -126,10 +125,10 @@ def nearly_slack(left: Any = LEFT) -> Row:
         value=np.asarray(left),
         error=sample(left, compute),
         finding=(
-            f"A wire that is {1e3 * float(critical):.3f} mm too long carries nothing; close to that"
-            " its tension is a difference of lengths, and a linear estimate is off by the rest."
-            " The program balances with exact rotations and elongations counted from the nominal"
-            " pose, so that its tension ends in rounding alone."
+            f"A wire that is {1e3 * float(critical):.3f} mm"
+            " too long carries nothing; close to that its tension is a small difference of"
+            " lengths. With exact rotations, and elongations counted from the nominal pose, it"
+            " ends in rounding alone."
         ),
         limit=(
             "ε / tension left; `check` and `modes` warn below 1 % of the mean of the stage, and a"

@@ -135,8 +135,8 @@ def table(errors: Mapping[str, MapError]) -> str:
         "",
         f"Maps of {SIDE} × {SIDE} points: couplings at 50 Hz of the triple of Table II, modes and"
         " responses of the single pendulum of Figure 6. The true error is the largest difference"
-        f" from the solution of every point. It should be at most {HONEST:g} times the error that"
-        " the program states. Where points have no result, every point is solved.",
+        f" from the solution of every point; it should be at most {HONEST:g} times the stated one."
+        " Where points have no result, every point is solved.",
         "",
         "| map | designs solved | stated error | true error | true / stated |",
         "|---|---|---|---|---|",

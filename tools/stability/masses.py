@@ -117,9 +117,9 @@ def row(mass: Any = MASS) -> Row:
         value=np.asarray(mass),
         error=sample(mass, pitch) | sample(mass, modes),
         finding=(
-            "Balanced against the weight of a tonne, whatever a milligram pulls is rounding, and a"
-            " light stage stays as drawn. The program judges the forces on every body by what that"
-            " body carries; eigenvalues do not mind, as each mass scales its own rows."
+            "Against the weight of a tonne, whatever a milligram pulls is rounding, and a light"
+            " stage stays as drawn. The program judges the forces on every body by what that"
+            " body carries."
         ),
         limit="none found",
     )

@@ -64,9 +64,8 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
         error=error,
         finding=(
             "Eigenvalue solvers leave rounding errors of the largest ω² in the smallest. The"
-            " program solves for 1 / ω² instead, with the tensions of wires as unknowns: where"
-            " wires lean, the sums in the stiffness matrix round the soft part away before any"
-            " solver sees it."
+            " program solves for 1 / ω² with the tensions of wires as unknowns, as sums in the"
+            " stiffness matrix round the soft part away where wires lean."
         ),
         limit=(
             "none found on `string`, `beam` and `violin`; `force` with wires that lean: ε × ratio"
@@ -94,9 +93,9 @@ def graded_chain(ratio: Any = STIFFNESS_RATIO) -> Row:
         value=np.asarray(ratio),
         error=sample(ratio, compute),
         finding=(
-            "In a chain several soft modes share a block with stiff ones, and rounding mixes them"
-            " with each other too. In 1 / ω² the stiff ones vanish; theirs follow from the energies"
-            " in their shapes, to 10⁻⁹ up to ratios of 10⁸."
+            "Rounding mixes several soft modes of a block with stiff ones and with each other."
+            " In 1 / ω² the stiff ones vanish; theirs follow from the energies in their shapes,"
+            " to 10⁻⁹ up to ratios of 10⁸."
         ),
         limit="none found",
     )
@@ -134,10 +133,9 @@ def equal_modes(detuning: Any = DETUNING) -> Row:
         value=np.asarray(detuning),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "Eigenvectors of nearly equal modes turn by rounding over the gap, so that labels"
-            " depend on the last bit. The program solves what a symmetry keeps apart separately,"
-            " and gives modes that agree to 10⁻⁹ the basis that lives in as few coordinates as"
-            " possible."
+            "Eigenvectors of nearly equal modes turn by rounding over the gap. The program"
+            " solves separately what a symmetry keeps apart, and gives modes that agree to 10⁻⁹"
+            " the basis of the fewest coordinates."
         ),
         limit="modes that differ by less than 10⁻⁹ are reported as degenerate",
     )
@@ -210,10 +208,9 @@ def quality(loss: Any = LOSS) -> Row:
         value=np.array(value),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "A pole has 1/Q in its real part, below the rounding of its imaginary one as Q nears"
-            " 10¹⁵, and the width of a resonance drowns sooner. The program takes the poles in the"
-            " basis of the modes without loss, and their decay from what their motion dissipates:"
-            " all digits at any Q."
+            "A pole has 1/Q in its real part, which drowns in the rounding of its imaginary"
+            " one; the width of a resonance drowns sooner. The program takes decay from what the"
+            " motion dissipates: all digits at any Q."
         ),
         limit="none found; sweeps and sensitivities take Q to first order, which is off by φ²",
     )

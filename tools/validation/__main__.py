@@ -77,12 +77,10 @@ def write(sections: list[Section]) -> None:
         "",
         "Designs in `configs/built/` against measurements and other programs, whose numbers are in"
         " `measured/`, each with its source. `make validation` computes the page without a network"
-        " (of KAGRA's measured functions `tools/validation/kagra_measured.py` made fits and"
-        " pictures); `python -m tools.validation NAME` prints the modes of one design. All modes,"
-        " without damping and links, are in [validation_modes.csv](validation_modes.csv). With"
-        " damping they differ: `pendsus modes configs/built/kagra-bs.toml --fidelity"
-        " string` has 0.24595 Hz for"
-        " vertical of F2, the table 0.24161 Hz.",
+        " (fits and pictures of KAGRA's measured functions: `tools/validation/kagra_measured.py`);"
+        " `python -m tools.validation NAME` prints the modes of one design. All modes are in"
+        " [validation_modes.csv](validation_modes.csv), without damping and links, unlike those of"
+        " `pendsus modes`.",
         "",
     ]
     for kind in evidence.KINDS:

@@ -60,7 +60,6 @@ class Comparison:
     title: str
     why: str
     peer: str
-    source: dict[str, str]
     known: np.ndarray
     label: list[str]
     ours: dict[str, np.ndarray]
@@ -116,8 +115,7 @@ def compare(name: str, title: str, why: str, *, peer: str, folder: str) -> Compa
         key: (np.array(rows[key]), value.real) for key, value in zip(rows, values, strict=True)
     }
     slow = int((whole <= 1e-3).sum())
-    source = document["source"]
-    numbers = source, known, labels["string"], ours, slow, frequency, responses
+    numbers = known, labels["string"], ours, slow, frequency, responses
     return Comparison(name, title, why, peer, *numbers)
 
 
@@ -138,10 +136,10 @@ def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
     picture = f"validation_{one.name.replace('-', '_')}.png"
     with house_style():
         save(draw(one, shown), ROOT / "results" / picture)
-    lines = ["", f"### {one.title}", "", one.why, "", f"![{one.title}]({picture})", ""]
-    lines += [f"`configs/built/{one.name}.toml` against {one.source['what']}."]
-    if one.unstable:
-        lines += [f"{one.peer} has {one.unstable} modes more, below 1 mHz or unstable."]
+    extra = f" {one.peer} has {one.unstable} modes more, below 1 mHz or unstable."
+    why = one.why + (extra if one.unstable else "")
+    lines = ["", f"**{one.title}** (`configs/built/{one.name}.toml`). {why}"]
+    lines += ["", f"![{one.title}]({picture})", ""]
     return lines
 
 

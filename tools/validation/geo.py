@@ -47,12 +47,10 @@ def section() -> Section:
         "inferred",
     ]
     result.lines += [
-        "Modes measured in 2000 and the paper's own theory, beside the force model, the paper's. What"
-        " the paper does not print was inferred from its theory, so agreement with that is fitted."
-        " The worst deviation from the measurement is the vertical mode of the first pendulum. That"
-        " a compliant frame explains it is a conjecture of the paper: bracing moved the frequency,"
-        " but no single frame explains all cases ([a compliant"
-        " support](../docs/paper.md#a-compliant-support)).",
+        "Modes measured in 2000 and the paper's own theory, beside the paper's force model. Inferred"
+        " parameters make agreement with the theory fitted. The worst mode is vertical of the first"
+        " pendulum; a compliant frame as its reason is a conjecture of the paper: no single frame"
+        " explains all cases ([a compliant support](../docs/paper.md#a-compliant-support)).",
         *table(head, rows),
     ]
     return result

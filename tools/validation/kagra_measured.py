@@ -133,11 +133,13 @@ def section() -> Section:
     kept = tomllib.loads(FOUND.read_text("utf-8"))
     result.lines += [
         "Coils on the recoil mass RM shook the mirrors; optical levers and the sensors of the"
-        " intermediate mass IM observed them: diagnostics files in archive/examples/legacy/data of"
-        " github.com/terrencetec/kontrol at c612ebc (MIT licence, (c) 2020-2023 TSANG Terrence Tak"
-        " Lun), reduced in `measured/kagra/found.toml`. Drives are in counts, so that one factor"
-        " per drive is free. The designs are SUMCON's saves of August 2019, a year older than the"
-        " measurements. Which loops were closed is unknown.",
+        " intermediate mass IM observed them (archive/examples/legacy/data of"
+        " github.com/terrencetec/kontrol at c612ebc, MIT licence, (c) 2020-2023 TSANG Terrence Tak"
+        " Lun). Drives are in counts, so one factor per drive is free. The designs are SUMCON's saves"
+        " of August 2019, a year older. Which loops were closed is unknown. In the pictures points"
+        " are measured, lines modelled and scaled by one number each. Fits are those of `pendsus fit"
+        f" --fidelity {MODEL}`, their uncertainties multiplied by the root of χ² per degree of freedom"
+        " (a repeated measurement has 1 to 2); parameters are in `measured/kagra/found.toml`.",
     ]
     for name in SUSPENSIONS:
         rows = _resonances(name, kept[name])
@@ -182,12 +184,9 @@ def _resonances(name: str, kept: dict[str, Any]) -> list[Resonance]:
 WHY = {
     "kagra-srm": (
         "In the highest mode of pitch IM and RM rock against each other on the wires of RM. The fit"
-        " explains it by softer wires (below), which nobody has measured."
+        " has softer wires, which nobody has measured."
     ),
-    "kagra-bs-2019": (
-        "In the highest mode of pitch IM and RM rock against each other on the tungsten wires of"
-        " RM, as in SRM."
-    ),
+    "kagra-bs-2019": "The highest mode of pitch is that of SRM.",
 }
 """What explains the largest deviation of each."""
 
@@ -219,32 +218,25 @@ def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[st
         *table(head, rows, left=2),
         f"![{title}, measured]({_picture(name)})",
         "",
-        "Points are measured; lines are modelled, each scaled by one number. `pendsus fit"
-        f" --fidelity {MODEL}` ends with χ² per degree of freedom of {per:.3g}"
-        f" ({kept['freedom']} degrees of freedom; a repeated measurement has 1 to 2). Uncertainties"
-        f" are multiplied by {kept['scale']:.2g}, as the model does not explain the data; the parameters are in"
-        " `measured/kagra/found.toml`.",
-        "",
-        *(f"{line[0].upper()}{line[1:]}." for line in kept["determined"][:1]),
-        "",
-        REST[name],
+        f"Fitted with χ² per degree of freedom of {per:.3g} ({kept['freedom']} degrees of freedom)."
+        f" {' '.join(f'{line[0].upper()}{line[1:]}.' for line in kept['determined'][:1])}"
+        f" {REST[name]}",
     ]
 
 
 REST = {
     "kagra-srm": (
-        "Resonances of pitch come within 0.4 %. But the ends of RM's wires rise by 8 mm and the"
-        " inertias of TM and RM by 13 and 11 %, four times their priors; the data determine the"
-        " inertia of TM alone, and only together with the factor of the drive. What they do say:"
-        " the stiffness of pitch between IM and RM, over their inertia, is 28 % below the save's."
+        "Pitch comes within 0.4 %, but the ends of RM's wires rise by 8 mm and the inertias of TM and"
+        " RM by 13 and 11 %, four times their priors; the data determine the inertia of TM alone, and"
+        " only together with the factor of the drive. They do determine the stiffness of pitch between"
+        " IM and RM over their inertia: 28 % below the save's."
     ),
     "kagra-bs-2019": (
-        "Resonances of pitch come within 0.7 %, but for F1 (1.9 %). But the ends of RM's wires rise"
-        " by 9.5 mm and the inertia of IM falls by 16 %, five times their priors: parameters absorb"
-        " something that the model lacks, such as closed loops, cables between IM and RM, or"
-        " clamps. What the data do say: the stiffness of pitch between IM and RM, over their"
-        " inertia, is 13 % below the save's. Below 0.4 Hz, which is not fitted, pitch is a quarter"
-        " larger than modelled."
+        "Pitch comes within 0.7 %, but for F1 (1.9 %). But the ends of RM's wires rise by 9.5 mm and"
+        " the inertia of IM falls by 16 %, five times their priors: parameters absorb something that"
+        " the model lacks, such as closed loops, cables between IM and RM, or clamps. The data do"
+        " determine the stiffness of pitch between IM and RM over their inertia: 13 % below the save's."
+        " Below 0.4 Hz, which is not fitted, pitch is a quarter larger than modelled."
     ),
 }
 """What the fit of each says."""
@@ -303,16 +295,12 @@ def _older() -> list[str]:
         if label.startswith("IM pitch") and 1 < value < 5
     ]
     known = 2.745
-    why = (
-        "That save has the recoil mass RM on steel wires of 0.5 mm; the one of 2019 on tungsten"
-        " wires of 0.65 mm, as the measurement says."
-    )
     error = pitch[-1] / known - 1
     return [
         "",
-        f"The other save of BS (`configs/built/kagra-bs.toml`) has this mode of pitch at"
-        f" {pitch[-1]:.3f} Hz ({percent(error)} of the measured {known} Hz) and the two below it"
-        f" at 0.40 and 0.43 Hz instead of 0.504 Hz. {why}",
+        "The other save of BS (`configs/built/kagra-bs.toml`) has RM on steel wires of 0.5 mm instead of"
+        " tungsten wires of 0.65 mm, and this mode of pitch at"
+        f" {pitch[-1]:.3f} Hz ({percent(error)} of the measured {known} Hz).",
     ]
 
 
@@ -352,19 +340,19 @@ def _odd(kept: dict[str, Any]) -> list[str]:
         "",
         "### Unexplained features",
         "",
-        "- **Common to both fits.** RM's tungsten wires are 21 and 26 % softer than in the saves:"
-        " either their modulus is 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa, that of bulk tungsten,"
-        " or the clamps are compliant. The sensors of IM read 32 and 31 % less than modelled.",
+        "- **Both fits.** RM's tungsten wires are 21 and 26 % softer than in the saves: their modulus"
+        " is 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa (bulk), or the clamps are compliant. The sensors"
+        " of IM read 32 and 31 % less than modelled.",
         "- **Drive in pitch of BS.** A second run the same day is "
         f"{100 * (min(pitch) - 1):.0f} to {100 * (max(pitch) - 1):.0f} % larger in pitch of TM "
         f"and {100 * (1 - max(yaw[1:])):.0f} to {100 * (1 - min(yaw[1:])):.0f} % smaller in yaw, up"
         " to 50 times the variance: coils were rebalanced, or a filter changed. Along the beam it"
         f" repeats from 0.45 Hz on ({min(along):.1f} to {max(along):.1f} of the variance).",
         f"- **Yaw of BS pushed along the beam** has a phase of {', '.join(phase)}, where bodies"
-        " alone give 0 or 180°: as if one of the four coils had a pole or zero near 1.3 Hz. These"
-        " functions are not fitted.",
+        " alone give 0 or 180°, as if one of the four coils had a pole or zero near 1.3 Hz (not"
+        " fitted).",
         "- **Phase.** Driven in pitch, BS lags behind the model by 6° at 0.35 Hz, 11° at 1.1 Hz"
-        " and 18° at 4.9 Hz, as a pole and a zero below 1 Hz do; SRM lags as by 4 to 5 ms.",
+        " and 18° at 4.9 Hz, as a pole and a zero below 1 Hz do; SRM as by 4 to 5 ms.",
     ]
 
 

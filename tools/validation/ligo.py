@@ -68,10 +68,10 @@ def quadruple_of_2005() -> list[str]:
     return [
         "### Quadruple pendulum of 2005",
         "",
-        "`configs/ligo-quad-2005.toml` has the parameters of LIGO's file `quadopt.m`; the numbers of"
-        f" M. Barton's Mathematica toolkit are those of {known['source']['file']} in"
-        f" {known['source']['repository']}. {decimals} of {len(theirs)} modes of the string model"
-        f" agree in all eight decimals (largest difference {abs(ours - theirs).max():.0e} Hz).",
+        "`configs/ligo-quad-2005.toml` (parameters of `quadopt.m`, version 14) against M. Barton's"
+        f" Mathematica toolkit ([sources](../docs/migrating.md#sources)): {decimals} of {len(theirs)}"
+        " modes of the string model agree in all eight decimals (largest difference"
+        f" {abs(ours - theirs).max():.0e} Hz).",
         "",
     ]
 
@@ -87,9 +87,8 @@ def _bounce_mode(result: Section, known: dict[str, Any]) -> None:
     bounce = known["measured_vertical_hz"]
     result.lines += [
         "",
-        f"The bounce mode was measured at {bounce} ± 0.001 Hz (ETMY, LHO 41488). It depends on the"
-        " fibres, for which the production model has a stiffness, 18.15 kN/m each. With the"
-        " geometry of fibres that is public instead:",
+        f"The bounce mode was measured at {bounce} ± 0.001 Hz (ETMY, LHO 41488). With the stiffness"
+        " of fibres of the production model (18.15 kN/m each), and with public geometries:",
     ]
     text = QUADRUPLE.read_text("utf-8")
     rows = []
@@ -98,7 +97,7 @@ def _bounce_mode(result: Section, known: dict[str, Any]) -> None:
         rows.append([name, f"{value:.3f}", percent(value / bounce - 1)])
     result.lines += [
         *table(["fibres", "bounce (Hz)", "from the measured one"], rows),
-        "pygwinc says that its thick ends of 45 mm were tuned to this mode (nominal: 20 mm): fitted.",
+        "pygwinc tuned its thick ends of 45 mm to this mode (nominal: 20 mm): fitted.",
     ]
 
 
@@ -181,9 +180,8 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
         middle = [float(one(*best)[0, 0]) for one in looked_up]
         save(_draw(fibres, lines | {f"fitted ({label})": middle}), ROOT / "results" / picture)
     why = (
-        "The first mode depends on the radius of the fibre and hardly on its ends: 205 µm give the"
-        " observatory's predictions, 200 µm (quadopt.m) what was measured. The overtones depend on"
-        " the thick ends, which are stiff for the first mode and bend in the higher ones."
+        "The first mode depends on the radius of the fibre: 205 µm give the observatory's"
+        " predictions, 200 µm what was measured. Overtones depend on the thick ends, too."
     )
     quadruple = QUADRUPLE.read_text("utf-8")
     bounce = sorted(
@@ -195,19 +193,18 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
         "### Violin modes of ITMY and ETMX",
         "",
         "Fibres of silica below a mass that stands still (`configs/built/ligo-test-mass.toml`), by"
-        " the violin model. The radius is 205 µm in pygwinc and 200 µm in quadopt.m; the thick ends"
-        " of 400 µm are 20 mm (nominal) or 45 mm (tuned) long. Frequencies in Hz, measured in air"
-        " (LHO 57649, LHO 42180). The last three columns are fitted to each fibre separately.",
+        " the violin model. The radius is 205 µm in pygwinc, 200 µm in quadopt.m; the thick ends"
+        " of 400 µm are 20 mm (nominal) or 45 mm (tuned) long. Hz, measured in air (LHO 57649, LHO"
+        " 42180). The last three columns are fitted to each fibre.",
         *table(head, [*rows, *computed]),
         why,
         "",
-        f"Fitted: radii of {min(radii):.1f} to {max(radii):.1f} µm and ends of {min(ends):.0f} to"
-        f" {max(ends):.0f} mm. Unexplained: with these the bounce mode above would be at"
-        f" {bounce[0]:.2f} to {bounce[1]:.2f} Hz; the observatory's own predictions are lower (a"
-        " length wrong by 2 % or a load wrong by 4 % would do as well); and the third mode at"
-        " 1448.5 Hz (ITMY back left) is out of line with all others.",
+        f"Fitted: radii of {min(radii):.1f} to {max(radii):.1f} µm, ends of {min(ends):.0f} to"
+        f" {max(ends):.0f} mm. Unexplained: with these the bounce mode would be at"
+        f" {bounce[0]:.2f} to {bounce[1]:.2f} Hz; the observatory's predictions are lower (as by a"
+        " length wrong by 2 % or a load wrong by 4 %); the third mode at 1448.5 Hz is out of line.",
         "",
-        f"![Violin modes over multiples of the first]({picture})",
+        f"![Violin modes, over their numbers]({picture})",
     ]
 
 
@@ -243,9 +240,9 @@ def _initial(result: Section, known: dict[str, Any]) -> None:
         "",
         "Test mass in a loop of steel wire (`configs/built/ligo-initial.toml`). Eight violin modes of"
         f" H1 were measured from {measured.min():.1f} to {measured.max():.1f} Hz, mean"
-        f" {measured.mean():.1f} Hz; computed {first:.1f} Hz ({percent(error)}). The gauge of the"
-        " wire is not public: it is the standard one nearest to these modes, so this is fitted. The"
-        f" modes differ by ± {100 * spread:.1f} %, as lengths or diameters of wires may.",
+        f" {measured.mean():.1f} Hz (± {100 * spread:.1f} %); computed {first:.1f} Hz"
+        f" ({percent(error)}). Fitted: the gauge of the wire, which is not public, is the standard one"
+        " nearest to these modes.",
     ]
 
 
@@ -272,12 +269,10 @@ def _sos(result: Section, known: dict[str, Any]) -> None:
         "",
         "### Caltech's 40 m: small optic suspension",
         "",
-        "A mirror of 3 inches in a loop of wire (`configs/built/caltech-40m-sos.toml`). Heights and"
-        " separations of the wire are fitted to pitch, yaw and the vertical mode of an ideal"
-        " suspension; POS and SIDE depend on the height of the suspension point alone. Hz, from"
-        f" {known['source']}.",
+        "A mirror of 3 inches in a loop of wire (`configs/built/caltech-40m-sos.toml`). The ends of"
+        " the wire are fitted to pitch, yaw and the vertical mode of an ideal suspension; POS and SIDE"
+        f" depend on the height of the suspension point alone. Hz, from {known['source']}.",
         *table(["motion", "computed", "ideal (40m)", "ETMY", "ETMX", "others"], rows),
-        "POS and SIDE are within 2.2 % of the ideal ones, which that entry calls approximate. The"
-        " measured POS differ by 17 % among mirrors of one design, with loops closed (40m/9127), so"
-        " they do not test a model.",
+        "POS and SIDE are within 2.2 % of the ideal ones, which are approximate. Measured POS differ"
+        " by 17 % among mirrors of one design, with loops closed, so they do not test a model.",
     ]

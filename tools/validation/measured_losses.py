@@ -27,8 +27,7 @@ def section() -> Section:
     numbers = tomllib.loads((ROOT / "measured" / "ligo" / "published.toml").read_text("utf-8"))
     result = Section("Measured losses")
     result.lines += [
-        "No loss here is fitted: they are those of pygwinc for silica, C70 steel and maraging"
-        " steel, and were in the design files before these modes were looked at.",
+        "Losses are those of pygwinc for silica, C70 steel and maraging steel; none is fitted.",
     ]
     _quadruple(result, numbers["quadruple"])
     _violin(result, numbers["initial"])
@@ -36,13 +35,11 @@ def section() -> Section:
         "",
         "### Not compared",
         "",
-        "Only an abstract or a first page could be read of: HAUX (arXiv:1606.09159), thermal noise of"
-        " a pendulum at Kamioka (arXiv:0908.3227), Q of pitch of the quadruple's prototype"
-        " (LIGO-T0900103), violin modes of a mode-cleaner mirror (LIGO-T1200418), Q of a silica rod"
-        " without its diameter (gr-qc/0009035), the theses of Torrie and Husman, Plissi et al. on"
-        " GEO 600. arXiv:1901.03053 and klog 17956 could not be had. Parameters are not public of"
-        " BSFM, HTTS and BBSS (nodus ENG_Labs/236 and 246, LHO 84712 and 83461); of single fibres no"
-        " profile is.",
+        "Only an abstract or a first page could be read of arXiv:1606.09159 (HAUX), arXiv:0908.3227"
+        " (thermal noise of a pendulum), LIGO-T0900103 (Q of pitch), LIGO-T1200418 (violin modes),"
+        " gr-qc/0009035 (Q of a silica rod), the theses of Torrie and Husman, and Plissi et al. on"
+        " GEO 600. arXiv:1901.03053 and klog 17956 could not be had. Parameters of BSFM, HTTS and BBSS"
+        " and profiles of single fibres are not public.",
     ]
     return result
 
@@ -79,12 +76,11 @@ def _quadruple(result: Section, known: dict[str, Any]) -> None:
         "Frequencies in Hz, of `pendsus modes configs/built/ligo-quad.toml`:",
         *table(["mode", "computed", "measured", ""], rows),
         f"Q of the bounce mode: computed {bounce_q:,.0f}; measured {' and '.join(values)}, two"
-        f" readings of one decay ({measured['source']}). The computed value is"
-        f" {percent(bounce_q / high - 1)} and {percent(bounce_q / low - 1)} from them."
-        f" Without the losses of steel wires and blades Q would be {silica_q:,.0f}, so it is"
-        f" {100 * (1 - bounce_q / silica_q):.0f} % the loss of the steel above the silica stage"
-        " that this measures. Frequencies depend on the stiffness of the fibres, which is that of"
-        " the production model; those of single mirrors differ by 1.2 %.",
+        f" readings of one decay ({measured['source']}), so computed {percent(bounce_q / high - 1)}"
+        f" and {percent(bounce_q / low - 1)} from measured. Without the losses of steel wires and"
+        f" blades Q would be {silica_q:,.0f}: this measures the loss of steel"
+        f" ({100 * (1 - bounce_q / silica_q):.0f} %). Frequencies depend on the fibres' stiffness, that"
+        " of the production model.",
     ]
 
 
@@ -136,15 +132,14 @@ def _violin(result: Section, known: dict[str, Any]) -> None:
         "",
         f"Computed: Q {first_q:,.0f} at {first:.1f} Hz (`pendsus modes"
         " configs/built/ligo-initial.toml --fidelity violin --max-frequency 750`). Measured:"
-        " frequency over width of the lines in the S1 data, which are lower limits of Q, as the"
-        " resolution of 1 mHz and drifts widen lines:",
+        " frequency over width of lines in the S1 data: lower limits of Q, as the resolution of 1 mHz"
+        " and drifts widen lines:",
         *table(["interferometer", "lines", "least", "median", "largest"], rows),
-        "The gauge of the wire is inferred from the frequency of these lines (above), its loss is"
-        " not. A stiff wire puts the second mode above twice the first: computed f2/f1 - 2 ="
+        "A stiff wire puts the second mode above twice the first: computed f2/f1 - 2 ="
         f" {second / first - 2:.1e}, measured {np.median(splitting):.1e} (median of"
-        f" {len(splitting)} pairs of lines, {min(splitting):.1e} to {max(splitting):.1e}; lines"
-        f" are paired one to one so that their distances are smallest, within {FURTHEST_PAIR} Hz of"
-        " twice the first, so single pairs may be of different wires).",
+        f" {len(splitting)} pairs of lines, {min(splitting):.1e} to {max(splitting):.1e}; paired for"
+        f" the least distances, within {FURTHEST_PAIR} Hz of twice the first, so single pairs may be of"
+        " different wires).",
     ]
 
 
