@@ -206,7 +206,8 @@ def _member(node: Schema, value: Any) -> Schema:
     form = {list: "array", dict: "object", str: "string"}.get(type(value))
     member = next((one for one in node["anyOf"] if one.get("type") == form), node["anyOf"][0])
     text = node.get("description")
-    return member | {"description": text} if text and member.get("type") != "object" else member
+    named = "properties" in member
+    return member if named or not text else member | {"description": text}
 
 
 def _problem(node: Schema, value: Any) -> str:
@@ -229,9 +230,11 @@ def _problem(node: Schema, value: Any) -> str:
         return "is too large an integer"
     if isinstance(value, float) and 0 < abs(value) < TINY:
         return f"is too small (products of numbers below {TINY:g} lose their digits)"
-    if isinstance(value, list):
-        good = node.get("minItems", 0) <= len(value) <= node.get("maxItems", math.inf)
-        return "" if good else f"has {len(value)} elements"
+    if isinstance(value, (list, dict)):
+        counted, what = ("Items", "elements") if isinstance(value, list) else ("Properties", "keys")
+        least = node.get(f"min{counted}", 0)
+        most = node.get(f"max{counted}", math.inf)
+        return "" if least <= len(value) <= most else f"has {len(value)} {what}"
     if not isinstance(value, str):
         return ""
     longest = node.get("maxLength", LONGEST_TEXT)
@@ -249,7 +252,9 @@ def _problem(node: Schema, value: Any) -> str:
 def _remedy(node: Schema, value: Any, path: str) -> str:
     if node.get("type") == "object":
         known = node.get("properties", {})
-        return f"give {{ {', '.join(known)} }}" if known else "give key = value pairs under it"
+        if known:
+            return f"give {{ {', '.join(known)} }}"
+        return f"give {node.get('description') or 'key = value pairs under it'}"
     if len(node.get("prefixItems", ())) == 3:
         return "give x, y, z"
     of_tables = node.get("type") == "array" and (node.get("items") or {}).get("type") == "object"
