@@ -90,13 +90,26 @@ NOISE = "`{ asd, corner, frequency, file, column, source }`"
 BRIEF = {
     f"number or text or 2 rows of numbers or {NOISE}, default `0.0`": "noise",
     "number, default ": "",
+    "whole number, required": "whole, required",
+    "number, required": "required",
+    "3 numbers, default `[0.0,0.0,0.0]`": "`[0.0,0.0,0.0]`",
+    "number or `{ temperature, values }`": "property",
     "text or table": "filter",
     "`true`, `false`, default `": "`",
     'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these': (
         "a Foton string"
     ),
+    "as a Foton string; or a digital filter: sections of a Foton filter file": "",
     "a Foton string; or a digital filter": "",
     ": a Foton string": "",
+    ": flat, a known sensor, [[f, asd], ...], a table, or a file": "",
+    ", in the forms of sensor_noise": "",
+    ", in the forms of that of a loop": "",
+    " of the wire's ": " of the ",
+    " of the body's ": " of the ",
+    " along x, y and z, m (each axis)": ", m (each axis)",
+    " along x, y, z, m": ", m",
+    " about x, y, z, rad": ", rad",
     "letters, digits, _ and -, starting with a letter": "",
     "the two bodies: a stage first, then another stage,"
     ' "support" (the suspension point) or "ground" (beside it)': "the two bodies",
@@ -302,8 +315,8 @@ def description(hint: Any) -> str:
 def options(name: str) -> str:
     """Format usage and names of options of a command; the site has `table_of_options` instead."""
     usage, rows, shared = _options(name)
-    listed = ", ".join(option for option, _ in rows)
-    lines = [f"{usage}: {listed} (`pendsus {name} --help`)." if rows else f"{usage}."]
+    listed = ", ".join(re.sub(" (FLOAT|INTEGER) RANGE", "", option) for option, _ in rows)
+    lines = [f"{usage}: {listed}." if rows else f"{usage}."]
     return "\n\n".join([*lines, *shared])
 
 
@@ -337,9 +350,10 @@ def _options(name: str) -> tuple[str, list[tuple[str, str]], list[str]]:
             shared.append(f"`{longest}`")
         elif record is not None and isinstance(param, click.Option):
             rows.append((f"`{record[0]}`", " ".join(record[1].split())))
-    usage = f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"
+    pieces = [piece for piece in command.collect_usage_pieces(context) if piece != "[OPTIONS]"]
+    usage = f"`{' '.join([context.command_path, *pieces])}`"
     shared = [*(["those of all analyses"] if is_usual else []), *shared]
-    return usage, rows, [f"Shared options: {', '.join(shared)}."] if shared else []
+    return usage, rows, [f"Shared: {', '.join(shared)}."] if shared else []
 
 
 def stability(_: str) -> str:

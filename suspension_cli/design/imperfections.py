@@ -91,7 +91,7 @@ def _of(part: Part, *rows: tuple[Any, ...]) -> tuple[Imperfection, ...]:
 
 
 INERTIA = "the body's moments of inertia"
-RADIUS = "the wire's radius (its spring constant goes with the square)"
+RADIUS = "the wire's radius (the spring constant goes with its square)"
 COM = "offset of the body's COM relative to the attachments"
 LENGTH = "change of the wire's unstretched length, after trimming"
 TURNED = "rotation vector of the mass relative to the attachments"
@@ -275,7 +275,7 @@ class Requirement(Table, frozen=True):
     """Requirement on every build, in SI units (Hz for modes)."""
 
     quantity: str = key(
-        "name of a quantity, such as 'test pitch', 'coupling' or 'test static pitch'",
+        "name of a quantity, such as 'test static pitch'",
         max_length=200,
     )
     band: list[units.Number] | None = key("least and largest value", count=2)

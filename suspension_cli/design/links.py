@@ -53,18 +53,15 @@ class StiffnessTable(Table, frozen=True):
         "CSV file, from this file's folder: frequency in Hz, two columns per axis (1 or 6 axes)"
     )
     form: Literal["real-imaginary", "modulus-loss"] = key(
-        "the two columns per axis of the file: real and imaginary part, or modulus and loss"
-        " angle in rad",
+        "the two columns per axis; loss angle in rad",
         "real-imaginary",
     )
     axis: units.Dof | None = key("axis of a table of one axis; the others have no stiffness")
     frequency: list[units.Frequency] = key("Hz, ascending", [])
-    real: list[Series] = key("real part: per axis a list over frequency, N/m or N m/rad", [])
-    imaginary: list[Series] = key(
-        "imaginary part: per axis a list over frequency, N/m or N m/rad", []
-    )
+    real: list[Series] = key("per axis a list over frequency, N/m or N m/rad", [])
+    imaginary: list[Series] = key("per axis a list over frequency, N/m or N m/rad", [])
     static: list[units.Coefficient] | None = key(
-        "per axis; default the real part at the lowest frequency",
+        "per axis; default real at the lowest frequency",
         min_length=1,
         max_length=6,
     )
@@ -111,8 +108,8 @@ class Strands(Table, frozen=True):
     material: units.MaterialName
     diameter: units.Length = key("diameter of one wire, m")
     shape: Literal["u", "catenary", "points"] = key(
-        '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
-        " pieces through points. The shape is that of the wire without load"
+        'without load; "u": vertical legs and a half circle below them; "points":'
+        " straight pieces through points"
     )
     count: int = key("number of wires, which bend independently", 1, ge=1, le=1_000_000)
     length: units.Length | None = key("length of one wire, m; not with points")
@@ -219,14 +216,14 @@ class Cavity(BetweenBodies, frozen=True):
     The static pressure is taken as balanced by the control of length and alignment.
     """
 
-    length: units.Length = key("length of the cavity in m; the drawn places do not matter")
+    length: units.Length = key("m; the drawn places do not matter")
     radii: list[Radius] = key("of curvature, m, above 0 if concave; 1e12 if flat", count=2)
     power: float = key(
         "circulating power, W, at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12
     )
     detuning: float = key(
-        "laser's frequency less the cavity's resonance, Hz, to be compared with the pole; above"
-        " 0 the optical spring restores and drives, below 0 it repels and damps",
+        "laser's frequency less the cavity's resonance, Hz; above 0 the optical spring"
+        " restores and drives, below 0 it repels and damps",
         0.0,
         unit="Hz",
         ge=-1e12,

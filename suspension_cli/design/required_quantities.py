@@ -10,9 +10,7 @@ from suspension_cli.design.units import Number
 class RequiredQuantity(Table, frozen=True):
     """A limit on a quantity of the design."""
 
-    quantity: str = key(
-        "name of a quantity, such as 'lowest pitch' or 'thermal test.x:10'", max_length=200
-    )
+    quantity: str = key("name of a quantity, such as 'thermal test.x:10'", max_length=200)
     at_least: Number | None = key("smallest value, in the quantity's unit")
     at_most: Number | None = key(
         "largest value, in the quantity's unit; alone and positive, that of the magnitude"

@@ -63,7 +63,7 @@ STEEL = 7900.0
 
 
 class Counterweight(Table, frozen=True):
-    """A mass on each leg below its foot, to move the leg's centre of percussion."""
+    """A mass, kg, at a distance below each foot, m, to move the leg's centre of percussion."""
 
     mass: units.Mass
     below: units.Length = key("distance below the flexure, m")
@@ -231,7 +231,7 @@ def leg_statics(legs: InvertedPendulum, thrust: float, hung: float, gravity: flo
 
 
 class Keystone(Table, frozen=True):
-    """Mass and inertia of a keystone, the part of the blades that moves with it included."""
+    """Mass with the moving part of the blades, kg; inertia, kg m^2, default a steel cylinder's."""
 
     mass: units.Mass
     inertia: list[Annotated[float, doc("", "kg m^2", gt=0, le=1e15)]] | None = key(

@@ -28,9 +28,7 @@ Radii = Annotated[
     doc("radius in m at the upper and at the lower end of a taper", count=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
-Steps = Annotated[
-    int, doc("number of uniform steps that approximate a taper; 16 if not given", ge=1, le=256)
-]
+Steps = Annotated[int, doc("uniform steps of a taper; default 16", ge=1, le=256)]
 
 
 class Ribbon(Table, frozen=True):
@@ -43,9 +41,7 @@ class Ribbon(Table, frozen=True):
 class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
-    length: units.Length | None = key(
-        "loaded length, m; one section may leave its own out and takes the rest"
-    )
+    length: units.Length | None = key("loaded length, m; a section without it takes the rest")
     radius: units.WireSize | Radii | None = key("radius, m; [upper, lower] of a taper")
     section: Ribbon | None = None
     material: units.MaterialName | None = key("default the wire's")
@@ -155,7 +151,7 @@ class MassOnSpring(Table, frozen=True):
 
 
 class TipDamper(MassOnSpring, frozen=True):
-    """A mass on a lossy spring on the tip of a blade, which moves as the tip does, vertically.
+    """A mass on a lossy spring on the tip of a blade, which moves vertically.
 
     Its weight is part of the load of the blade.
     """
@@ -171,7 +167,7 @@ class WireDamper(MassOnSpring, frozen=True):
         "place, as a fraction of the length from the upper end", 0.5, unit="1", ge=1e-3, le=0.999
     )
     acts: Literal["across", "along", "both"] = key(
-        "directions of the spring: across the wire, along it, or both", "across"
+        "direction of the spring, relative to the wire", "across"
     )
 
 
@@ -193,8 +189,7 @@ class AnyWire(Table, frozen=True):
         "measured diameter: a CSV file, { file, error } or { position, diameter, error }"
     )
     k: units.Stiffness | None = key(
-        "spring constant of one wire, N/m, instead of material and cross-section; beside them it"
-        " overrides E A / l, with the loaded length or, if given, the natural_length"
+        "spring constant of one wire, N/m; default E A over l or, if given, the natural_length"
     )
     torsion: units.Torsion | None = key(
         "torsional stiffness, N m/rad; default (G J + T I_p / A) / l in beam and violin, else 0"
@@ -205,11 +200,10 @@ class AnyWire(Table, frozen=True):
         "wire",
     )
     bending: Literal["hinged"] | None = key(
-        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an approximation);'
-        " beam and violin bend the wire exactly and ignore it"
+        '"hinged": in the string model, the string ends sqrt(E I / T) from each clamp'
     )
     temperature: units.Kelvin | EndTemperatures | TemperatureProfile | None = key(
-        "in K; of both ends, { upper, lower }, linear in between; or a profile [[0.0, 16.0], [1.0,"
+        "in K; of both ends, linear in between; or a profile [[0.0, 16.0], [1.0,"
         " 23.0]]: fraction of the length from the upper end, and K"
     )
 
@@ -307,7 +301,7 @@ def is_ring(wires: WireSet) -> bool:
 class WireSet(AnyWire, frozen=True):
     """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
 
-    count: int = key("number of wires: 1, 2 or 4; any with a ring", ge=1, le=100)
+    count: int = key("1, 2 or 4; any with a ring", ge=1, le=100)
     l: units.Length = key("loaded length of each wire, m", plausible=TALL)
     s: units.Separation | None = key("half separation in x at both ends, m (four wires)")
     s_upper: units.Separation | None = key("half separation in x at the upper end, m")
@@ -391,13 +385,12 @@ class AnyBlade(Table, frozen=True):
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
-        "load in N, tip mass included, at which the tip is at its nominal position; under another"
-        " load it deflects and the pose is solved for; default: its load in the nominal pose or, if"
-        " all wires of the stage have natural lengths, in the pose solved for"
+        "load in N, tip mass included, at which the tip is at its nominal position; default that"
+        " in the nominal pose (in the solved one, if all wires of the stage have natural lengths)"
     )
     tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
-        "stiffness of one tip along x and y, N/m; rigid if not given"
+        "of one tip along x and y, N/m; default rigid"
     )
     loss_angle: units.LossAngle | None = key("in rad; default that of the material, else 0")
     material: units.MaterialName | None = key(
@@ -447,8 +440,7 @@ class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
     count: int = key(
-        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a ring"
-        " 1, or one per wire",
+        "1, 2 or 4; each of two carries the wires on its side of y; on a ring 1, or one per wire",
         ge=1,
         le=100,
     )
