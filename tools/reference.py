@@ -23,6 +23,7 @@ import msgspec
 
 import suspension_cli as sus
 from suspension_cli import errors
+from suspension_cli.analyses import record
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
@@ -115,12 +116,16 @@ BRIEF = {
     ' "support" (the suspension point) or "ground" (beside it)': "the two bodies",
     "the common point, from the COM of the first body, nominal pose, m": "from the first COM, m",
     "it may give power to the motion, as a sensor with an actuator does; otherwise negative damping"
-    " and loss are refused": "it may give power to the motion",
+    " and loss are refused": "",
     '"loaded-length": the wire is trimmed to its nominal tension in the nominal pose;'
-    ' "natural-length": its unstretched length stays': "what stays when the wire changes",
-    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "6 or 6x6",
-    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "6 or 6x6",
-    "six elements or a full 6x6: N s/m, N m s/rad": "6 or 6x6, N s/m, N m s/rad",
+    ' "natural-length": its unstretched length stays': "",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "or 6x6",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "or 6x6",
+    "six elements or a full 6x6: N s/m, N m s/rad": "or 6x6",
+    "a stage's name": "",
+    "name of a material, built in or of [materials]": "built in or of [materials]",
+    "name of a quantity, such as": "such as",
+    ", in the quantity's unit": "",
 }
 """Values and meanings of keys that occur in many tables: docs/design-file.md explains them once."""
 
@@ -173,7 +178,9 @@ def keys(name: str) -> str:
             continue
         hint = hints[field.name]
         given = ", required" if field.required else default(field.default)
-        row = (brief(takes(hint) + given), brief(description(hint)))
+        values = takes(hint)
+        meaning = "" if values == "table" else description(hint)  # a section describes the table
+        row = (brief(values + given), brief(meaning))
         if rows and rows[-1][1:] == row:
             rows[-1] = (f"{rows[-1][0]}, `{field.name}`", *row)
         else:
@@ -342,14 +349,14 @@ def _options(name: str) -> tuple[str, list[tuple[str, str]], list[str]]:
     rows, shared = [], []
     is_usual = {param.name for param in command.params} >= USUAL
     for param in command.params:
-        record = param.get_help_record(context)
+        shown = param.get_help_record(context)
         longest = max(param.opts, key=len)
         if param.name in USUAL and is_usual:
             continue
         if param.name in SHARED:
             shared.append(f"`{longest}`")
-        elif record is not None and isinstance(param, click.Option):
-            rows.append((f"`{record[0]}`", " ".join(record[1].split())))
+        elif shown is not None and isinstance(param, click.Option):
+            rows.append((f"`{shown[0]}`", " ".join(shown[1].split())))
     pieces = [piece for piece in command.collect_usage_pieces(context) if piece != "[OPTIONS]"]
     usage = f"`{' '.join([context.command_path, *pieces])}`"
     shared = [*(["those of all analyses"] if is_usual else []), *shared]
@@ -365,6 +372,40 @@ def stability(_: str) -> str:
             names["provisional" if "\nProvisional: " in text else "stable"].append(f"`{name}`")
     rows = [(kind, ", ".join(found)) for kind, found in names.items()]
     return table(("stability", "names"), rows)
+
+
+MEMBERS = {
+    "Design": "name, replace, foton",
+    "Record": "design, model, estimated_error, document, figures, plot, save, to_xarray",
+    "Report": "path, title",
+}
+"""Methods of public classes that the site describes, besides the attributes of all records."""
+
+
+def documented_names() -> str:
+    """Format the end of docs/api.md on the site: docstrings of all functions and records."""
+    found: dict[str, list[str]] = {"Functions": [], "Records": []}
+    for name in sus.__all__:
+        item = getattr(sus, name)
+        if inspect.isfunction(item):
+            found["Functions"].append(f".. autofunction:: suspension_cli.api.{name}")
+        elif inspect.isclass(item) and not issubclass(item, (Exception, Warning)):
+            found["Records"] += _documented_class(item)
+    found["Records"] += _documented_class(record.Origin)
+    sections = (
+        "\n".join((f"## {head}", "", "```{eval-rst}", *lines, "```", ""))
+        for head, lines in found.items()
+    )
+    return "\n" + "\n".join(sections)
+
+
+def _documented_class(kind: type) -> list[str]:
+    members = MEMBERS.get(kind.__name__)
+    return [
+        f".. autoclass:: {kind.__module__}.{kind.__name__}",
+        *([f"   :members: {members}"] if members else []),
+        "   :exclude-members: __init__",
+    ]
 
 
 def stub() -> str:

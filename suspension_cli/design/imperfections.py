@@ -121,7 +121,7 @@ IMPERFECTIONS = (
 )
 SHARED = {
     "length_change": "change of the unstretched length of the wire (after trimming) or leg, m",
-    "stiffness_factor": "factor on the stiffness of blades, of the flexures of a leg, or of a link",
+    "stiffness_factor": "factor on the stiffness of blades, flexures of a leg, or a link",
 }
 """Descriptions of the keys of `[[perturbation]]` that several parts have."""
 
@@ -172,13 +172,13 @@ def _with_perturbations(base: type[Table]) -> type:
 
 
 class _Imperfect(Table, frozen=True):
-    wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
-    body: units.Name | None = key("a stage's name, instead of a wire", names="stage")
+    wire: units.WireName | None = key("stage and number: test.1", names="wire")
+    body: units.Name | None = key("a stage", names="stage")
     blade: str | None = key(
         "a blade, test.blade1; a filter's: its stage", max_length=80, names="blade"
     )
-    leg: str | None = key("a leg of an inverted pendulum: ip.leg1", max_length=80, names="leg")
-    link: str | None = key("the name of a link", max_length=80, names="link")
+    leg: str | None = key("a leg: ip.leg1", max_length=80, names="leg")
+    link: str | None = key("a link", max_length=80, names="link")
 
 
 class Perturbation(_with_perturbations(_Imperfect)):
@@ -232,7 +232,7 @@ def _with_spreads(base: type[Table], part: str) -> type:
 
 class _WireScatter(Table, frozen=True):
     stage: units.Name | None = key("a stage, for each of its wires", names="stage with wires")
-    wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
+    wire: units.WireName | None = key("one wire: test.1", names="wire")
 
 
 class WireTolerance(_with_spreads(_WireScatter, "wire")):
@@ -261,7 +261,7 @@ class LegTolerance(_with_spreads(Table, "leg")):
 
 
 class _LinkScatter(Table, frozen=True):
-    link: str = key("the name of a link", max_length=80, names="link")
+    link: str = key("a link", max_length=80, names="link")
 
 
 class LinkTolerance(_with_spreads(_LinkScatter, "link")):

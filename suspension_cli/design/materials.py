@@ -150,7 +150,7 @@ class LossTable(Table, frozen=True):
 
 
 class MaterialLoss(Table, frozen=True):
-    """Losses of a material, for the models in which wires bend."""
+    """Losses, for the models in which wires bend."""
 
     angle: units.LossAngle | None = key("constant loss angle of the bulk in rad")
     table: LossTable | None = key("loss angle of the bulk by frequency, linear in the logarithms")

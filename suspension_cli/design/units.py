@@ -171,7 +171,7 @@ MaterialName = Annotated[
 WireName = Annotated[
     str,
     doc(
-        "a stage's name and a wire's number: test.1",
+        "stage and number: test.1",
         pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$",
     ),
 ]

@@ -32,7 +32,7 @@ Steps = Annotated[int, doc("uniform steps of a taper; default 16", ge=1, le=256)
 
 
 class Ribbon(Table, frozen=True):
-    """A ribbon's rectangular cross-section: width along y, thickness along x."""
+    """A ribbon: width along y, thickness along x."""
 
     width: units.WireSize = key("width along y, m")
     thickness: units.WireSize = key("thickness along x, m")
@@ -133,9 +133,7 @@ class MassOnSpring(Table, frozen=True):
     """A mass on a lossy spring: what all dampers of wires and blades are made of."""
 
     mass: units.Mass = key("mass of one damper, kg", plausible=DAMPER)
-    frequency: units.Frequency | None = key(
-        "resonance of the damper with its place at rest, Hz; its stiffness is (2 pi f)^2 mass"
-    )
+    frequency: units.Frequency | None = key("resonance of the damper with its place at rest, Hz")
     stiffness: units.Stiffness | None = key("stiffness of the spring, N/m, instead of frequency")
     loss_angle: units.LossAngle = key("loss angle of the spring, rad; 1/Q with its place at rest")
 
@@ -186,7 +184,7 @@ class AnyWire(Table, frozen=True):
     )
     neck: Neck | None = key("thick ends of a fibre of this radius, equal above and below")
     profile: Annotated[str, doc("a CSV file", max_length=1000)] | Profile | None = key(
-        "measured diameter: a CSV file, { file, error } or { position, diameter, error }"
+        "measured diameter"
     )
     k: units.Stiffness | None = key(
         "spring constant of one wire, N/m; default E A over l or, if given, the natural_length"
@@ -203,8 +201,8 @@ class AnyWire(Table, frozen=True):
         '"hinged": in the string model, the string ends sqrt(E I / T) from each clamp'
     )
     temperature: units.Kelvin | EndTemperatures | TemperatureProfile | None = key(
-        "in K; of both ends, linear in between; or a profile [[0.0, 16.0], [1.0,"
-        " 23.0]]: fraction of the length from the upper end, and K"
+        "in K; or of both ends; or a profile [[0.0, 16.0], [1.0, 23.0]]: fraction of"
+        " the length from the upper end, and K"
     )
 
     dampers: list[WireDamper] = key(
@@ -367,7 +365,7 @@ BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker t
 
 
 class BladeGeometry(Table, frozen=True):
-    """A tapered cantilever blade clamped at its base, loaded at its tip."""
+    """A tapered cantilever blade."""
 
     length: units.Length = key("length from the clamp to the tip, m", plausible=LONG)
     base_width: units.Length = key("width at the clamp, m", plausible=WIDE)
@@ -385,18 +383,16 @@ class AnyBlade(Table, frozen=True):
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
-        "load in N, tip mass included, at which the tip is at its nominal position; default that"
-        " in the nominal pose (in the solved one, if all wires of the stage have natural lengths)"
+        "load in N, tip mass included, at which the tip is at its nominal position;"
+        " default that in the nominal pose"
     )
     tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
         "of one tip along x and y, N/m; default rigid"
     )
     loss_angle: units.LossAngle | None = key("in rad; default that of the material, else 0")
-    material: units.MaterialName | None = key(
-        "the blade's material, for its loss, without a geometry"
-    )
-    thickness: BladeThickness | None = key("of the blade in m, for its loss, without a geometry")
+    material: units.MaterialName | None = key("for its loss, without a geometry")
+    thickness: BladeThickness | None = key("in m, for its loss, without a geometry")
     temperature: units.Kelvin | None = key("in K; default that of [constants]")
     damper: TipDamper | list[TipDamper] | None = None
 

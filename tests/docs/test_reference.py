@@ -7,6 +7,7 @@ from typing import get_type_hints
 
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.cli.main import COMMANDS
 from tests.support.golden import ROOT
 from tools import links, reference
@@ -76,3 +77,10 @@ def test_the_site_has_the_meaning_of_options():
     found = reference.expand(text)
     assert "| `--highest FLOAT RANGE` | Frequency in Hz up to which modes are damped" in found
     assert "short" not in found and "kept" in found
+
+
+def test_the_site_documents_all_public_names():
+    found = reference.documented_names()
+    errors = {"InputError", "PendsusError", "PendsusWarning"}
+    for name in {*sus.__all__} - errors:
+        assert name.startswith("_") or f".{name}\n" in found, name
