@@ -162,8 +162,8 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 def keys(name: str) -> str:
     """Tabulate the keys of a table of the file format: values with their default, and meaning.
 
-    Keys with the same values, default and meaning share a row; those of a table in `LIKE` are named
-    in the last one.
+    Keys with the same values, default and meaning share a row; of those of a table in `LIKE` the
+    last row names the first and the last.
     """
     kind = TYPES[name]
     base, heading = LIKE.get(name, (None, ""))
@@ -186,8 +186,8 @@ def keys(name: str) -> str:
         else:
             rows.append((f"`{field.name}`", *row))
     if base:
-        names = ", ".join(f"`{field}`" for field in base.__struct_fields__)
-        rows.append((names, f"as in {heading}", ""))
+        first, *_, last = base.__struct_fields__
+        rows.append((f"`{first}` to `{last}`", f"as in {heading}", ""))
     return table(("key", "takes", "meaning"), rows)
 
 
