@@ -23,7 +23,7 @@ import msgspec
 
 import suspension_cli as sus
 from suspension_cli import errors
-from suspension_cli.analyses import record
+from suspension_cli.analyses.record import Origin
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
@@ -74,11 +74,6 @@ USUAL = {
     *("picture_format", "quiet", "verbose", "watch"),
 }
 """Parameters of most analyses, whose options the head of docs/commands.md explains once."""
-SHARED = USUAL | {
-    *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume"),
-    *("every_point", "observe", "over", "under"),
-}
-"""These, and those of several commands, which the head explains too."""
 LIKE = {
     "BodyPart": (bodies.Solid, "`body`"),
     "Wire": (wires.AnyWire, "`[stage.wires]`"),
@@ -320,17 +315,15 @@ def description(hint: Any) -> str:
 
 
 def options(name: str) -> str:
-    """Format usage and names of options of a command; the site has `table_of_options` instead."""
-    usage, rows, shared = _options(name)
-    listed = ", ".join(re.sub(" (FLOAT|INTEGER) RANGE", "", option) for option, _ in rows)
-    lines = [f"{usage}: {listed}." if rows else f"{usage}."]
-    return "\n\n".join([*lines, *shared])
+    """Format usage of a command; the site has `table_of_options` instead."""
+    return f"{_options(name)[0]}."
 
 
 def table_of_options(name: str) -> str:
     """Format usage and options of a command as `--help` has them."""
-    usage, rows, shared = _options(name)
-    return "\n\n".join([usage, *([table(("option", "meaning"), rows)] if rows else []), *shared])
+    usage, rows, is_usual = _options(name)
+    more = ["Also those of all analyses."] if is_usual else []
+    return "\n\n".join([usage, *([table(("option", "meaning"), rows)] if rows else []), *more])
 
 
 def expand(text: str) -> str:
@@ -340,27 +333,21 @@ def expand(text: str) -> str:
     )
 
 
-def _options(name: str) -> tuple[str, list[tuple[str, str]], list[str]]:
-    """Usage, options with their help, and the line of shared options."""
+def _options(name: str) -> tuple[str, list[tuple[str, str]], bool]:
+    """Usage, options with their help, and whether it also has those of all analyses."""
     command = main.get_command(click.Context(main), name)
     if command is None:
         raise KeyError(name)
     context = click.Context(command, info_name=f"pendsus {name}")
-    rows, shared = [], []
     is_usual = {param.name for param in command.params} >= USUAL
-    for param in command.params:
-        shown = param.get_help_record(context)
-        longest = max(param.opts, key=len)
-        if param.name in USUAL and is_usual:
-            continue
-        if param.name in SHARED:
-            shared.append(f"`{longest}`")
-        elif shown is not None and isinstance(param, click.Option):
-            rows.append((f"`{shown[0]}`", " ".join(shown[1].split())))
-    pieces = [piece for piece in command.collect_usage_pieces(context) if piece != "[OPTIONS]"]
-    usage = f"`{' '.join([context.command_path, *pieces])}`"
-    shared = [*(["those of all analyses"] if is_usual else []), *shared]
-    return usage, rows, [f"Shared: {', '.join(shared)}."] if shared else []
+    shown = [
+        param.get_help_record(context)
+        for param in command.params
+        if isinstance(param, click.Option) and not (is_usual and param.name in USUAL)
+    ]
+    rows = [(f"`{record[0]}`", " ".join(record[1].split())) for record in shown if record]
+    usage = f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"
+    return usage, rows, is_usual
 
 
 def stability(_: str) -> str:
@@ -391,7 +378,7 @@ def documented_names() -> str:
             found["Functions"].append(f".. autofunction:: suspension_cli.api.{name}")
         elif inspect.isclass(item) and not issubclass(item, (Exception, Warning)):
             found["Records"] += _documented_class(item)
-    found["Records"] += _documented_class(record.Origin)
+    found["Records"] += _documented_class(Origin)
     sections = (
         "\n".join((f"## {head}", "", "```{eval-rst}", *lines, "```", ""))
         for head, lines in found.items()
