@@ -3,9 +3,9 @@ docs/api.md (stability of names), and the stub from which editors know the funct
 analyses (suspension_cli/__init__.pyi).
 
 Keys come from the types of the file format, options from `--help`, stability from docstrings. A
-page marks the place of a table with `<!-- keys: WireSet -->`, `<!-- options: modes -->`,
-`<!-- materials: built-in -->` or `<!-- stability: api -->`; the text from there to `<!-- end -->`
-is regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a page is stale.
+page marks the place of a table with `<!--keys:WireSet-->`, `<!--options:modes-->`,
+`<!--materials:built-in-->` or `<!--stability:api-->`; the text from there to `<!--end-->` is
+regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a page is stale.
 """
 
 from __future__ import annotations
@@ -44,9 +44,7 @@ from suspension_cli.design import (
 
 ROOT = Path(__file__).parent.parent
 PAGES = tuple(ROOT / "docs" / name for name in ("design-file.md", "commands.md", "api.md"))
-BLOCK = re.compile(
-    r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
-)
+BLOCK = re.compile(r"<!--(keys|options|materials|stability):([\w-]+)-->\n.*?<!--end-->", re.DOTALL)
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
 MODULES = (
     schema,
@@ -120,6 +118,9 @@ BRIEF = {
     "a stage's name": "",
     "name of a material, built in or of [materials]": "built in or of [materials]",
     "name of a quantity, such as": "such as",
+    "; with a cross-section: k = E A / l": "",
+    "in K; or of both ends; or a profile [[0.0, 16.0], [1.0, 23.0]]: fraction of the length from"
+    " the upper end, and K": "in K ([forms](wires.md#temperature))",
     ", in the quantity's unit": "",
 }
 """Values and meanings of keys that occur in many tables: docs/design-file.md explains them once."""
@@ -136,9 +137,7 @@ def page(text: str) -> str:
     """Regenerate the tables of a page."""
     makers = {"keys": keys, "options": options, "materials": built_in, "stability": stability}
     return BLOCK.sub(
-        lambda found: (
-            f"<!-- {found[1]}: {found[2]} -->\n\n{makers[found[1]](found[2])}\n\n<!-- end -->"
-        ),
+        lambda found: f"<!--{found[1]}:{found[2]}-->\n\n{makers[found[1]](found[2])}\n\n<!--end-->",
         text,
     )
 
@@ -448,12 +447,12 @@ def main_pages() -> None:
         missing = [
             f"pendsus {name}"
             for name in COMMANDS
-            if path.name == "commands.md" and f"<!-- options: {name} -->" not in new
+            if path.name == "commands.md" and f"<!--options:{name}-->" not in new
         ]
         if missing:
             raise SystemExit(
                 f"{path.relative_to(ROOT)}: no table of options for {', '.join(missing)}; write"
-                " <!-- options: NAME --> and <!-- end -->"
+                " <!--options:NAME--> and <!--end-->"
             )
 
 

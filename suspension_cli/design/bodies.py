@@ -42,7 +42,7 @@ class Solid(Table, frozen=True):
         count=3,
     )
     shape: Literal["cylinder", "box", "sphere"] | None = key(
-        "homogeneous shape; beside inertia, for the drag of [gas] and for drawings alone"
+        "homogeneous; beside inertia, for the drag of [gas] and drawings alone"
     )
     axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
     radius: units.BodySize | None = key("radius of a cylinder or sphere, m")
@@ -71,12 +71,9 @@ class BodyPart(Solid, frozen=True):
 class Body(Solid, frozen=True):
     """A rigid body: mass and inertia, a homogeneous shape, or several parts."""
 
-    surface_area: units.SurfaceArea | None = key(
-        "whole surface in m^2, for the drag of [gas] on a body without a shape"
-    )
+    surface_area: units.SurfaceArea | None = key("surface in m^2, for the drag of [gas]")
     parts: list[BodyPart] = key(
-        "shapes and point masses of which it consists; attachments are then from the"
-        " origin of their places",
+        "shapes and point masses, whose origin is that of all attachments",
         [],
     )
 

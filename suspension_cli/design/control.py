@@ -154,8 +154,7 @@ class Loop(Table, frozen=True):
     )
     damper: float | None = key("force per velocity, N s/m (N m s/rad)", ge=-1e12, le=1e12)
     gain: units.Number | None = key(
-        "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-        " times Hz^(number of poles - number of zeros)"
+        "H = gain prod(i f + z) / prod(i f + p); N/m (N m/rad) times Hz^(poles - zeros)"
     )
     zeros: Root = []
     poles: Root = []

@@ -120,7 +120,7 @@ IMPERFECTIONS = (
     *_of("link", ("stiffness_factor", units.Factor, "the link's stiffness", "stiffness")),
 )
 SHARED = {
-    "length_change": "change of the unstretched length of the wire (after trimming) or leg, m",
+    "length_change": "change of the unstretched length of a wire (after trimming) or leg, m",
     "stiffness_factor": "factor on the stiffness of blades, flexures of a leg, or a link",
 }
 """Descriptions of the keys of `[[perturbation]]` that several parts have."""

@@ -79,8 +79,8 @@ class Spring(Table, frozen=True):
     at: units.Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
     preload: units.Wrench | None = key(
-        "force (N) and torque (N m) on this body, nominal pose; default its share of the load if"
-        " the body rests on springs alone, else none"
+        "force (N) and torque (N m) on this body, nominal pose; default its share of a"
+        " load on springs alone, else none"
     )
     loss_angle: units.LossAngle | None = key("of the stiffness, rad; default that of the material")
     material: units.MaterialName | None = key("the spring's material, for its loss")

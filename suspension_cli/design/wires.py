@@ -149,7 +149,7 @@ class MassOnSpring(Table, frozen=True):
 
 
 class TipDamper(MassOnSpring, frozen=True):
-    """A mass on a lossy spring on the tip of a blade, which moves vertically.
+    """A mass on a lossy spring on the tip of a blade, moving vertically.
 
     Its weight is part of the load of the blade.
     """
@@ -193,8 +193,7 @@ class AnyWire(Table, frozen=True):
         "torsional stiffness, N m/rad; default (G J + T I_p / A) / l in beam and violin, else 0"
     )
     clamp: Clamped = key(
-        '"wire": along the nominal wire; "bending-point": the ends are the effective bending'
-        " points; or directions { upper, lower }",
+        '"bending-point": the ends are the effective bending points; or directions of the clamps',
         "wire",
     )
     bending: Literal["hinged"] | None = key(
@@ -205,9 +204,7 @@ class AnyWire(Table, frozen=True):
         " the length from the upper end, and K"
     )
 
-    dampers: list[WireDamper] = key(
-        "masses on lossy springs along the wire, from its upper end", [], max_length=10
-    )
+    dampers: list[WireDamper] = key("masses on lossy springs along the wire", [], max_length=10)
 
     rules = (
         key_rules.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
@@ -308,14 +305,14 @@ class WireSet(AnyWire, frozen=True):
     )
     t1: units.Separation | None = key("half separation in y at the upper end, m")
     t2: units.Position | None = key("half separation in y at the lower end, m; below 0 wires cross")
-    ring: units.Separation | None = key("radius of the circle of the ends, m, above and below")
+    ring: units.Separation | None = key("radius of the ends' circle, m, above and below")
     ring_upper: units.Separation | None = key("radius of the upper ends' circle, m")
     ring_lower: units.Position | None = key(
         "radius of the lower ends' circle, m; below 0 wires cross"
     )
     phase: units.Angle = key("angle of the first wire of a ring from x towards y, rad", 0.0)
     d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
-    d_upper: units.Position = key("depth of the upper end below the COM of the body above, m", 0.0)
+    d_upper: units.Position = key("depth of the upper end below the COM above, m", 0.0)
 
     rules = (key_rules.whole_or_parts(*SEPARATIONS), key_rules.whole_or_parts(*RADII))
 
@@ -445,10 +442,8 @@ class BladeSet(AnyBlade, frozen=True):
 class Blade(AnyBlade, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: units.Name = key("name by which wires refer to it")
-    at: units.Vector | None = key(
-        "tip, from the COM of the body above, m; default the mean of its wires' ends"
-    )
+    name: units.Name = key("by which wires refer to it")
+    at: units.Vector | None = key("tip, from the COM above, m; default the mean of its wires' ends")
 
 
 STEPS = 16

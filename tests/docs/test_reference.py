@@ -54,8 +54,8 @@ def test_every_key_says_what_it_means(name):
 
 def test_stale_tables_are_made_anew():
     assert (
-        reference.page("a\n<!-- keys: Gas -->\nold\n<!-- end -->\nb")
-        == f"a\n<!-- keys: Gas -->\n\n{reference.keys('Gas')}\n\n<!-- end -->\nb"
+        reference.page("a\n<!--keys:Gas-->\nold\n<!--end-->\nb")
+        == f"a\n<!--keys:Gas-->\n\n{reference.keys('Gas')}\n\n<!--end-->\nb"
     )
 
 
@@ -73,7 +73,7 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
 
 
 def test_the_site_has_the_meaning_of_options():
-    text = "<!-- options: damp -->\n\nshort\n\n<!-- end -->\n<!-- keys: Gas -->\nkept\n<!-- end -->"
+    text = "<!--options:damp-->\n\nshort\n\n<!--end-->\n<!--keys:Gas-->\nkept\n<!--end-->"
     found = reference.expand(text)
     assert "| `--highest FLOAT RANGE` | Frequency in Hz up to which modes are damped" in found
     assert "short" not in found and "kept" in found
