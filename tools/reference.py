@@ -1,5 +1,5 @@
-"""Generate the tables of docs/design-file.md (keys, materials), docs/commands.md (options) and
-docs/api.md (stability of names), and the stub from which editors know the functions of the
+"""Generate the tables of docs/design-file.md (keys, materials), docs/commands.md (usage, and on the
+site options) and docs/api.md (stability of names), and the stub from which editors know the functions of the
 analyses (suspension_cli/__init__.pyi).
 
 Keys come from the types of the file format, options from `--help`, stability from docstrings. A
