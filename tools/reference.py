@@ -1,6 +1,6 @@
 """Generate the tables of docs/design-file.md (keys, materials), docs/commands.md (usage, and on the
-site options) and docs/api.md (stability of names), and the stub from which editors know the functions of the
-analyses (suspension_cli/__init__.pyi).
+site options) and docs/api.md (stability of names), and the stub from which editors know the
+functions of the analyses (suspension_cli/__init__.pyi).
 
 Keys come from the types of the file format, options from `--help`, stability from docstrings. A
 page marks the place of a table with `<!--keys:WireSet-->`, `<!--options:modes-->`,
@@ -119,8 +119,14 @@ BRIEF = {
     "name of a material, built in or of [materials]": "built in or of [materials]",
     "name of a quantity, such as": "such as",
     "; with a cross-section: k = E A / l": "",
-    "in K; or of both ends; or a profile [[0.0, 16.0], [1.0, 23.0]]: fraction of the length from"
-    " the upper end, and K": "in K ([forms](wires.md#temperature))",
+    "in K; of both ends, { upper, lower }, linear in between; or a profile [[0.0, 16.0], [1.0,"
+    " 23.0]]: fraction of the length from the upper end, and K": (
+        "in K ([forms](wires.md#temperature))"
+    ),
+    '"wire": along the nominal wire; "bending-point": the ends are the effective bending points; or'
+    " directions { upper, lower }": "what the ends are, or directions of the clamps",
+    "number of wires: 1, 2 or 4": "1, 2 or 4",
+    "number of blades, 1, 2 or 4": "1, 2 or 4",
     ", in the quantity's unit": "",
 }
 """Values and meanings of keys that occur in many tables: docs/design-file.md explains them once."""

@@ -42,7 +42,7 @@ class Solid(Table, frozen=True):
         count=3,
     )
     shape: Literal["cylinder", "box", "sphere"] | None = key(
-        "homogeneous; beside inertia, for the drag of [gas] and drawings alone"
+        "homogeneous shape; beside inertia, for the drag of [gas] and drawings alone"
     )
     axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
     radius: units.BodySize | None = key("radius of a cylinder or sphere, m")

@@ -172,7 +172,7 @@ def _with_perturbations(base: type[Table]) -> type:
 
 
 class _Imperfect(Table, frozen=True):
-    wire: units.WireName | None = key("stage and number: test.1", names="wire")
+    wire: units.WireName | None = key("stage and number of a wire: test.1", names="wire")
     body: units.Name | None = key("a stage", names="stage")
     blade: str | None = key(
         "a blade, test.blade1; a filter's: its stage", max_length=80, names="blade"

@@ -56,7 +56,7 @@ class StiffnessTable(Table, frozen=True):
         "the two columns per axis; loss angle in rad",
         "real-imaginary",
     )
-    axis: units.Dof | None = key("of a table of one axis; the others have no stiffness")
+    axis: units.Dof | None = key("axis of a table of one axis; the others have no stiffness")
     frequency: list[units.Frequency] = key("Hz, ascending", [])
     real: list[Series] = key("per axis a list over frequency, N/m or N m/rad", [])
     imaginary: list[Series] = key("per axis a list over frequency, N/m or N m/rad", [])
@@ -108,10 +108,10 @@ class Strands(Table, frozen=True):
     material: units.MaterialName
     diameter: units.Length = key("diameter of one wire, m")
     shape: Literal["u", "catenary", "points"] = key(
-        'without load; "u": vertical legs and a half circle below them; "points":'
-        " straight pieces through points"
+        '"u": vertical legs and a half circle below them; "points": straight pieces'
+        " through points; without load"
     )
-    count: int = key("wires, which bend independently", 1, ge=1, le=1_000_000)
+    count: int = key("number of wires, which bend independently", 1, ge=1, le=1_000_000)
     length: units.Length | None = key("length of one wire, m; not with points")
     points: list[units.Vector] = key("points between the ends, from the first body's COM, m", [])
 
@@ -177,7 +177,7 @@ class EddyCurrent(Table, frozen=True):
         "remanence, T: the moment is remanence volume / mu_0", unit="T", gt=0, le=5
     )
     volume: float | None = key("volume of the magnet, m^3", unit="m^3", gt=0, le=1)
-    count: int = key("equal magnets, far apart", 1, ge=1, le=1000)
+    count: int = key("number of equal magnets, far apart", 1, ge=1, le=1000)
 
     rules = (
         key_rules.exactly_one("moment", "remanence"),
@@ -214,7 +214,7 @@ class Cavity(BetweenBodies, frozen=True):
     The static pressure is taken as balanced by the control of length and alignment.
     """
 
-    length: units.Length = key("m; the drawn places do not matter")
+    length: units.Length = key("length of the cavity in m; the drawn places do not matter")
     radii: list[Radius] = key("of curvature, m, above 0 if concave; 1e12 if flat", count=2)
     power: float = key(
         "circulating power, W, at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12

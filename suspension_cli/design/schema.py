@@ -60,7 +60,7 @@ class Constants(Table, frozen=True):
 class Gas(Table, frozen=True):
     """Residual gas around the suspension."""
 
-    pressure: units.Pressure = key("in Pa, so low that molecules do not collide")
+    pressure: units.Pressure = key("pressure in Pa, so low that molecules do not collide")
     molar_mass: float = key("kg/mol; 0.028 is nitrogen", 0.028, unit="kg/mol", ge=1e-3, le=1.0)
     temperature: units.Kelvin | None = key("in K; default that of [constants]")
 

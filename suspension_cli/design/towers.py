@@ -78,7 +78,7 @@ class InvertedPendulum(Table, frozen=True):
         min_length=3,
         max_length=24,
     )
-    count: int | None = key("evenly spaced legs on a circle", ge=3, le=24)
+    count: int | None = key("number of legs, evenly spaced on a circle", ge=3, le=24)
     radius: units.Length | None = key("radius of that circle, m", plausible=units.PART_SIZE)
     phase: units.Angle = key("angle of the first leg from the x axis towards y, rad", 0.0)
     top: units.Position = key(

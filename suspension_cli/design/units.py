@@ -171,7 +171,7 @@ MaterialName = Annotated[
 WireName = Annotated[
     str,
     doc(
-        "stage and number: test.1",
+        "stage and number of a wire: test.1",
         pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$",
     ),
 ]

@@ -28,7 +28,7 @@ Radii = Annotated[
     doc("radius in m at the upper and at the lower end of a taper", count=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
-Steps = Annotated[int, doc("uniform steps of a taper; default 16", ge=1, le=256)]
+Steps = Annotated[int, doc("number of uniform steps of a taper; default 16", ge=1, le=256)]
 
 
 class Ribbon(Table, frozen=True):
@@ -193,15 +193,16 @@ class AnyWire(Table, frozen=True):
         "torsional stiffness, N m/rad; default (G J + T I_p / A) / l in beam and violin, else 0"
     )
     clamp: Clamped = key(
-        '"bending-point": the ends are the effective bending points; or directions of the clamps',
+        '"wire": along the nominal wire; "bending-point": the ends are the effective'
+        " bending points; or directions { upper, lower }",
         "wire",
     )
     bending: Literal["hinged"] | None = key(
         '"hinged": in the string model, the string ends sqrt(E I / T) from each clamp'
     )
     temperature: units.Kelvin | EndTemperatures | TemperatureProfile | None = key(
-        "in K; or of both ends; or a profile [[0.0, 16.0], [1.0, 23.0]]: fraction of"
-        " the length from the upper end, and K"
+        "in K; of both ends, { upper, lower }, linear in between; or a profile [[0.0,"
+        " 16.0], [1.0, 23.0]]: fraction of the length from the upper end, and K"
     )
 
     dampers: list[WireDamper] = key("masses on lossy springs along the wire", [], max_length=10)
@@ -296,7 +297,7 @@ def is_ring(wires: WireSet) -> bool:
 class WireSet(AnyWire, frozen=True):
     """Wires symmetric in x and y, in the paper's symbols: 1, 2 or 4; or any number on a ring."""
 
-    count: int = key("1, 2 or 4; any with a ring", ge=1, le=100)
+    count: int = key("number of wires: 1, 2 or 4; any with a ring", ge=1, le=100)
     l: units.Length = key("loaded length of each wire, m", plausible=TALL)
     s: units.Separation | None = key("half separation in x at both ends, m (four wires)")
     s_upper: units.Separation | None = key("half separation in x at the upper end, m")
@@ -385,11 +386,13 @@ class AnyBlade(Table, frozen=True):
     )
     tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
-        "of one tip along x and y, N/m; default rigid"
+        "stiffness of one tip along x and y, N/m; default rigid"
     )
     loss_angle: units.LossAngle | None = key("in rad; default that of the material, else 0")
-    material: units.MaterialName | None = key("for its loss, without a geometry")
-    thickness: BladeThickness | None = key("in m, for its loss, without a geometry")
+    material: units.MaterialName | None = key(
+        "the blade's material, for its loss, without a geometry"
+    )
+    thickness: BladeThickness | None = key("thickness in m, for its loss, without a geometry")
     temperature: units.Kelvin | None = key("in K; default that of [constants]")
     damper: TipDamper | list[TipDamper] | None = None
 
@@ -433,7 +436,8 @@ class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
     count: int = key(
-        "1, 2 or 4; each of two carries the wires on its side of y; on a ring 1, or one per wire",
+        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y;"
+        " on a ring 1, or one per wire",
         ge=1,
         le=100,
     )
@@ -442,7 +446,7 @@ class BladeSet(AnyBlade, frozen=True):
 class Blade(AnyBlade, frozen=True):
     """One cantilever blade, for wires that name it."""
 
-    name: units.Name = key("by which wires refer to it")
+    name: units.Name = key("name by which wires refer to it")
     at: units.Vector | None = key("tip, from the COM above, m; default the mean of its wires' ends")
 
 
