@@ -115,7 +115,12 @@ BRIEF = {
     "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "or 6x6",
     "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "or 6x6",
     "six elements or a full 6x6: N s/m, N m s/rad": "or 6x6",
+    "a stage's name, instead of a wire": "a stage",
     "a stage's name": "",
+    "the name of a link": "a link",
+    "measured diameter: a CSV file, { file, error } or { position, diameter, error }": (
+        "measured diameter"
+    ),
     "name of a material, built in or of [materials]": "built in or of [materials]",
     "name of a quantity, such as": "such as",
     "; with a cross-section: k = E A / l": "",

@@ -71,7 +71,9 @@ class BodyPart(Solid, frozen=True):
 class Body(Solid, frozen=True):
     """A rigid body: mass and inertia, a homogeneous shape, or several parts."""
 
-    surface_area: units.SurfaceArea | None = key("surface in m^2, for the drag of [gas]")
+    surface_area: units.SurfaceArea | None = key(
+        "area of the whole surface in m^2, for the drag of [gas]"
+    )
     parts: list[BodyPart] = key(
         "shapes and point masses, whose origin is that of all attachments",
         [],

@@ -173,12 +173,12 @@ def _with_perturbations(base: type[Table]) -> type:
 
 class _Imperfect(Table, frozen=True):
     wire: units.WireName | None = key("stage and number of a wire: test.1", names="wire")
-    body: units.Name | None = key("a stage", names="stage")
+    body: units.Name | None = key("a stage's name, instead of a wire", names="stage")
     blade: str | None = key(
         "a blade, test.blade1; a filter's: its stage", max_length=80, names="blade"
     )
     leg: str | None = key("a leg: ip.leg1", max_length=80, names="leg")
-    link: str | None = key("a link", max_length=80, names="link")
+    link: str | None = key("the name of a link", max_length=80, names="link")
 
 
 class Perturbation(_with_perturbations(_Imperfect)):
@@ -261,7 +261,7 @@ class LegTolerance(_with_spreads(Table, "leg")):
 
 
 class _LinkScatter(Table, frozen=True):
-    link: str = key("a link", max_length=80, names="link")
+    link: str = key("the name of a link", max_length=80, names="link")
 
 
 class LinkTolerance(_with_spreads(_LinkScatter, "link")):

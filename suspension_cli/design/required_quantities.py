@@ -15,6 +15,6 @@ class RequiredQuantity(Table, frozen=True):
     at_most: Number | None = key(
         "largest value, in the quantity's unit; alone and positive, of the magnitude"
     )
-    note: str = key("its origin, for reports", "", max_length=200)
+    note: str = key("origin of the requirement, for reports", "", max_length=200)
 
     rules = (key_rules.any_of("at_least", "at_most"), key_rules.ordered("at_least", "at_most"))

@@ -184,7 +184,7 @@ class AnyWire(Table, frozen=True):
     )
     neck: Neck | None = key("thick ends of a fibre of this radius, equal above and below")
     profile: Annotated[str, doc("a CSV file", max_length=1000)] | Profile | None = key(
-        "measured diameter"
+        "measured diameter: a CSV file, { file, error } or { position, diameter, error }"
     )
     k: units.Stiffness | None = key(
         "spring constant of one wire, N/m; default E A over l or, if given, the natural_length"
