@@ -55,14 +55,16 @@ def setup(app: Sphinx) -> None:
     """Render equations at build time, and redirect the top of the site to the first page."""
     app.add_html_math_renderer("mathml", (in_line, None), (displayed, None))
     app.connect("build-finished", redirect)
-    app.connect("source-read", expand_options)
+    app.connect("source-read", expand_pages)
     app.connect("autodoc-process-docstring", escape_dimensions, priority=600)  # after napoleon
 
 
-def expand_options(_app: Sphinx, page: str, source: list[str]) -> None:
-    """Give the page on commands the meaning of every option, as `--help` prints it."""
+def expand_pages(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Add the meaning of every option to the page on commands, and docstrings to that on Python."""
     if page == "docs/commands":
         source[0] = reference.expand(source[0])
+    if page == "docs/api":
+        source[0] += reference.documented_names()
 
 
 def escape_dimensions(

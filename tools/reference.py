@@ -1,11 +1,11 @@
-"""Generate the tables of docs/design-file.md (keys, materials), docs/commands.md (options) and
-docs/api.md (stability of names), and the stub from which editors know the functions of the
-analyses (suspension_cli/__init__.pyi).
+"""Generate the tables of docs/design-file.md (keys, materials), docs/commands.md (usage, and on the
+site options) and docs/api.md (stability of names), and the stub from which editors know the
+functions of the analyses (suspension_cli/__init__.pyi).
 
 Keys come from the types of the file format, options from `--help`, stability from docstrings. A
-page marks the place of a table with `<!-- keys: WireSet -->`, `<!-- options: modes -->`,
-`<!-- materials: built-in -->` or `<!-- stability: api -->`; the text from there to `<!-- end -->`
-is regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a page is stale.
+page marks the place of a table with `<!--keys:WireSet-->`, `<!--options:modes-->`,
+`<!--materials:built-in-->` or `<!--stability:api-->`; the text from there to `<!--end-->` is
+regenerated. Run by `make reference`; `tests/docs/test_reference.py` fails if a page is stale.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import msgspec
 
 import suspension_cli as sus
 from suspension_cli import errors
+from suspension_cli.analyses.record import Origin
 from suspension_cli.cli.main import COMMANDS, main
 from suspension_cli.conventions import ANALYSES
 from suspension_cli.design import (
@@ -43,9 +44,7 @@ from suspension_cli.design import (
 
 ROOT = Path(__file__).parent.parent
 PAGES = tuple(ROOT / "docs" / name for name in ("design-file.md", "commands.md", "api.md"))
-BLOCK = re.compile(
-    r"<!-- (keys|options|materials|stability): ([\w-]+) -->\n.*?<!-- end -->", re.DOTALL
-)
+BLOCK = re.compile(r"<!--(keys|options|materials|stability):([\w-]+)-->\n.*?<!--end-->", re.DOTALL)
 STUB = ROOT / "suspension_cli" / "__init__.pyi"
 MODULES = (
     schema,
@@ -73,11 +72,6 @@ USUAL = {
     *("picture_format", "quiet", "verbose", "watch"),
 }
 """Parameters of most analyses, whose options the head of docs/commands.md explains once."""
-SHARED = USUAL | {
-    *("tolerance", "allow_unstable", "arm", "mirrors", "workers", "scheduler", "chunk", "resume"),
-    *("every_point", "observe", "over", "under"),
-}
-"""These, and those of several commands, which the head explains too."""
 LIKE = {
     "BodyPart": (bodies.Solid, "`body`"),
     "Wire": (wires.AnyWire, "`[stage.wires]`"),
@@ -90,24 +84,55 @@ NOISE = "`{ asd, corner, frequency, file, column, source }`"
 BRIEF = {
     f"number or text or 2 rows of numbers or {NOISE}, default `0.0`": "noise",
     "number, default ": "",
+    "whole number, required": "whole, required",
+    "number, required": "required",
+    "3 numbers, default `[0.0,0.0,0.0]`": "`[0.0,0.0,0.0]`",
+    "number or `{ temperature, values }`": "property",
     "text or table": "filter",
     "`true`, `false`, default `": "`",
     'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these': (
         "a Foton string"
     ),
+    "as a Foton string; or a digital filter: sections of a Foton filter file": "",
     "a Foton string; or a digital filter": "",
     ": a Foton string": "",
+    ": flat, a known sensor, [[f, asd], ...], a table, or a file": "",
+    ", in the forms of sensor_noise": "",
+    ", in the forms of that of a loop": "",
+    " of the wire's ": " of the ",
+    " of the body's ": " of the ",
+    " along x, y and z, m (each axis)": ", m (each axis)",
+    " along x, y, z, m": ", m",
+    " about x, y, z, rad": ", rad",
     "letters, digits, _ and -, starting with a letter": "",
     "the two bodies: a stage first, then another stage,"
     ' "support" (the suspension point) or "ground" (beside it)': "the two bodies",
     "the common point, from the COM of the first body, nominal pose, m": "from the first COM, m",
     "it may give power to the motion, as a sensor with an actuator does; otherwise negative damping"
-    " and loss are refused": "it may give power to the motion",
+    " and loss are refused": "",
     '"loaded-length": the wire is trimmed to its nominal tension in the nominal pose;'
-    ' "natural-length": its unstretched length stays': "what stays when the wire changes",
-    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "6 or 6x6",
-    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "6 or 6x6",
-    "six elements or a full 6x6: N s/m, N m s/rad": "6 or 6x6, N s/m, N m s/rad",
+    ' "natural-length": its unstretched length stays': "",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N/m, N m/rad": "or 6x6",
+    "x, y, z, roll, pitch, yaw at the point, or a full 6x6: N s/m, N m s/rad": "or 6x6",
+    "six elements or a full 6x6: N s/m, N m s/rad": "or 6x6",
+    "a stage's name, instead of a wire": "a stage",
+    "a stage's name": "",
+    "the name of a link": "a link",
+    "measured diameter: a CSV file, { file, error } or { position, diameter, error }": (
+        "measured diameter"
+    ),
+    "name of a material, built in or of [materials]": "built in or of [materials]",
+    "name of a quantity, such as": "such as",
+    "; with a cross-section: k = E A / l": "",
+    "in K; of both ends, { upper, lower }, linear in between; or a profile [[0.0, 16.0], [1.0,"
+    " 23.0]]: fraction of the length from the upper end, and K": (
+        "in K ([forms](wires.md#temperature))"
+    ),
+    '"wire": along the nominal wire; "bending-point": the ends are the effective bending points; or'
+    " directions { upper, lower }": "what the ends are, or directions of the clamps",
+    "number of wires: 1, 2 or 4": "1, 2 or 4",
+    "number of blades, 1, 2 or 4": "1, 2 or 4",
+    ", in the quantity's unit": "",
 }
 """Values and meanings of keys that occur in many tables: docs/design-file.md explains them once."""
 
@@ -123,9 +148,7 @@ def page(text: str) -> str:
     """Regenerate the tables of a page."""
     makers = {"keys": keys, "options": options, "materials": built_in, "stability": stability}
     return BLOCK.sub(
-        lambda found: (
-            f"<!-- {found[1]}: {found[2]} -->\n\n{makers[found[1]](found[2])}\n\n<!-- end -->"
-        ),
+        lambda found: f"<!--{found[1]}:{found[2]}-->\n\n{makers[found[1]](found[2])}\n\n<!--end-->",
         text,
     )
 
@@ -144,8 +167,8 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 def keys(name: str) -> str:
     """Tabulate the keys of a table of the file format: values with their default, and meaning.
 
-    Keys with the same values, default and meaning share a row; those of a table in `LIKE` are named
-    in the last one.
+    Keys with the same values, default and meaning share a row; of those of a table in `LIKE` the
+    last row names the first and the last.
     """
     kind = TYPES[name]
     base, heading = LIKE.get(name, (None, ""))
@@ -160,14 +183,16 @@ def keys(name: str) -> str:
             continue
         hint = hints[field.name]
         given = ", required" if field.required else default(field.default)
-        row = (brief(takes(hint) + given), brief(description(hint)))
+        values = takes(hint)
+        meaning = "" if values == "table" else description(hint)  # a section describes the table
+        row = (brief(values + given), brief(meaning))
         if rows and rows[-1][1:] == row:
             rows[-1] = (f"{rows[-1][0]}, `{field.name}`", *row)
         else:
             rows.append((f"`{field.name}`", *row))
     if base:
-        names = ", ".join(f"`{field}`" for field in base.__struct_fields__)
-        rows.append((names, f"as in {heading}", ""))
+        first, *_, last = base.__struct_fields__
+        rows.append((f"`{first}` to `{last}`", f"as in {heading}", ""))
     return table(("key", "takes", "meaning"), rows)
 
 
@@ -300,17 +325,15 @@ def description(hint: Any) -> str:
 
 
 def options(name: str) -> str:
-    """Format usage and names of options of a command; the site has `table_of_options` instead."""
-    usage, rows, shared = _options(name)
-    listed = ", ".join(option for option, _ in rows)
-    lines = [f"{usage}: {listed} (`pendsus {name} --help`)." if rows else f"{usage}."]
-    return "\n\n".join([*lines, *shared])
+    """Format usage of a command; the site has `table_of_options` instead."""
+    return f"{_options(name)[0]}."
 
 
 def table_of_options(name: str) -> str:
     """Format usage and options of a command as `--help` has them."""
-    usage, rows, shared = _options(name)
-    return "\n\n".join([usage, *([table(("option", "meaning"), rows)] if rows else []), *shared])
+    usage, rows, is_usual = _options(name)
+    more = ["Also those of all analyses."] if is_usual else []
+    return "\n\n".join([usage, *([table(("option", "meaning"), rows)] if rows else []), *more])
 
 
 def expand(text: str) -> str:
@@ -320,26 +343,21 @@ def expand(text: str) -> str:
     )
 
 
-def _options(name: str) -> tuple[str, list[tuple[str, str]], list[str]]:
-    """Usage, options with their help, and the line of shared options."""
+def _options(name: str) -> tuple[str, list[tuple[str, str]], bool]:
+    """Usage, options with their help, and whether it also has those of all analyses."""
     command = main.get_command(click.Context(main), name)
     if command is None:
         raise KeyError(name)
     context = click.Context(command, info_name=f"pendsus {name}")
-    rows, shared = [], []
     is_usual = {param.name for param in command.params} >= USUAL
-    for param in command.params:
-        record = param.get_help_record(context)
-        longest = max(param.opts, key=len)
-        if param.name in USUAL and is_usual:
-            continue
-        if param.name in SHARED:
-            shared.append(f"`{longest}`")
-        elif record is not None and isinstance(param, click.Option):
-            rows.append((f"`{record[0]}`", " ".join(record[1].split())))
+    shown = [
+        param.get_help_record(context)
+        for param in command.params
+        if isinstance(param, click.Option) and not (is_usual and param.name in USUAL)
+    ]
+    rows = [(f"`{record[0]}`", " ".join(record[1].split())) for record in shown if record]
     usage = f"`{context.command_path} {' '.join(command.collect_usage_pieces(context))}`"
-    shared = [*(["those of all analyses"] if is_usual else []), *shared]
-    return usage, rows, [f"Shared options: {', '.join(shared)}."] if shared else []
+    return usage, rows, is_usual
 
 
 def stability(_: str) -> str:
@@ -351,6 +369,40 @@ def stability(_: str) -> str:
             names["provisional" if "\nProvisional: " in text else "stable"].append(f"`{name}`")
     rows = [(kind, ", ".join(found)) for kind, found in names.items()]
     return table(("stability", "names"), rows)
+
+
+MEMBERS = {
+    "Design": "name, replace, foton",
+    "Record": "design, model, estimated_error, document, figures, plot, save, to_xarray",
+    "Report": "path, title",
+}
+"""Methods of public classes that the site describes, besides the attributes of all records."""
+
+
+def documented_names() -> str:
+    """Format the end of docs/api.md on the site: docstrings of all functions and records."""
+    found: dict[str, list[str]] = {"Functions": [], "Records": []}
+    for name in sus.__all__:
+        item = getattr(sus, name)
+        if inspect.isfunction(item):
+            found["Functions"].append(f".. autofunction:: suspension_cli.api.{name}")
+        elif inspect.isclass(item) and not issubclass(item, (Exception, Warning)):
+            found["Records"] += _documented_class(item)
+    found["Records"] += _documented_class(Origin)
+    sections = (
+        "\n".join((f"## {head}", "", "```{eval-rst}", *lines, "```", ""))
+        for head, lines in found.items()
+    )
+    return "\n" + "\n".join(sections)
+
+
+def _documented_class(kind: type) -> list[str]:
+    members = MEMBERS.get(kind.__name__)
+    return [
+        f".. autoclass:: {kind.__module__}.{kind.__name__}",
+        *([f"   :members: {members}"] if members else []),
+        "   :exclude-members: __init__",
+    ]
 
 
 def stub() -> str:
@@ -406,12 +458,12 @@ def main_pages() -> None:
         missing = [
             f"pendsus {name}"
             for name in COMMANDS
-            if path.name == "commands.md" and f"<!-- options: {name} -->" not in new
+            if path.name == "commands.md" and f"<!--options:{name}-->" not in new
         ]
         if missing:
             raise SystemExit(
                 f"{path.relative_to(ROOT)}: no table of options for {', '.join(missing)}; write"
-                " <!-- options: NAME --> and <!-- end -->"
+                " <!--options:NAME--> and <!--end-->"
             )
 
 

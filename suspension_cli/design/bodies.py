@@ -38,12 +38,11 @@ class Solid(Table, frozen=True):
 
     mass: units.Mass | None = None
     inertia: list[units.Inertia | units.Row3] | None = key(
-        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2; instead of those of a"
-        " homogeneous shape",
+        "moments of inertia about x, y, z at the COM, or a full 3x3, kg m^2",
         count=3,
     )
     shape: Literal["cylinder", "box", "sphere"] | None = key(
-        "homogeneous shape; beside inertia, for the drag of [gas] and for drawings alone"
+        "homogeneous shape; beside inertia, for the drag of [gas] and drawings alone"
     )
     axis: Literal["x", "y", "z"] | None = key("axis of a cylinder")
     radius: units.BodySize | None = key("radius of a cylinder or sphere, m")
@@ -73,11 +72,10 @@ class Body(Solid, frozen=True):
     """A rigid body: mass and inertia, a homogeneous shape, or several parts."""
 
     surface_area: units.SurfaceArea | None = key(
-        "area of its whole surface in m^2, for the drag of [gas] on a body without a shape"
+        "area of the whole surface in m^2, for the drag of [gas]"
     )
     parts: list[BodyPart] = key(
-        "shapes and point masses of which it consists, instead of the keys above; attachments are"
-        " then from the origin of their places",
+        "shapes and point masses, whose origin is that of all attachments",
         [],
     )
 

@@ -34,12 +34,12 @@ class Osem(Table, frozen=True):
     )
     reference: Reference = key("that of a loop, whose OSEMs have the same one", "support")
     sensing: units.Row6 | None = key(
-        "reading per motion of the stage along and about x, y, z, m/m and m/rad, as fit --matrices"
-        " measures it; default that of at and direction"
+        "reading per motion of the stage along and about x, y, z, m/m and m/rad;"
+        " default from at and direction"
     )
     driving: units.Row6 | None = key(
-        "forces and torques on the stage along and about x, y, z per force of the coil, N/N and"
-        " N m/N, as fit --matrices measures them; default those of at and direction"
+        "forces and torques on the stage along and about x, y, z per force of the"
+        " coil, N/N and N m/N; default from at and direction"
     )
     sensor_noise: MotionNoise = key("as that of a loop, m/sqrt(Hz)", 0.0)
     force_noise: Noise = key("of the coil, N/sqrt(Hz), in the forms of sensor_noise", 0.0)
@@ -146,18 +146,15 @@ class Loop(Table, frozen=True):
     """
 
     name: units.Name
-    sensor: str = key(
-        "a motion of a stage: upper.x, upper.x@0,0,0.01; or the name of a [[control.sensor]]"
-    )
-    actuator: str = key("a force or torque on a stage: upper.force_x")
+    sensor: str = key("a motion, upper.x or upper.x@0,0,0.01, or the name of a [[control.sensor]]")
+    actuator: str = key("a force or torque: upper.force_x")
     reference: Reference = key(
         '"support": between body and support structure; "inertial": inertial space',
         "support",
     )
     damper: float | None = key("force per velocity, N s/m (N m s/rad)", ge=-1e12, le=1e12)
     gain: units.Number | None = key(
-        "H = gain times the product of (i f + z) over that of (i f + p); N/m (N m/rad)"
-        " times Hz^(number of poles - number of zeros)"
+        "H = gain prod(i f + z) / prod(i f + p); N/m (N m/rad) times Hz^(poles - zeros)"
     )
     zeros: Root = []
     poles: Root = []

@@ -15,9 +15,7 @@ Held = Annotated[float, doc("temperature in K", "K", gt=0, le=0.9 * HOTTEST)]
 class Heat(Table, frozen=True):
     """Heat that bodies absorb and wires and links conduct, for the temperatures of a design."""
 
-    held: dict[str, Held] = key(
-        'bodies whose temperature is known, in K: stages, "support" or "ground"'
-    )
+    held: dict[str, Held] = key('known temperatures, K, of stages, "support" or "ground"')
     absorbed: dict[str, Power] = key("power that stages absorb, W", {})
 
     def check(self) -> Problems:

@@ -91,7 +91,7 @@ def _of(part: Part, *rows: tuple[Any, ...]) -> tuple[Imperfection, ...]:
 
 
 INERTIA = "the body's moments of inertia"
-RADIUS = "the wire's radius (its spring constant goes with the square)"
+RADIUS = "the wire's radius (the spring constant goes with its square)"
 COM = "offset of the body's COM relative to the attachments"
 LENGTH = "change of the wire's unstretched length, after trimming"
 TURNED = "rotation vector of the mass relative to the attachments"
@@ -120,8 +120,8 @@ IMPERFECTIONS = (
     *_of("link", ("stiffness_factor", units.Factor, "the link's stiffness", "stiffness")),
 )
 SHARED = {
-    "length_change": "change of the unstretched length of the wire (after trimming) or leg, m",
-    "stiffness_factor": "factor on the stiffness of blades, of the flexures of a leg, or of a link",
+    "length_change": "change of the unstretched length of a wire (after trimming) or leg, m",
+    "stiffness_factor": "factor on the stiffness of blades, flexures of a leg, or a link",
 }
 """Descriptions of the keys of `[[perturbation]]` that several parts have."""
 
@@ -172,12 +172,12 @@ def _with_perturbations(base: type[Table]) -> type:
 
 
 class _Imperfect(Table, frozen=True):
-    wire: units.WireName | None = key("a stage's name and a wire's number: test.1", names="wire")
+    wire: units.WireName | None = key("stage and number of a wire: test.1", names="wire")
     body: units.Name | None = key("a stage's name, instead of a wire", names="stage")
     blade: str | None = key(
         "a blade, test.blade1; a filter's: its stage", max_length=80, names="blade"
     )
-    leg: str | None = key("a leg of an inverted pendulum: ip.leg1", max_length=80, names="leg")
+    leg: str | None = key("a leg: ip.leg1", max_length=80, names="leg")
     link: str | None = key("the name of a link", max_length=80, names="link")
 
 
@@ -232,7 +232,7 @@ def _with_spreads(base: type[Table], part: str) -> type:
 
 class _WireScatter(Table, frozen=True):
     stage: units.Name | None = key("a stage, for each of its wires", names="stage with wires")
-    wire: units.WireName | None = key("one wire, instead of a stage: test.1", names="wire")
+    wire: units.WireName | None = key("one wire: test.1", names="wire")
 
 
 class WireTolerance(_with_spreads(_WireScatter, "wire")):
@@ -275,7 +275,7 @@ class Requirement(Table, frozen=True):
     """Requirement on every build, in SI units (Hz for modes)."""
 
     quantity: str = key(
-        "name of a quantity, such as 'test pitch', 'coupling' or 'test static pitch'",
+        "name of a quantity, such as 'test static pitch'",
         max_length=200,
     )
     band: list[units.Number] | None = key("least and largest value", count=2)

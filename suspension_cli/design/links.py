@@ -50,21 +50,18 @@ class StiffnessTable(Table, frozen=True):
     """Complex stiffness against frequency: a CSV file, or its columns."""
 
     file: str | None = key(
-        "CSV file, from this file's folder: frequency in Hz, two columns per axis (1 or 6 axes)"
+        "CSV file, from this file's folder: frequency in Hz, two columns per axis (1 or 6)"
     )
     form: Literal["real-imaginary", "modulus-loss"] = key(
-        "the two columns per axis of the file: real and imaginary part, or modulus and loss"
-        " angle in rad",
+        "the two columns per axis; loss angle in rad",
         "real-imaginary",
     )
     axis: units.Dof | None = key("axis of a table of one axis; the others have no stiffness")
     frequency: list[units.Frequency] = key("Hz, ascending", [])
-    real: list[Series] = key("real part: per axis a list over frequency, N/m or N m/rad", [])
-    imaginary: list[Series] = key(
-        "imaginary part: per axis a list over frequency, N/m or N m/rad", []
-    )
+    real: list[Series] = key("per axis a list over frequency, N/m or N m/rad", [])
+    imaginary: list[Series] = key("per axis a list over frequency, N/m or N m/rad", [])
     static: list[units.Coefficient] | None = key(
-        "per axis; default the real part at the lowest frequency",
+        "per axis; default real at the lowest frequency",
         min_length=1,
         max_length=6,
     )
@@ -111,8 +108,8 @@ class Strands(Table, frozen=True):
     material: units.MaterialName
     diameter: units.Length = key("diameter of one wire, m")
     shape: Literal["u", "catenary", "points"] = key(
-        '"u": vertical legs and a half circle below them; "catenary"; "points": straight'
-        " pieces through points. The shape is that of the wire without load"
+        '"u": vertical legs and a half circle below them; "points": straight pieces'
+        " through points; without load"
     )
     count: int = key("number of wires, which bend independently", 1, ge=1, le=1_000_000)
     length: units.Length | None = key("length of one wire, m; not with points")
@@ -140,8 +137,7 @@ class Link(BetweenBodies, frozen=True):
     )
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
     preload: units.Wrench = key(
-        "force (N) and torque (N m) on the first body at the point in the nominal pose; the second"
-        " takes the opposite",
+        "force (N) and torque (N m) on the first body at the point, nominal pose",
         [0.0] * 6,
     )
     active: Active = False
@@ -170,8 +166,7 @@ class EddyCurrent(Table, frozen=True):
     """A magnet, taken as a dipole along an axis, in front of a plate or inside a tube."""
 
     shape: Literal["plate", "tube"] = key(
-        '"plate": large, across the axis; damps along and (half as much) across it. "tube":'
-        " long, around the axis; damps along it"
+        '"plate": large, across the axis; "tube": long, around it'
     )
     axis: Literal["x", "y", "z"] = key("direction of the dipole")
     conductivity: units.Conductivity = key("of the conductor in use, S/m; copper has 5.8e7")
@@ -225,8 +220,7 @@ class Cavity(BetweenBodies, frozen=True):
         "circulating power, W, at the detuning", unit="W", plausible=STRONG, ge=0, le=1e12
     )
     detuning: float = key(
-        "laser's frequency less the cavity's resonance, Hz, to be compared with the pole; above"
-        " 0 the optical spring restores and drives, below 0 it repels and damps",
+        "laser's frequency less the cavity's resonance, Hz; above 0 the optical spring restores",
         0.0,
         unit="Hz",
         ge=-1e12,
@@ -237,8 +231,7 @@ class Cavity(BetweenBodies, frozen=True):
         "finesse, instead of pole", unit="1", plausible=SHARP, ge=1, le=1e12
     )
     transmission: float | None = key(
-        "fraction of the power lost per round trip, through both mirrors and otherwise; instead of"
-        " pole",
+        "fraction of the power lost per round trip, instead of pole",
         unit="1",
         gt=0,
         le=0.9,

@@ -26,7 +26,7 @@ class DigitalFilter(Table, frozen=True):
     design: str | None = key(f"{FOTON}, made digital as Foton does; of a file, its sections")
     rate: float | None = key("sample rate in Hz of the design", unit="Hz", gt=0, le=1e9)
     gain: float = key("factor on the filter", 1.0, unit="1", ge=-1e12, le=1e12)
-    source: str = key("where the design comes from; filled in for a file", "")
+    source: str = key("origin of the design; filled in for a file", "")
 
     rules = (
         key_rules.exactly_one("file", "design"),

@@ -79,13 +79,12 @@ class Sensor(Table, frozen=True):
 
     name: units.Name
     motion: str | Motions | None = key(
-        'what it reads: "support.x", "upper~support.x", or motions with factors, {"upper.x" = 1}'
+        '"support.x", "upper~support.x", or motions with factors, {"upper.x" = 1}'
     )
     response: str | DigitalFilter | None = key(f"reading over motion: {FOTON}; or a digital filter")
     sensor_noise: MotionNoise = key("as motion, in the forms of that of a loop", 0.0)
     tilt: bool = key(
-        "whether it is an inertial sensor along x or y, which reads tilt as motion:"
-        " x + g pitch / (2 pi f)^2",
+        "whether it is inertial, along x or y, and reads tilt as motion: x + g pitch / (2 pi f)^2",
         default=False,
     )
     inputs: list[SensorInput] = key("of a computed sensor: sensors, and forces of loops", [])

@@ -150,29 +150,24 @@ class LossTable(Table, frozen=True):
 
 
 class MaterialLoss(Table, frozen=True):
-    """Losses of a material, for the models in which wires bend."""
+    """Losses, for the models in which wires bend."""
 
     angle: units.LossAngle | None = key("constant loss angle of the bulk in rad")
-    table: LossTable | None = key(
-        "loss angle of the bulk by frequency, instead of a constant one: interpolated linearly in"
-        " the logarithms"
-    )
+    table: LossTable | None = key("loss angle of the bulk by frequency, linear in the logarithms")
     surface_depth: units.Separation | None = key(
         "dissipation depth of the surface in m; default 0, or that of the built-in material unless"
         " the design gives another loss of the bulk"
     )
     thermoelastic: bool | None = key(
-        "false omits thermoelastic loss, which needs density, expansion, specific heat and"
-        " conductivity (the slope of the modulus may be missing)"
+        "false omits thermoelastic loss, which needs density, expansion, specific heat"
+        " and conductivity"
     )
 
 
 class Material(Table, frozen=True):
     """A material of wires or blades; defaults are those of the built-in one of the same name."""
 
-    youngs_modulus: units.Modulus | AgainstTemperature | None = key(
-        "Young's modulus in Pa; a number or a table against temperature, like the thermal values"
-    )
+    youngs_modulus: units.Modulus | AgainstTemperature | None = key("Young's modulus in Pa")
     poisson_ratio: units.PoissonRatio | None = None
     density: units.Density | None = None
     thermal_expansion: units.Expansion | AgainstTemperature | None = None
@@ -185,8 +180,8 @@ class Material(Table, frozen=True):
     loss_angle: units.LossAngle | None = key("constant loss angle in rad, short for loss.angle")
     loss: MaterialLoss | None = None
     temperature_range: tuple[units.Kelvin, units.Kelvin] | None = key(
-        "lowest and highest temperature in K at which the numbers that are no tables apply; default"
-        " any for those of a design, 280 to 310 K for built-in ones"
+        "temperatures in K between which plain numbers apply; default any in a design,"
+        " 280 to 310 K if built in"
     )
     source: str = key("where the numbers come from", "")
 

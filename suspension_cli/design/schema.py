@@ -40,7 +40,7 @@ class Constants(Table, frozen=True):
     """Gravity and temperature."""
 
     gravity: units.Acceleration | units.GravityVector = key(
-        "acceleration due to gravity in m/s^2; a vector acts after the suspension was trimmed", 9.81
+        "gravity in m/s^2; a vector acts after trimming", 9.81
     )
     gravity_gradient: units.GravityGradient | units.GravityGradients = key(
         "dg_z/dz in 1/s^2 (3.1e-6 on Earth), or the symmetric 3x3 dg_i/dx_j", 0.0
@@ -79,8 +79,8 @@ class Spring(Table, frozen=True):
     at: units.Vector = key("the point, from this body's COM, m", (0.0, 0.0, 0.0))
     damping: units.Matrix6 | None = key("six elements or a full 6x6: N s/m, N m s/rad")
     preload: units.Wrench | None = key(
-        "force (N) and torque (N m) on this body, nominal pose; default its share of the load if"
-        " the body rests on springs alone, else none"
+        "force (N) and torque (N m) on this body, nominal pose; default its share of a"
+        " load on springs alone, else none"
     )
     loss_angle: units.LossAngle | None = key("of the stiffness, rad; default that of the material")
     material: units.MaterialName | None = key("the spring's material, for its loss")
@@ -100,7 +100,7 @@ Viscous = Annotated[float, doc("viscous damping in N s/m or N m s/rad", ge=0, le
 
 
 class FrameDamping(Table, frozen=True):
-    """Viscous damping of the support structure against the ground, N s/m and N m s/rad."""
+    """Viscous damping against the ground, N s/m and N m s/rad."""
 
     x: Viscous = 0.0
     y: Viscous = 0.0
@@ -117,7 +117,7 @@ class Damping(FrameDamping, frozen=True):
 
 
 class Compliance(Table, frozen=True):
-    """Stiffness of the support structure, N/m and N m/rad; directions left out are rigid."""
+    """Stiffness in N/m and N m/rad; directions left out are rigid."""
 
     x: units.Stiffness | None = None
     y: units.Stiffness | None = None
@@ -160,12 +160,11 @@ class Stage(Table, frozen=True):
         names="earlier stage",
     )
     mirror: bool = key(
-        "whether this is the mirror, whose motion commands output by default; without one, the"
-        " end of the longest chain",
+        "whether this is the mirror, the default output; without one, the end of the longest chain",
         False,
     )
     locked: bool = key(
-        "whether it is clamped to the support, and all stages above it, so that none moves",
+        "whether it and all stages above it are clamped to the support",
         False,
     )
     position: units.Vector | None = key(
@@ -214,9 +213,9 @@ class Stage(Table, frozen=True):
 class Tie(Table, frozen=True):
     """A parameter that follows from others."""
 
-    name: str = key("dotted path of the parameter, such as stage.test.wires.t2", max_length=200)
+    name: str = key("dotted path, such as stage.test.wires.t2", max_length=200)
     equals: str = key(
-        f"expression with numbers and dotted paths, such as '{expressions.EXAMPLE}'",
+        f"expression, such as '{expressions.EXAMPLE}'",
         max_length=expressions.LONGEST,
     )
 

@@ -63,7 +63,7 @@ STEEL = 7900.0
 
 
 class Counterweight(Table, frozen=True):
-    """A mass on each leg below its foot, to move the leg's centre of percussion."""
+    """A mass, kg, at a distance below each foot, m, to move the leg's centre of percussion."""
 
     mass: units.Mass
     below: units.Length = key("distance below the flexure, m")
@@ -88,8 +88,7 @@ class InvertedPendulum(Table, frozen=True):
         "bending stiffness of a leg's flexure at its foot, N m/rad"
     )
     frequency: units.IsolatingFrequency | None = key(
-        "lateral frequency with the load, Hz, instead of stiffness; the load moves as one with the"
-        " stage"
+        "lateral frequency with the load, Hz, instead of stiffness"
     )
     top_stiffness: units.RigidityOrZero = key(
         "bending stiffness of a leg's joint at its top, N m/rad", 0.0
@@ -231,7 +230,7 @@ def leg_statics(legs: InvertedPendulum, thrust: float, hung: float, gravity: flo
 
 
 class Keystone(Table, frozen=True):
-    """Mass and inertia of a keystone, the part of the blades that moves with it included."""
+    """Mass with the moving part of the blades, kg; inertia, kg m^2, default a steel cylinder's."""
 
     mass: units.Mass
     inertia: list[Annotated[float, doc("", "kg m^2", gt=0, le=1e15)]] | None = key(
@@ -257,14 +256,14 @@ class Filter(Table, frozen=True):
         "vertical stiffness of all blades at the working point, N/m, instead of frequency"
     )
     load: units.Tension | None = key(
-        "load under which the keystone is at its nominal point, its own weight included, N; default"
-        " that of the design, with vertical preloads of links"
+        "load under which the keystone is at its nominal point, its own weight"
+        " included, N; default that of the design"
     )
     lateral_stiffness: units.Stiffness = key("of the blades, horizontal, N/m", LATERAL)
     tilt_stiffness: units.Rigidity = key("stiffness of the blades against rotation, N m/rad", TILT)
     saturation: units.Saturation | None = key(
-        "fraction of the filter's vertical motion that reaches the keystone at high frequency, with"
-        " the load rigid; negative if the counterweight is too heavy"
+        "fraction of the filter's vertical motion that reaches the keystone at high"
+        " frequency, with the load rigid"
     )
     mass_coupling: units.MassCoupling | None = key(
         "inertia of the blades that couples both bodies, kg, instead of saturation"
@@ -272,8 +271,7 @@ class Filter(Table, frozen=True):
     loss_angle: units.LossAngle | None = key("loss angle of the blades' stiffness in rad")
     q: float | None = key("Q of the vertical mode, 1/loss_angle", unit="1", gt=1, le=1e12)
     modulus_slope: units.ModulusSlope = key(
-        "relative change of Young's modulus of the blades with temperature, 1/K, for the shift"
-        " of the working point that check reports",
+        "(1/E) dE/dT of the blades, 1/K, for the shift of the working point that check reports",
         0.0,
     )
     thermal_expansion: units.Expansion = key("of the blades in 1/K; adds to that shift", 0.0)

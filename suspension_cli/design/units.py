@@ -15,7 +15,7 @@ Name = Annotated[str, doc(NAMES, pattern=NAME, max_length=60)]
 Stem = Annotated[
     str,
     doc(
-        "letters, digits, . _ and - (it is also the stem of the files written)",
+        "letters, digits, . _ and -; stem of the files written",
         pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$",
         max_length=100,
     ),
@@ -90,7 +90,7 @@ Kelvin = Annotated[float, doc("temperature in K", "K", gt=0, le=1e4)]
 Expansion = Annotated[
     float,
     doc(
-        "coefficient of linear thermal expansion in 1/K",
+        "linear thermal expansion in 1/K",
         "1/K",
         Plausible(1e-3, "more than twice that of any solid", (("1e-6 1/K", 1e-6),)),
         ge=-1e-2,
@@ -100,14 +100,14 @@ Expansion = Annotated[
 ModulusSlope = Annotated[
     float,
     doc(
-        "relative change of Young's modulus with temperature, (1/E) dE/dT in 1/K; 0 if not given",
+        "(1/E) dE/dT of Young's modulus E in 1/K; default 0",
         "1/K",
         ge=-1.0,
         le=1.0,
     ),
 ]
 PoissonRatio = Annotated[
-    float, doc("Poisson's ratio, for twisting; 0.3 if not given", "1", gt=-1, lt=0.5)
+    float, doc("Poisson's ratio, for twisting; default 0.3", "1", gt=-1, lt=0.5)
 ]
 SpecificHeat = Annotated[float, doc("specific heat in J/(kg K)", "J/(kg K)", ge=1e-6, le=1e6)]
 ThermalConductivity = Annotated[
@@ -171,7 +171,7 @@ MaterialName = Annotated[
 WireName = Annotated[
     str,
     doc(
-        "a stage's name and a wire's number: test.1",
+        "stage and number of a wire: test.1",
         pattern=r"^[A-Za-z][A-Za-z0-9_-]*\.[1-9][0-9]*$",
     ),
 ]

@@ -28,13 +28,11 @@ Radii = Annotated[
     doc("radius in m at the upper and at the lower end of a taper", count=2),
 ]
 # a list: msgspec 0.22 crashes on a union of a bounded number and a tuple of them
-Steps = Annotated[
-    int, doc("number of uniform steps that approximate a taper; 16 if not given", ge=1, le=256)
-]
+Steps = Annotated[int, doc("number of uniform steps of a taper; default 16", ge=1, le=256)]
 
 
 class Ribbon(Table, frozen=True):
-    """A ribbon's rectangular cross-section: width along y, thickness along x."""
+    """A ribbon: width along y, thickness along x."""
 
     width: units.WireSize = key("width along y, m")
     thickness: units.WireSize = key("thickness along x, m")
@@ -43,9 +41,7 @@ class Ribbon(Table, frozen=True):
 class WireSection(Table, frozen=True):
     """A stretch of a wire: uniform, or tapered linearly from one radius to another."""
 
-    length: units.Length | None = key(
-        "loaded length, m; one section may leave its own out and takes the rest"
-    )
+    length: units.Length | None = key("loaded length, m; a section without it takes the rest")
     radius: units.WireSize | Radii | None = key("radius, m; [upper, lower] of a taper")
     section: Ribbon | None = None
     material: units.MaterialName | None = key("default the wire's")
@@ -137,9 +133,7 @@ class MassOnSpring(Table, frozen=True):
     """A mass on a lossy spring: what all dampers of wires and blades are made of."""
 
     mass: units.Mass = key("mass of one damper, kg", plausible=DAMPER)
-    frequency: units.Frequency | None = key(
-        "resonance of the damper with its place at rest, Hz; its stiffness is (2 pi f)^2 mass"
-    )
+    frequency: units.Frequency | None = key("resonance of the damper with its place at rest, Hz")
     stiffness: units.Stiffness | None = key("stiffness of the spring, N/m, instead of frequency")
     loss_angle: units.LossAngle = key("loss angle of the spring, rad; 1/Q with its place at rest")
 
@@ -155,7 +149,7 @@ class MassOnSpring(Table, frozen=True):
 
 
 class TipDamper(MassOnSpring, frozen=True):
-    """A mass on a lossy spring on the tip of a blade, which moves as the tip does, vertically.
+    """A mass on a lossy spring on the tip of a blade, moving vertically.
 
     Its weight is part of the load of the blade.
     """
@@ -171,7 +165,7 @@ class WireDamper(MassOnSpring, frozen=True):
         "place, as a fraction of the length from the upper end", 0.5, unit="1", ge=1e-3, le=0.999
     )
     acts: Literal["across", "along", "both"] = key(
-        "directions of the spring: across the wire, along it, or both", "across"
+        "direction of the spring, relative to the wire", "across"
     )
 
 
@@ -193,29 +187,25 @@ class AnyWire(Table, frozen=True):
         "measured diameter: a CSV file, { file, error } or { position, diameter, error }"
     )
     k: units.Stiffness | None = key(
-        "spring constant of one wire, N/m, instead of material and cross-section; beside them it"
-        " overrides E A / l, with the loaded length or, if given, the natural_length"
+        "spring constant of one wire, N/m; default E A over l or, if given, the natural_length"
     )
     torsion: units.Torsion | None = key(
         "torsional stiffness, N m/rad; default (G J + T I_p / A) / l in beam and violin, else 0"
     )
     clamp: Clamped = key(
-        '"wire": along the nominal wire; "bending-point": the ends are the effective bending'
-        " points; or directions { upper, lower }",
+        '"wire": along the nominal wire; "bending-point": the ends are the effective'
+        " bending points; or directions { upper, lower }",
         "wire",
     )
     bending: Literal["hinged"] | None = key(
-        'string model: "hinged" ends the string sqrt(E I / T) from each clamp (an approximation);'
-        " beam and violin bend the wire exactly and ignore it"
+        '"hinged": in the string model, the string ends sqrt(E I / T) from each clamp'
     )
     temperature: units.Kelvin | EndTemperatures | TemperatureProfile | None = key(
-        "in K; of both ends, { upper, lower }, linear in between; or a profile [[0.0, 16.0], [1.0,"
-        " 23.0]]: fraction of the length from the upper end, and K"
+        "in K; of both ends, { upper, lower }, linear in between; or a profile [[0.0,"
+        " 16.0], [1.0, 23.0]]: fraction of the length from the upper end, and K"
     )
 
-    dampers: list[WireDamper] = key(
-        "masses on lossy springs along the wire, from its upper end", [], max_length=10
-    )
+    dampers: list[WireDamper] = key("masses on lossy springs along the wire", [], max_length=10)
 
     rules = (
         key_rules.excludes("profile", *CROSS_SECTIONS, "sections", "neck"),
@@ -316,14 +306,14 @@ class WireSet(AnyWire, frozen=True):
     )
     t1: units.Separation | None = key("half separation in y at the upper end, m")
     t2: units.Position | None = key("half separation in y at the lower end, m; below 0 wires cross")
-    ring: units.Separation | None = key("radius of the circle of the ends, m, above and below")
+    ring: units.Separation | None = key("radius of the ends' circle, m, above and below")
     ring_upper: units.Separation | None = key("radius of the upper ends' circle, m")
     ring_lower: units.Position | None = key(
         "radius of the lower ends' circle, m; below 0 wires cross"
     )
     phase: units.Angle = key("angle of the first wire of a ring from x towards y, rad", 0.0)
     d: units.Position = key("height of the lower end above the COM of this body, m", 0.0)
-    d_upper: units.Position = key("depth of the upper end below the COM of the body above, m", 0.0)
+    d_upper: units.Position = key("depth of the upper end below the COM above, m", 0.0)
 
     rules = (key_rules.whole_or_parts(*SEPARATIONS), key_rules.whole_or_parts(*RADII))
 
@@ -373,7 +363,7 @@ BladeThickness = Annotated[units.Length, doc(plausible=Plausible(0.1, "thicker t
 
 
 class BladeGeometry(Table, frozen=True):
-    """A tapered cantilever blade clamped at its base, loaded at its tip."""
+    """A tapered cantilever blade."""
 
     length: units.Length = key("length from the clamp to the tip, m", plausible=LONG)
     base_width: units.Length = key("width at the clamp, m", plausible=WIDE)
@@ -391,19 +381,18 @@ class AnyBlade(Table, frozen=True):
     )
     geometry: BladeGeometry | None = None
     load: units.Tension | None = key(
-        "load in N, tip mass included, at which the tip is at its nominal position; under another"
-        " load it deflects and the pose is solved for; default: its load in the nominal pose or, if"
-        " all wires of the stage have natural lengths, in the pose solved for"
+        "load in N, tip mass included, at which the tip is at its nominal position;"
+        " default that in the nominal pose"
     )
     tip_mass: units.MassOrZero = key("mass that moves with one tip, kg", 0.0, plausible=HEAVY)
     lateral_stiffness: tuple[units.Stiffness, units.Stiffness] | None = key(
-        "stiffness of one tip along x and y, N/m; rigid if not given"
+        "stiffness of one tip along x and y, N/m; default rigid"
     )
     loss_angle: units.LossAngle | None = key("in rad; default that of the material, else 0")
     material: units.MaterialName | None = key(
         "the blade's material, for its loss, without a geometry"
     )
-    thickness: BladeThickness | None = key("of the blade in m, for its loss, without a geometry")
+    thickness: BladeThickness | None = key("thickness in m, for its loss, without a geometry")
     temperature: units.Kelvin | None = key("in K; default that of [constants]")
     damper: TipDamper | list[TipDamper] | None = None
 
@@ -447,8 +436,8 @@ class BladeSet(AnyBlade, frozen=True):
     """Cantilever blades on the body above (or the support) that carry a symmetric set of wires."""
 
     count: int = key(
-        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y; on a ring"
-        " 1, or one per wire",
+        "number of blades, 1, 2 or 4; each of two carries the wires on its side of y;"
+        " on a ring 1, or one per wire",
         ge=1,
         le=100,
     )
@@ -458,9 +447,7 @@ class Blade(AnyBlade, frozen=True):
     """One cantilever blade, for wires that name it."""
 
     name: units.Name = key("name by which wires refer to it")
-    at: units.Vector | None = key(
-        "tip, from the COM of the body above, m; default the mean of its wires' ends"
-    )
+    at: units.Vector | None = key("tip, from the COM above, m; default the mean of its wires' ends")
 
 
 STEPS = 16

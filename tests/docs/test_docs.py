@@ -42,6 +42,7 @@ from tests.support.commandline import run
 from tests.support.optima import EXAMPLE
 from tests.support.paths import ROOT
 from tests.support.quick_tradeoff import hurry
+from tools import reference
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.md"))
@@ -414,7 +415,14 @@ def test_keys_of_the_design_file(heading):
         body for head, body in sections("design-file.md").items() if head.split(", ")[0] == heading
     ]
     keys = {key for kind in TABLES[heading] for key in kind.__struct_fields__}
-    assert {key for row in rows(body) for key in named(row[0])} == keys
+    listed = {key for row in rows(body) for key in named(row[0])}
+    for kind in TABLES[heading]:
+        base, other = reference.LIKE.get(kind.__name__, (None, None))
+        if base is not None:
+            first, *rest, last = base.__struct_fields__
+            assert f"| `{first}` to `{last}` | as in {other} |" in body
+            listed |= {*rest}
+    assert listed == keys
 
 
 def test_every_table_of_the_design_file_is_described():

@@ -7,6 +7,7 @@ from typing import get_type_hints
 
 import pytest
 
+import suspension_cli as sus
 from suspension_cli.cli.main import COMMANDS
 from tests.support.golden import ROOT
 from tools import links, reference
@@ -53,8 +54,8 @@ def test_every_key_says_what_it_means(name):
 
 def test_stale_tables_are_made_anew():
     assert (
-        reference.page("a\n<!-- keys: Gas -->\nold\n<!-- end -->\nb")
-        == f"a\n<!-- keys: Gas -->\n\n{reference.keys('Gas')}\n\n<!-- end -->\nb"
+        reference.page("a\n<!--keys:Gas-->\nold\n<!--end-->\nb")
+        == f"a\n<!--keys:Gas-->\n\n{reference.keys('Gas')}\n\n<!--end-->\nb"
     )
 
 
@@ -72,7 +73,14 @@ def test_links_that_lead_nowhere_are_found(tmp_path):
 
 
 def test_the_site_has_the_meaning_of_options():
-    text = "<!-- options: damp -->\n\nshort\n\n<!-- end -->\n<!-- keys: Gas -->\nkept\n<!-- end -->"
+    text = "<!--options:damp-->\n\nshort\n\n<!--end-->\n<!--keys:Gas-->\nkept\n<!--end-->"
     found = reference.expand(text)
     assert "| `--highest FLOAT RANGE` | Frequency in Hz up to which modes are damped" in found
     assert "short" not in found and "kept" in found
+
+
+def test_the_site_documents_all_public_names():
+    found = reference.documented_names()
+    errors = {"InputError", "PendsusError", "PendsusWarning"}
+    for name in {*sus.__all__} - errors:
+        assert name.startswith("_") or f".{name}\n" in found, name

@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 import suspension_cli as sus
 from suspension_cli.importing import gwinc_suspension
 from tests.support.commandline import run
-from tests.support.paths import ROOT
 
 gwinc = pytest.importorskip("gwinc")
 
@@ -104,12 +103,6 @@ def test_dilutions_that_are_given_are_the_difference_at_3_hz():
     assert thermal_ratio(design("aLIGO"), ifo)[0] == pytest.approx(1.0, abs=0.01)
     notes = [note for note in imported("aLIGO").notes if "Dilution" in note]
     assert len(notes) == 3 and "Stage.2.Dilution = 106 is left out" in notes[-1]
-
-
-def test_the_page_shows_what_is_printed():
-    page = (ROOT / "docs" / "migrating.md").read_text()
-    for note in imported("aLIGO").notes:
-        assert f"aligo.yaml: {note}\n" in page
 
 
 def test_loss_of_the_thin_middle_is_the_difference_of_fibres_at_10_hz():
