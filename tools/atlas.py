@@ -71,16 +71,12 @@ blades from a tenth to a ten-thousandth of the stiffness of their wires, silica 
 
 HEAD = f"""# Where methods fail
 
-Each row drives one parameter to where methods are known to fail, and compares each with closed forms or 50 digits and more. A method has
-broken from where on it is wrong by more than {100 * BROKEN:g} %. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. Methods that fail are written as
+Each row drives one parameter to where methods are known to fail, and compares each with closed forms or 50 digits and more. A method breaks
+where its error exceeds {100 * BROKEN:g} % and stays there. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. Methods that fail are written as
 people write them (`tools/stability/naive.py`, `tools/stability/energy.py`); the program is called through its public functions. *Academic*: no
-method breaks within the range of built suspensions (REAL in `tools/atlas.py`; grey in the picture). `make stability` writes this page,
-`tests/linear/test_stability.py` pins every row.
+method breaks within the range of built suspensions (REAL in `tools/atlas.py`; grey in the picture).
 
 ![How far each trouble can be driven before a method breaks](stability.png)
-
-The picture shows how far the worst and the best common method get, and the program; the panels, with the same letters, follow the
-table.
 
 | | driven by | built | other methods break at | largest error of pendsus | its limit, and what it says there |
 |---|---|---|---|---|---|
@@ -127,7 +123,7 @@ def _describe_valid(row: Row, name: str) -> str:
     """Describe a method that is right at the last value: always, or beyond some value."""
     worst = int(row.error[name].argmax())
     return (
-        "right throughout"
+        "right"
         if row.worst(name) <= BROKEN
         else f"off by {format_number(row.worst(name))} at {format_number(float(row.value[worst]))}, right beyond"
     )
