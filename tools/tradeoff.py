@@ -67,6 +67,8 @@ CHARTS = {
 """Designs that the page shows, and the names of their pictures."""
 COLUMNS = ["design", "question", "model", "error", "time", "best"]
 """Columns of `results/tradeoff.csv`."""
+ABOVE_THE_VIOLIN_MODES = "response from 50 to 1000 Hz, 200 frequencies"
+"""Question of which the page has a sentence in place of a table."""
 BAND = (0.1, 1000.0)
 TIMED, CHECKED = 200, 25
 """Frequencies of a response whose time is measured, and at which its error is."""
@@ -139,7 +141,7 @@ def tabulate(found: dict[str, Measured], question: str) -> list[str]:
         name: {entry.model: entry for entry in one.entries if entry.question == question}
         for name, one in found.items()
     }
-    models = list(next(iter(rows.values())))
+    models = [model for model in next(iter(rows.values())) if model != "closed-form"]
     lines = [f"| {question} | {' | '.join(models)} |", "|---|" + "---|" * len(models)]
     for name, entries in rows.items():
         if name not in CHARTS:
@@ -183,23 +185,33 @@ def document(found: dict[str, Measured], methods: Any) -> str:
     lines = [
         "# Speed against accuracy",
         "",
-        f"Made by `make tradeoff` in one run, on one thread ({platform.machine()}, {versions})."
-        " Times are processor times, medians of samples that all models or methods take in turns;"
-        " this is the only page with times per result. [Choosing the"
-        " model](../docs/choosing.md#by-hand-speed-against-accuracy) says what to use when.",
+        f"`make tradeoff` in one run, on one thread ({platform.machine()}, {versions}): processor"
+        " times, medians of samples that all models or methods take in turns. [What to use"
+        " when](../docs/choosing.md#by-hand-speed-against-accuracy).",
         "",
         "## Models",
         "",
         "Largest error against the `violin` model · processor time of one result, design or build."
-        " Bold: the fastest within 0.1 %. A dash: not valid for this design, or for this question."
-        " [tradeoff.csv](tradeoff.csv) has all of the paper's designs, too;"
+        " Bold: the fastest within 0.1 %. A dash: not valid for this question."
+        " [tradeoff.csv](tradeoff.csv) has closed forms and all of the paper's designs, too;"
         " `pendsus tradeoff DESIGN` measures any.",
         "",
     ]
-    for question in dict.fromkeys(
-        entry.question for one in found.values() for entry in one.entries
-    ):
-        lines += tabulate(found, question)
+    questions = dict.fromkeys(entry.question for one in found.values() for entry in one.entries)
+    for question in questions:
+        if question != ABOVE_THE_VIOLIN_MODES:
+            lines += tabulate(found, question)
+    errors = [
+        entry.error
+        for name in CHARTS
+        for entry in found[name].entries
+        if entry.question == ABOVE_THE_VIOLIN_MODES and entry.error
+    ]
+    lines += [
+        f"Of the {ABOVE_THE_VIOLIN_MODES}, only `violin` is right: the others are wrong by"
+        f" {percent(min(errors))} to {percent(max(errors))}.",
+        "",
+    ]
     lines += [
         "## Methods for a response",
         "",
@@ -207,10 +219,10 @@ def document(found: dict[str, Measured], methods: Any) -> str:
         "",
         f"Largest error from {BAND[0]:g} to {BAND[1]:g} Hz, against 50 digits on the same matrices,"
         f" and time of a response at {TIMED} frequencies, from the matrices on. Body by body is the"
-        " slowest of the five. What it buys: it needs no other method for any design, as its error"
-        " stays below 1e-12 where a modal sum is wrong by 1e-4 (triple on silica) or useless"
-        " (quadruple); unlike state space and zpk it takes losses and wires with mass; and it keeps"
-        " exact zeros and tiny couplings, which these responses do not show.",
+        " slowest. What it buys: its error stays below 1e-12 for any design, where a modal sum is"
+        " wrong by 1e-4 (triple on silica) or useless (quadruple); unlike state space and zpk it"
+        " takes losses and wires with mass; and it keeps exact zeros and tiny couplings, not shown"
+        " here.",
         "",
         f"| {' | '.join(['design', *METHODS])} |",
         "|---|" + "---|" * len(METHODS),
@@ -220,7 +232,7 @@ def document(found: dict[str, Measured], methods: Any) -> str:
         lines.append(f"| {name} | {' | '.join(cells)} |")
     lines += ["", "## Charts", ""]
     for name, file in CHARTS.items():
-        lines += [f"{name}:", "", f"![Which model to use for {name}]({file}.png)", ""]
+        lines += [f"![Which model to use for {name}]({file}.png)", ""]
     lines.pop()
     return "\n".join(lines) + "\n"
 
