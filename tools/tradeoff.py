@@ -22,7 +22,6 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
 from suspension_cli.analyses.tradeoff.measure import (
-    Entry,
     Measured,
     draw,
     format_time,
@@ -67,8 +66,6 @@ CHARTS = {
 """Designs that the page shows, and the names of their pictures."""
 COLUMNS = ["design", "question", "model", "error", "time", "best"]
 """Columns of `results/tradeoff.csv`."""
-ABOVE_THE_VIOLIN_MODES = "response from 50 to 1000 Hz, 200 frequencies"
-"""Question of which the page has a sentence in place of a table."""
 BAND = (0.1, 1000.0)
 TIMED, CHECKED = 200, 25
 """Frequencies of a response whose time is measured, and at which its error is."""
@@ -135,31 +132,6 @@ def _draw_chart(axes: Axes, points: dict[str, tuple[float, float]]) -> None:
     label_points(axes, list(zip(time, shown, strict=True)), list(points), colours, 7.8)
 
 
-def tabulate(found: dict[str, Measured], question: str) -> list[str]:
-    """Tabulate errors and times for one question, a row per design."""
-    rows = {
-        name: {entry.model: entry for entry in one.entries if entry.question == question}
-        for name, one in found.items()
-    }
-    models = [model for model in next(iter(rows.values())) if model != "closed-form"]
-    lines = [f"| {question} | {' | '.join(models)} |", "|---|" + "---|" * len(models)]
-    for name, entries in rows.items():
-        if name not in CHARTS:
-            continue
-        best = [one.best for one in found[name].answers if one.question == question]
-        cells = [_cell(entries[model], *best) for model in models] if best else ["–"] * len(models)
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return [*lines, ""]
-
-
-def _cell(entry: Entry, best: Entry | None) -> str:
-    if entry.left_out:
-        return "–"
-    error = percent(entry.error) if entry.error else "reference"
-    text = f"{error} · {format_time(entry.time)}"
-    return f"**{text}**" if entry == best else text
-
-
 def table_of_all(found: dict[str, Measured]) -> str:
     """CSV of errors and times of all designs, see `COLUMNS`."""
     stream = io.StringIO()
@@ -177,7 +149,7 @@ def table_of_all(found: dict[str, Measured]) -> str:
     return stream.getvalue()
 
 
-def document(found: dict[str, Measured], methods: Any) -> str:
+def document(methods: Any) -> str:
     """Format the page."""
     versions = (
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
@@ -191,27 +163,13 @@ def document(found: dict[str, Measured], methods: Any) -> str:
         "",
         "## Models",
         "",
-        "Largest error against the `violin` model · processor time of one result, design or build."
-        " Bold: the fastest within 0.1 %. A dash: not valid for this question."
-        " [tradeoff.csv](tradeoff.csv) has closed forms and all of the paper's designs, too;"
-        " `pendsus tradeoff DESIGN` measures any.",
+        "Largest error against the `violin` model, and processor time of one result, design or"
+        " build. [tradeoff.csv](tradeoff.csv) has these, and all of the paper's designs, as"
+        " numbers; `pendsus tradeoff DESIGN` measures any.",
         "",
     ]
-    questions = dict.fromkeys(entry.question for one in found.values() for entry in one.entries)
-    for question in questions:
-        if question != ABOVE_THE_VIOLIN_MODES:
-            lines += tabulate(found, question)
-    errors = [
-        entry.error
-        for name in CHARTS
-        for entry in found[name].entries
-        if entry.question == ABOVE_THE_VIOLIN_MODES and entry.error
-    ]
-    lines += [
-        f"Of the {ABOVE_THE_VIOLIN_MODES}, only `violin` is right: the others are wrong by"
-        f" {percent(min(errors))} to {percent(max(errors))}.",
-        "",
-    ]
+    for name, file in CHARTS.items():
+        lines += [f"![Which model to use for {name}]({file}.png)", ""]
     lines += [
         "## Methods for a response",
         "",
@@ -230,10 +188,6 @@ def document(found: dict[str, Measured], methods: Any) -> str:
     for name, points in methods.items():
         cells = [f"{error:.0e} · {format_time(time)}" for time, error in points.values()]
         lines.append(f"| {name} | {' | '.join(cells)} |")
-    lines += ["", "## Charts", ""]
-    for name, file in CHARTS.items():
-        lines += [f"![Which model to use for {name}]({file}.png)", ""]
-    lines.pop()
     return "\n".join(lines) + "\n"
 
 
@@ -250,7 +204,7 @@ def main() -> None:
             methods[name], titles[name] = compare_methods(source.design), source.title
             save(draw(found[name], source.title), folder / f"{CHARTS[name]}.png")
     save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
-    write_bytes(folder / "tradeoff.md", document(found, methods).encode())
+    write_bytes(folder / "tradeoff.md", document(methods).encode())
     write_bytes(folder / "tradeoff.csv", table_of_all(found).encode())
 
 
