@@ -6,6 +6,8 @@ Writes `results/stability.md`, an overview `stability.png` and pages of panels
 
 from __future__ import annotations
 
+import csv
+import io
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +27,7 @@ from tools.stability import (
     modal,
 )
 from tools.stability.draw import count_pages, draw_pages
-from tools.stability.overview import draw_overview, format_number
+from tools.stability.overview import draw_overview
 from tools.stability.row import BROKEN, SHIPPED, Row
 
 ROWS: dict[str, Callable[[], Row]] = {
@@ -71,28 +73,32 @@ blades from a tenth to a ten-thousandth of the stiffness of their wires, silica 
 
 HEAD = f"""# Where methods fail
 
-Each row drives one parameter to where methods are known to fail, and compares each with closed forms or 50 digits and more. A method has
-broken from where on it is wrong by more than {100 * BROKEN:g} %. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. Methods that fail are written as
+Each row drives one parameter to where methods are known to fail, and compares each with closed forms or 50 digits and more. A method breaks
+where its error exceeds {100 * BROKEN:g} % and stays there. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. Methods that fail are written as
 people write them (`tools/stability/naive.py`, `tools/stability/energy.py`); the program is called through its public functions. *Academic*: no
-method breaks within the range of built suspensions (REAL in `tools/atlas.py`; grey in the picture). `make stability` writes this page,
-`tests/linear/test_stability.py` pins every row.
+method breaks within the range of built suspensions (REAL in `tools/atlas.py`; grey in the picture).
 
 ![How far each trouble can be driven before a method breaks](stability.png)
-
-The picture shows how far the worst and the best common method get, and the program; the panels, with the same letters, follow the
-table.
 
 | | driven by | built | other methods break at | largest error of pendsus | its limit, and what it says there |
 |---|---|---|---|---|---|
 """
 
 
+def compact(value: float) -> str:
+    """Format a number for the table: plain from 1e-3 to 1e4, otherwise with an exponent.
+
+    >>> compact(0.00153), compact(4.14e-16)
+    ('0.00153', '4.1e-16')
+    """
+    digits = ".3g" if 1e-3 <= value < 1e4 else ".1e"
+    return f"{float(format(value, digits)):g}"
+
+
 def table_row(row: Row) -> str:
     """Format one line of the table."""
     breaks = [
-        f"{name}: {format_number(at)}"
-        for name in row.others
-        if (at := row.broken_at(name)) is not None
+        f"{name}: {compact(at)}" for name in row.others if (at := row.broken_at(name)) is not None
     ]
     holds = [
         f"{name}: {_describe_valid(row, name)}"
@@ -115,7 +121,7 @@ def _describe_real(row: Row) -> str:
     """Describe the range of real suspensions, and whether a method breaks in it."""
     if not row.real:
         return ""
-    text = " to ".join(map(format_number, row.real))
+    text = " to ".join(map(compact, row.real))
     return (
         text
         if any(row.is_real(row.broken_at(name)) for name in row.others)
@@ -127,9 +133,9 @@ def _describe_valid(row: Row, name: str) -> str:
     """Describe a method that is right at the last value: always, or beyond some value."""
     worst = int(row.error[name].argmax())
     return (
-        "right throughout"
+        "right"
         if row.worst(name) <= BROKEN
-        else f"off by {format_number(row.worst(name))} at {format_number(float(row.value[worst]))}, right beyond"
+        else f"off by {compact(row.worst(name))} at {compact(float(row.value[worst]))}, right beyond"
     )
 
 
@@ -139,19 +145,19 @@ def _describe_own(row: Row, name: str) -> str:
         row.broken_at(name),
         name.removeprefix(SHIPPED).removeprefix(":").removeprefix(",").strip(),
     )
-    value = format_number(row.worst(name)) if at is None else f"breaks at {format_number(at)}"
+    value = compact(row.worst(name)) if at is None else f"breaks at {compact(at)}"
     return f"{label}: {value}" if label else value
 
 
-def report(rows: list[Row], map_table: str) -> str:
-    """Format the whole page: rows, panels, and the table of the errors of maps."""
+def report(rows: list[Row], on_maps: str) -> str:
+    """Format the whole page: rows, panels, and the errors of maps."""
     sentences = [f"**{row.title}** ({row.quantity}). {row.finding}" for row in rows]
     panels = [
         f"![Relative errors, page {number}](stability_{number}.png)"
         for number in range(1, count_pages(rows) + 1)
     ]
     table = "\n".join(table_row(row) for row in rows)
-    return HEAD + "\n\n".join([table, *panels, *sentences, map_table]) + "\n"
+    return HEAD + "\n\n".join([table, *panels, *sentences, on_maps]) + "\n"
 
 
 def main() -> None:
@@ -162,9 +168,12 @@ def main() -> None:
         rows.append(replace(make(), real=REAL[name]))
         print(f"{name:20} {time.perf_counter() - start:5.1f} s", flush=True)
     errors = {trouble: map_errors.compare(make()) for trouble, make in map_errors.TROUBLES.items()}
-    text = report(rows, map_errors.table(errors))
+    text = report(rows, map_errors.summary(errors))
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows([map_errors.HEAD, *map_errors.rows(errors)])
     (ROOT / "results").mkdir(exist_ok=True)
     write_bytes(ROOT / "results" / "stability.md", text.encode())
+    write_bytes(ROOT / "results" / "stability_maps.csv", stream.getvalue().encode())
     with house_style():
         save(draw_overview(rows), ROOT / "results" / "stability.png")
         for number, page in enumerate(draw_pages(rows), 1):

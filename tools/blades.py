@@ -66,8 +66,8 @@ def main() -> None:
         "# Blades in series with angled wires",
         "",
         (
-            "Frequency with the blade tips as coordinates (`string`, Hz), and how far the paper's"
-            " series springs (`force`) are from it."
+            "Frequency with the blade tips as coordinates (`string`, Hz), and in brackets how far"
+            " the paper's series springs (`force`) are from it in %."
         ),
         "",
         "| angle of the wires | " + " | ".join(names) + " |",
@@ -75,7 +75,7 @@ def main() -> None:
     ]
     lines += [
         f"| {angle:.1f}° | "
-        + " | ".join(f"{row[n][0]:.4g} ({round(100 * row[n][1], 2) + 0.0:+.2f} %)" for n in names)
+        + " | ".join(f"{row[n][0]:.4g} ({round(100 * row[n][1], 2) + 0.0:+.2f})" for n in names)
         + " |"
         for angle, row in rows
     ]

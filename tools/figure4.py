@@ -131,14 +131,13 @@ def main() -> None:
             f" ({half:.3g} and {thin:.3g} Hz at t1 = 0)."
         ),
         (
-            "The lower curve takes cantilevers in series with the wires, along them, as the paper's"
-            " force model does. With their tips as coordinates"
+            "The lower curve takes cantilevers in series with the wires, as the paper's force model"
+            " does. With tips that move vertically only (`string`)"
         ),
         (
-            "of their own (`string`), which move vertically only, it begins at"
-            f" {general[1].frequency[0]:.4g} Hz instead of {soft.frequency[0]:.4g} Hz"
+            f"it begins at {general[1].frequency[0]:.4g} Hz instead of {soft.frequency[0]:.4g} Hz"
+            " and still falls with the angle."
         ),
-        "and still falls with the angle.",
         "",
     ]
     text = "\n".join(lines)

@@ -508,22 +508,17 @@ def document(
         "",
         "![Growth of cost with points, builds, stages and frequencies](tradeoff_growth.png)",
         "",
-        "| work | sizes: times | power at the end |",
-        "|---|---|---|",
+        "Power at the end: "
+        + "; ".join(f"{line.name} ({line.unit}) {line.exponent:.1f}" for line in growth)
+        + ".",
     ]
-    for line in growth:
-        times = ", ".join(
-            f"{size:,}: {format_time(taken)}"
-            for size, taken in zip(line.size, line.time, strict=True)
-        )
-        lines.append(f"| {line.name} ({line.unit}) | {times} | {line.exponent:.1f} |")
     lines += [
         "",
         "## Mode frequencies of all shipped designs",
         "",
         "Each model's largest error against the most complete one that lists its modes in seconds,"
-        " with its time: [tradeoff_designs.csv](tradeoff_designs.csv). `auto` takes a model within"
-        " 0.1 % of that one in every design.",
+        " with its time: [tradeoff_designs.csv](tradeoff_designs.csv). `auto` is within 0.1 % of"
+        " that one in every design.",
     ]
     return "\n".join(lines) + "\n"
 

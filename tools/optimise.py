@@ -2,11 +2,14 @@
 
 It starts from vertical wires, whose rotation is too fast. `pendsus optimise` finds the design,
 `pendsus modes` checks it from its file. Writes
-`results/optimise.md`, `.png` and the design as `results/optimise.toml`. Run by `make optimise`.
+`results/optimise.md`, `.png`, its modes as `optimise_modes.csv` and the design as `optimise.toml`.
+Run by `make optimise`.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import shutil
 import subprocess
@@ -39,24 +42,19 @@ def pendsus(*words: str, out: Path) -> Any:
     return json.loads(ran.stdout)
 
 
-def listed(found: dict[str, Any], before: dict[str, Any], after: dict[str, Any]) -> list[str]:
+def listed(found: dict[str, Any], before: dict[str, Any], after: dict[str, Any]) -> list[list[str]]:
     """List all modes by family, before and after, with the criterion by `pendsus modes` alone."""
-    lines = [
-        "| mode | before (Hz) | after (Hz) | in the top mass | not damped because | mostly |",
-        "|---|---:|---:|---:|---|---|",
-    ]
+    rows = [["mode", "before_hz", "after_hz", "top_mass_percent", "not_damped_because", "mostly"]]
     fresh = {mode["frequency_hz"]: mode for mode in after["modes"]}
     drawn = {mode["frequency_hz"] for mode in before["modes"]}
     for mode in found["modes"]:
         mine = fresh[min(fresh, key=lambda f: abs(f - mode["after_hz"]))]
         was = min(drawn, key=lambda f: abs(f - mode["before_hz"]))
         share = 100 * mode["top_mass_fraction_after"]
-        reason = "" if mine["verdict"] == DAMPED else f" {mine['verdict']}"
-        lines.append(
-            f"| {mode['name']} | {was:.3f} | {mine['frequency_hz']:.3f} | {share:.1f} % |"
-            f"{reason} | {mine['label']} |"
-        )
-    return lines
+        reason = "" if mine["verdict"] == DAMPED else mine["verdict"]
+        numbers = f"{was:.3f}", f"{mine['frequency_hz']:.3f}", f"{share:.1f}"
+        rows.append([mode["name"], *numbers, reason, mine["label"]])
+    return rows
 
 
 def main() -> None:
@@ -90,11 +88,13 @@ def main() -> None:
             " in which the bare wires of the last stage stretch."
         ),
         "",
-        *listed(found, before, after),
-        "",
-        "Parameters and limits are comments of [optimise.toml](optimise.toml).",
+        "[Every mode](optimise_modes.csv); parameters and limits are comments of"
+        " [optimise.toml](optimise.toml).",
         "",
     ]
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(listed(found, before, after))
+    write_bytes(ROOT / "results" / "optimise_modes.csv", stream.getvalue().encode())
     page = "\n".join(lines)
     write_bytes(ROOT / "results" / "optimise.md", page.encode())
     write_bytes(ROOT / "results" / "optimise.toml", text.encode())

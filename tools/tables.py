@@ -126,7 +126,7 @@ def shown(key: str, value: Any) -> str:
     if value is None:
         return "–"
     if key in ("difference", "series"):
-        return f"{100 * value:+.2f} %"
+        return f"{100 * value:+.2f}"
     if key in ("ours", "string"):
         return f"{value:#.4g}"
     return str(value)
@@ -161,14 +161,13 @@ def main() -> None:
         "experiment": "experiment (Hz)",
         "theory": "paper's theory (Hz)",
         "ours": "ours (Hz)",
-        "difference": "ours - theory",
+        "difference": "ours - theory (%)",
     }
     notes = (
-        "Single pendulums on four wires, 20 kg. The paper gives neither the moments of inertia nor"
-        " the wire radius: one set was fitted\nto the 24 theory values (`docs/paper.md`). The"
-        " captions of cases 1 and 2 are swapped in print. The paper says that cases 1 to 3\nwere"
-        " measured on a frame that was not rigid; that this explains their vertical frequencies is"
-        " a conjecture."
+        "Single pendulums on four wires, 20 kg. Moments of inertia and wire radius are not in the"
+        " paper: one set was fitted to the\n24 theory values (`docs/paper.md`). The captions of"
+        " cases 1 and 2 are swapped in print. The paper says that cases 1 to 3 were measured\non a"
+        " frame that was not rigid; that this explains their vertical frequencies is a conjecture."
     )
     save(
         "table1",
@@ -178,13 +177,12 @@ def main() -> None:
         first,
     )
     notes = (
-        "The prototype triple pendulum of GEO 600 with two stages of cantilevers. Its parameters"
-        " are not in the paper: a plausible set was fitted to\nthese modes (`docs/paper.md`;"
-        " `configs/husman2000/table2.toml` marks what is given). *Ours* is the force model, which"
-        " like the paper's takes blades\nin series with the wires; *string* has the blade tips as"
-        " coordinates, and the last column shows what the series costs."
+        "The prototype triple pendulum of GEO 600. Its parameters are not in the paper: a plausible"
+        " set was fitted to these modes (`docs/paper.md`;\n`configs/husman2000/table2.toml` marks"
+        " what is given). *Ours* is the force model, which like the paper's takes blades in series"
+        " with the wires;\n*string* has the blade tips as coordinates."
     )
-    heads |= {"string": "string (Hz)", "series": "force - string"}
+    heads |= {"string": "string (Hz)", "series": "force - string (%)"}
     save(
         "table2",
         markdown("Table II: prototype triple pendulum", notes, second, {"family": "modes"} | heads),

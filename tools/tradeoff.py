@@ -22,7 +22,6 @@ from matplotlib.figure import Figure
 
 from suspension_cli.analyses.export.solve import compute_zero_pole_gain
 from suspension_cli.analyses.tradeoff.measure import (
-    Entry,
     Measured,
     draw,
     format_time,
@@ -133,31 +132,6 @@ def _draw_chart(axes: Axes, points: dict[str, tuple[float, float]]) -> None:
     label_points(axes, list(zip(time, shown, strict=True)), list(points), colours, 7.8)
 
 
-def tabulate(found: dict[str, Measured], question: str) -> list[str]:
-    """Tabulate errors and times for one question, a row per design."""
-    rows = {
-        name: {entry.model: entry for entry in one.entries if entry.question == question}
-        for name, one in found.items()
-    }
-    models = list(next(iter(rows.values())))
-    lines = [f"| {question} | {' | '.join(models)} |", "|---|" + "---|" * len(models)]
-    for name, entries in rows.items():
-        if name not in CHARTS:
-            continue
-        best = [one.best for one in found[name].answers if one.question == question]
-        cells = [_cell(entries[model], *best) for model in models] if best else ["–"] * len(models)
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return [*lines, ""]
-
-
-def _cell(entry: Entry, best: Entry | None) -> str:
-    if entry.left_out:
-        return "–"
-    error = percent(entry.error) if entry.error else "reference"
-    text = f"{error} · {format_time(entry.time)}"
-    return f"**{text}**" if entry == best else text
-
-
 def table_of_all(found: dict[str, Measured]) -> str:
     """CSV of errors and times of all designs, see `COLUMNS`."""
     stream = io.StringIO()
@@ -175,7 +149,7 @@ def table_of_all(found: dict[str, Measured]) -> str:
     return stream.getvalue()
 
 
-def document(found: dict[str, Measured], methods: Any) -> str:
+def document(methods: Any) -> str:
     """Format the page."""
     versions = (
         f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
@@ -183,23 +157,19 @@ def document(found: dict[str, Measured], methods: Any) -> str:
     lines = [
         "# Speed against accuracy",
         "",
-        f"Made by `make tradeoff` in one run, on one thread ({platform.machine()}, {versions})."
-        " Times are processor times, medians of samples that all models or methods take in turns;"
-        " this is the only page with times per result. [Choosing the"
-        " model](../docs/choosing.md#by-hand-speed-against-accuracy) says what to use when.",
+        f"`make tradeoff` in one run, on one thread ({platform.machine()}, {versions}): processor"
+        " times, medians of samples that all models or methods take in turns. [What to use"
+        " when](../docs/choosing.md#by-hand-speed-against-accuracy).",
         "",
         "## Models",
         "",
-        "Largest error against the `violin` model · processor time of one result, design or build."
-        " Bold: the fastest within 0.1 %. A dash: not valid for this design, or for this question."
-        " [tradeoff.csv](tradeoff.csv) has all of the paper's designs, too;"
-        " `pendsus tradeoff DESIGN` measures any.",
+        "Largest error against the `violin` model, and processor time of one result, design or"
+        " build. [tradeoff.csv](tradeoff.csv) has these, and all of the paper's designs, as"
+        " numbers; `pendsus tradeoff DESIGN` measures any.",
         "",
     ]
-    for question in dict.fromkeys(
-        entry.question for one in found.values() for entry in one.entries
-    ):
-        lines += tabulate(found, question)
+    for name, file in CHARTS.items():
+        lines += [f"![Which model to use for {name}]({file}.png)", ""]
     lines += [
         "## Methods for a response",
         "",
@@ -207,10 +177,10 @@ def document(found: dict[str, Measured], methods: Any) -> str:
         "",
         f"Largest error from {BAND[0]:g} to {BAND[1]:g} Hz, against 50 digits on the same matrices,"
         f" and time of a response at {TIMED} frequencies, from the matrices on. Body by body is the"
-        " slowest of the five. What it buys: it needs no other method for any design, as its error"
-        " stays below 1e-12 where a modal sum is wrong by 1e-4 (triple on silica) or useless"
-        " (quadruple); unlike state space and zpk it takes losses and wires with mass; and it keeps"
-        " exact zeros and tiny couplings, which these responses do not show.",
+        " slowest. What it buys: its error stays below 1e-12 for any design, where a modal sum is"
+        " wrong by 1e-4 (triple on silica) or useless (quadruple); unlike state space and zpk it"
+        " takes losses and wires with mass; and it keeps exact zeros and tiny couplings, not shown"
+        " here.",
         "",
         f"| {' | '.join(['design', *METHODS])} |",
         "|---|" + "---|" * len(METHODS),
@@ -218,10 +188,6 @@ def document(found: dict[str, Measured], methods: Any) -> str:
     for name, points in methods.items():
         cells = [f"{error:.0e} · {format_time(time)}" for time, error in points.values()]
         lines.append(f"| {name} | {' | '.join(cells)} |")
-    lines += ["", "## Charts", ""]
-    for name, file in CHARTS.items():
-        lines += [f"{name}:", "", f"![Which model to use for {name}]({file}.png)", ""]
-    lines.pop()
     return "\n".join(lines) + "\n"
 
 
@@ -238,7 +204,7 @@ def main() -> None:
             methods[name], titles[name] = compare_methods(source.design), source.title
             save(draw(found[name], source.title), folder / f"{CHARTS[name]}.png")
     save(draw_methods(methods, titles), folder / "tradeoff_methods.png")
-    write_bytes(folder / "tradeoff.md", document(found, methods).encode())
+    write_bytes(folder / "tradeoff.md", document(methods).encode())
     write_bytes(folder / "tradeoff.csv", table_of_all(found).encode())
 
 

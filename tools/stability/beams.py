@@ -110,8 +110,8 @@ def row(slenderness: Any = SLENDERNESS) -> Row:
         value=np.asarray(slenderness),
         error=sample(slenderness, compute),
         finding=(
-            "cosh and sinh overflow in a slender wire, and cancel in a stiff and slow one. The"
-            " program takes even and odd halves, tanh alone, and a series where waves cancel."
+            "cosh and sinh overflow in a slender wire and cancel in a stiff one. The program"
+            " takes even and odd halves, tanh alone, and series."
         ),
         limit="none found",
         mark={"overflow of cosh": 710.0},
@@ -182,9 +182,8 @@ def short_sections(lengths: Any = None) -> Row:
         value=np.sqrt(rigidity / TENSION) / lengths,
         error=sample(lengths, compute),
         finding=(
-            "12 EI / l³ of a short section swamps the tension and the long section that it is"
-            " joined to. Joined on slopes relative to the chord, only its own small deformation"
-            " has that stiffness."
+            "12 EI / l³ of a short section swamps the tension and the long section. Joined on"
+            " slopes relative to the chord, only its own small deformation has that stiffness."
         ),
         limit="none found",
     )

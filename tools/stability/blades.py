@@ -52,10 +52,9 @@ def row(ratio: Any = RATIO) -> Row:
         value=np.asarray(ratio, dtype=float),
         error=error,
         finding=(
-            "A nearly rigid wire on a soft blade leaves k − k²/(k + k_b) of its stiffness, a"
-            " sum that has lost k_b; eliminating the tip with the body below squares the loss."
-            " The program keeps what is rounded away, or adds compliances, with the wires'"
-            " tensions as coordinates."
+            "A nearly rigid wire on a soft blade leaves k − k²/(k + k_b) of its stiffness, which"
+            " has lost k_b; eliminating the tip with the body below squares the loss. The program"
+            " has the wires' tensions as coordinates."
         ),
         limit="none found; of builds whose blades have a tip mass, modes lose 10⁻¹⁵ × ratio",
     )

@@ -77,9 +77,9 @@ def tiny(offset: Any = TINY) -> Row:
         }
         | {name: relative(values, reference) for name, values in methods.items()},
         finding=(
-            "A coupling of 10⁻¹⁰ is far below the rounding of lengths from coordinates;"
-            " difference quotients lose half of all digits. The program counts elongations from"
-            " the nominal pose, and keeps exact zeros where symmetry forbids a coupling."
+            "A coupling of 10⁻¹⁰ is below the rounding of lengths from coordinates; difference"
+            " quotients lose half of all digits. The program counts elongations from the nominal"
+            " pose, and keeps exact zeros."
         ),
         limit=(
             "the last bit of a point, 10⁻¹⁸ m, over the offset; of couplings of second order ratios"
@@ -111,7 +111,7 @@ def large(offset: Any = LARGE) -> Row:
         finding=(
             "An imperfect body hangs elsewhere than drawn: models about the nominal pose, or in"
             " proportion to the imperfection, are wrong from 10 μm on. The program finds the"
-            " pose with exact finite rotations and linearises there."
+            " pose, with finite rotations."
         ),
         limit="none found; where a build has no equilibrium on taut wires it says so",
     )

@@ -66,8 +66,8 @@ def roll_off(frequency: Any = FREQUENCY) -> Row:
         | {name: relative(value, reference) for name, value in found.items()},
         finding=(
             "A response that falls as 1/f⁸ is a tiny difference of modes, or a product over"
-            " zeros known to the rounding of the largest one. Transmissions of stages, solved"
-            " one after the other, multiply: nothing cancels."
+            " zeros known to the rounding of the largest one. Transmissions of stages multiply:"
+            " nothing cancels."
         ),
         limit="none found; `export` prints the band in which a state space or zpk is right",
         mark={"highest mode": float(eigenmodes.solve(model).frequency[-1])},
@@ -97,9 +97,9 @@ def long_chain(stages: Any = STAGES) -> Row:
         value=np.asarray(stages, dtype=float),
         error=sample(stages, compute),
         finding=(
-            "Thirty stages transmit 10⁻⁵⁸ of the support's motion: a sum over modes cannot"
-            " resolve this, and transfer matrices from the top grow by as much. Elimination from"
-            " the mirror up keeps all digits."
+            "Thirty stages transmit 10⁻⁵⁸: a sum over modes cannot resolve this, and transfer"
+            " matrices from the top grow by as much. Elimination from the mirror up keeps all"
+            " digits."
         ),
         limit="none found; below 10⁻³⁰⁸ a response is 0",
     )

@@ -85,12 +85,11 @@ def soft_pitch(distance: Any = DISTANCE) -> Row:
         error=error,
         finding=(
             f"At d = −4 k s² / (m g) (here −{-1e3 * float(critical):.4f} mm)"
-            " stretch and gravity cancel; difference quotients have no digits left from 10⁻⁵"
-            " on. Closed forms distinguish stable from unstable down to 10⁻¹¹ of that height."
+            " stretch and gravity cancel; difference quotients have no digits left from 10⁻⁵ on."
+            " Closed forms distinguish stable from unstable down to 10⁻¹¹ of that height."
         ),
         limit=(
-            "ε / distance, from 10⁻¹² on reported as rigid; `modes` warns where lowering wires by"
-            " less than 0.1 mm would tip a body over"
+            "ε / distance, from 10⁻¹² on reported as rigid; `modes` warns within 0.1 mm of tipping"
         ),
     )
 
@@ -127,12 +126,10 @@ def nearly_slack(left: Any = LEFT) -> Row:
         finding=(
             f"A wire that is {1e3 * float(critical):.3f} mm"
             " too long carries nothing; close to that its tension is a small difference of"
-            " lengths. With exact rotations, and elongations counted from the nominal pose, it"
-            " ends in rounding alone."
+            " lengths. With elongations counted from the nominal pose, it ends in rounding alone."
         ),
         limit=(
-            "ε / tension left; `check` and `modes` warn below 1 % of the mean of the stage, and a"
-            " slack wire is refused"
+            "ε / tension left; a warning below 1 % of the stage's mean, and a slack wire is refused"
         ),
     )
 

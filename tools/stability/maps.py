@@ -83,9 +83,8 @@ def compute(widths: Any = WIDTH) -> Row:
         error={name: np.array(one) for name, one in error.items()},
         finding=(
             "Where a mode crosses the frequency, the ratio has poles, which no polynomial"
-            " follows. The program interpolates both motions times the determinant of the"
-            " dynamic stiffness, divides afterwards, and compares some points with full"
-            " solutions."
+            " follows. The program interpolates both motions times the determinant of the dynamic"
+            " stiffness."
         ),
         limit=(
             "none found: where the comparison is off by more than 10⁻⁶, or points fail, it solves"

@@ -118,8 +118,7 @@ def row(mass: Any = MASS) -> Row:
         error=sample(mass, pitch) | sample(mass, modes),
         finding=(
             "Against the weight of a tonne, whatever a milligram pulls is rounding, and a light"
-            " stage stays as drawn. The program judges the forces on every body by what that"
-            " body carries."
+            " stage stays as drawn. The program judges the forces on a body by what it carries."
         ),
         limit="none found",
     )

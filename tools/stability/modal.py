@@ -64,8 +64,7 @@ def rigid_wires(ratio: Any = STIFFNESS_RATIO) -> Row:
         error=error,
         finding=(
             "Eigenvalue solvers leave rounding errors of the largest ω² in the smallest. The"
-            " program solves for 1 / ω² with the tensions of wires as unknowns, as sums in the"
-            " stiffness matrix round the soft part away where wires lean."
+            " program solves for 1 / ω², with the tensions of wires as unknowns."
         ),
         limit=(
             "none found on `string`, `beam` and `violin`; `force` with wires that lean: ε × ratio"
@@ -93,9 +92,9 @@ def graded_chain(ratio: Any = STIFFNESS_RATIO) -> Row:
         value=np.asarray(ratio),
         error=sample(ratio, compute),
         finding=(
-            "Rounding mixes several soft modes of a block with stiff ones and with each other."
-            " In 1 / ω² the stiff ones vanish; theirs follow from the energies in their shapes,"
-            " to 10⁻⁹ up to ratios of 10⁸."
+            "Rounding mixes several soft modes with stiff ones and with each other. In 1 / ω²"
+            " the stiff ones vanish; theirs follow from the energies in their shapes, to 10⁻⁹ up"
+            " to ratios of 10⁸."
         ),
         limit="none found",
     )
@@ -134,8 +133,8 @@ def equal_modes(detuning: Any = DETUNING) -> Row:
         error={name: np.array(values) for name, values in error.items()},
         finding=(
             "Eigenvectors of nearly equal modes turn by rounding over the gap. The program"
-            " solves separately what a symmetry keeps apart, and gives modes that agree to 10⁻⁹"
-            " the basis of the fewest coordinates."
+            " solves apart what a symmetry keeps apart; modes that agree to 10⁻⁹ get the basis of"
+            " the fewest coordinates."
         ),
         limit="modes that differ by less than 10⁻⁹ are reported as degenerate",
     )
@@ -208,9 +207,9 @@ def quality(loss: Any = LOSS) -> Row:
         value=np.array(value),
         error={name: np.array(values) for name, values in error.items()},
         finding=(
-            "A pole has 1/Q in its real part, which drowns in the rounding of its imaginary"
-            " one; the width of a resonance drowns sooner. The program takes decay from what the"
-            " motion dissipates: all digits at any Q."
+            "A pole has 1/Q in its real part, which drowns in the rounding of its imaginary one;"
+            " the width of a resonance drowns sooner. The program takes decay from what the"
+            " motion dissipates."
         ),
         limit="none found; sweeps and sensitivities take Q to first order, which is off by φ²",
     )

@@ -23,7 +23,7 @@ from tools.validation import (
     ligo_production,
     measured_losses,
 )
-from tools.validation.comparison import MODES_HEAD, Comparison
+from tools.validation.comparison import HEAD, MODES_HEAD, Comparison, row
 from tools.validation.page import Section, percent, table
 
 SECTIONS = [kagra, kagra_measured, ligo, measured_losses, geo]
@@ -33,16 +33,17 @@ PARTS: dict[str, Callable[[], list[str]]] = {
     "ligo-fibres": lambda: ligo.part("fibres"),
     "ligo-initial": lambda: ligo.part("initial"),
     "caltech-40m": lambda: ligo.part("caltech-40m"),
-    "kagra-measured": lambda: kagra_measured.section().lines,
+    "kagra-measured": kagra_measured.printed,
+    "kagra-saves": kagra.survey,
     "measured-losses": lambda: measured_losses.section().lines,
-    "geo": lambda: geo.section().lines,
+    "geo": geo.summary,
     "counter-tests": lambda: table(counter_tests.HEAD, counter_tests.rows(), left=3),
 }
 """Parts of the page by name."""
 
 
 def modes(one: Comparison) -> list[str]:
-    """All modes of a design beside those of the other program."""
+    """All modes and responses of a design beside those of the other program."""
     head = ["mode", f"{one.peer} (Hz)", "string (Hz)", "", "beam (Hz)", ""]
     rows = [
         [label, f"{float(known):.5g}"]
@@ -53,7 +54,16 @@ def modes(one: Comparison) -> list[str]:
         ]
         for _, label, known, string, string_off, beam, beam_off in one.modes()
     ]
-    return [f"{one.title}: {one.within}", *table(head, rows)]
+    responses = [
+        [name, f"{abs(ours[-1] / known[-1]):.4g}"] for name, (known, ours) in one.responses.items()
+    ]
+    ratio = f"string over {one.peer} at {one.frequency[-1]:g} Hz"
+    return [
+        f"{one.title}: {one.within}",
+        *table(head, rows),
+        *table(["response", ratio], responses),
+        *table(HEAD, [row(one)]),
+    ]
 
 
 def show(name: str) -> None:
@@ -76,11 +86,10 @@ def write(sections: list[Section]) -> None:
         "# Comparison with suspensions that were built",
         "",
         "Designs in `configs/built/` against measurements and other programs, whose numbers are in"
-        " `measured/`, each with its source. `make validation` computes the page without a network"
-        " (fits and pictures of KAGRA's measured functions: `tools/validation/kagra_measured.py`);"
-        " `python -m tools.validation NAME` prints the modes of one design. All modes are in"
-        " [validation_modes.csv](validation_modes.csv), without damping and links, unlike those of"
-        " `pendsus modes`.",
+        " `measured/`, each with its source. `make validation` computes the page without a network;"
+        " `python -m tools.validation NAME` prints one part, with the names below. [All"
+        " modes](validation_modes.csv) are without losses, dampers and links, as in the matrices"
+        f" that they are compared with. `pendsus modes` includes these: {kagra.effect_of_losses()}.",
         "",
     ]
     for kind in evidence.KINDS:
@@ -89,10 +98,14 @@ def write(sections: list[Section]) -> None:
         lines += ["", f"## {part.title}", "", *part.lines]
     text = "\n".join(lines).replace("\n\n\n", "\n\n").rstrip("\n") + "\n"
     write_bytes(ROOT / "results" / "validation.md", text.encode())
-    stream = io.StringIO()
-    rows = [row for part in sections for row in part.modes]
-    csv.writer(stream, lineterminator="\n").writerows([MODES_HEAD, *rows])
-    write_bytes(ROOT / "results" / "validation_modes.csv", stream.getvalue().encode())
+    modes = [row for part in sections for row in part.modes]
+    files = {"validation_modes.csv": [MODES_HEAD, *modes]}
+    for part in sections:
+        files |= part.files
+    for name, rows in files.items():
+        stream = io.StringIO()
+        csv.writer(stream, lineterminator="\n").writerows(rows)
+        write_bytes(ROOT / "results" / name, stream.getvalue().encode())
     evidence.renew()
     print("results/validation.md")
 

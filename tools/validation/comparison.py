@@ -18,18 +18,18 @@ from suspension_cli.drawing.style import (
 )
 from tools.tables import ROOT
 from tools.validation import undamped
-from tools.validation.page import percent
+from tools.validation.page import number_of_percent
 
 MODELS = ("string", "beam")
 HEAD = [
     "suspension",
     "modes",
     "string within 0.1 %",
-    "median",
-    "worst mode",
-    "beam, worst mode",
-    "responses within 1 %",
-    "median",
+    "median (%)",
+    "worst (%)",
+    "beam, worst (%)",
+    "responses within 1 % (%)",
+    "median (%)",
 ]
 """Columns of the table of all suspensions."""
 MODES_HEAD = ["design", "mode", "theirs_hz", "string_hz", "string_off", "beam_hz", "beam_off"]
@@ -123,12 +123,12 @@ def row(one: Comparison) -> list[str]:
     """Row of the table of all suspensions, see `HEAD`."""
     error, beam, response = one.error("string"), one.error("beam"), one.response_error()
     cells = [one.title, str(len(error)), str(int((abs(error) < CLOSE).sum()))]
-    cells.append(f"{100 * np.median(abs(error)):.1g} %")
+    cells.append(f"{100 * np.median(abs(error)):.1g}")
     for part in (error, beam):
         n = int(np.argmax(abs(part)))
-        cells.append(f"{percent(part[n])} ({one.label[n]})")
+        cells.append(f"{number_of_percent(part[n])} ({one.label[n]})")
     share = (response < 1e-2).mean()
-    return [*cells, f"{100 * share:.0f} %", f"{100 * np.median(response):.1g} %"]
+    return [*cells, f"{100 * share:.0f}", f"{100 * np.median(response):.1g}"]
 
 
 def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
@@ -138,7 +138,7 @@ def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
         save(draw(one, shown), ROOT / "results" / picture)
     extra = f" {one.peer} has {one.unstable} modes more, below 1 mHz or unstable."
     why = one.why + (extra if one.unstable else "")
-    lines = ["", f"**{one.title}** (`configs/built/{one.name}.toml`). {why}"]
+    lines = ["", f"**{one.title}**, `configs/built/{one.name}.toml`: {why}"]
     lines += ["", f"![{one.title}]({picture})", ""]
     return lines
 

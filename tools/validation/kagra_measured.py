@@ -26,7 +26,7 @@ from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tools.tables import ROOT
-from tools.validation.page import Section, percent, table
+from tools.validation.page import Section, number_of_percent, percent, table
 
 MEASURED = ROOT / "measured" / "kagra"
 FOUND = MEASURED / "found.toml"
@@ -132,21 +132,37 @@ def section() -> Section:
     result = Section("KAGRA: measured transfer functions")
     kept = tomllib.loads(FOUND.read_text("utf-8"))
     result.lines += [
-        "Coils on the recoil mass RM shook the mirrors; optical levers and the sensors of the"
-        " intermediate mass IM observed them (archive/examples/legacy/data of"
-        " github.com/terrencetec/kontrol at c612ebc, MIT licence, (c) 2020-2023 TSANG Terrence Tak"
-        " Lun). Drives are in counts, so one factor per drive is free. The designs are SUMCON's saves"
-        " of August 2019, a year older. Which loops were closed is unknown. In the pictures points"
-        " are measured, lines modelled and scaled by one number each. Fits are those of `pendsus fit"
-        f" --fidelity {MODEL}`, their uncertainties multiplied by the root of χ² per degree of freedom"
-        " (a repeated measurement has 1 to 2); parameters are in `measured/kagra/found.toml`.",
+        "Coils on the recoil mass RM shook the mirrors; optical levers and sensors of the intermediate"
+        " mass IM observed them (archive/examples/legacy/data of github.com/terrencetec/kontrol at"
+        " c612ebc, MIT licence, (c) 2020-2023 TSANG Terrence Tak Lun). Drives are in counts, so one"
+        " factor per drive is free. The designs are SUMCON's saves of August 2019, a year older; which"
+        " loops were closed is unknown. In the pictures lines are modelled, scaled by one number each."
+        f" Fits are those of `pendsus fit --fidelity {MODEL}`, their uncertainties multiplied by √(χ²/dof)"
+        " (a repeated measurement has a χ²/dof of 1 to 2); `tools/validation/kagra_measured.py` repeats"
+        " them. `kagra-measured` prints [each resonance](validation_resonances.csv) and all fitted"
+        " parameters.",
     ]
+    found = {name: _resonances(name, kept[name]) for name in SUSPENSIONS}
     for name in SUSPENSIONS:
-        rows = _resonances(name, kept[name])
-        result.lines += _details(name, kept[name], rows)
+        result.lines += _details(name, kept[name])
     result.lines += _older()
     result.lines += _odd(kept)
+    rows = [_cells(name, one) for name, several in found.items() for one in several]
+    result.files["validation_resonances.csv"] = [RESONANCES_HEAD, *rows]
     return result
+
+
+def printed() -> list[str]:
+    """Lines of the section, its table, and the numbers of the fits and of repeated runs."""
+    kept = tomllib.loads(FOUND.read_text("utf-8"))
+    parts = [(name, key) for name in SUSPENSIONS for key in ("parameter", "channel")]
+    tables = [(f"{name}, {key}s", kept[name][key]) for name, key in parts]
+    tables.append(("repeated runs, over the first ones", kept["repeated"]))
+    lines = section().printed()
+    for title, rows in tables:
+        cells = [[str(value) for value in row.values()] for row in rows]
+        lines += [title, *table(list(rows[0]), cells)]
+    return lines
 
 
 @dataclass(frozen=True)
@@ -183,10 +199,10 @@ def _resonances(name: str, kept: dict[str, Any]) -> list[Resonance]:
 
 WHY = {
     "kagra-srm": (
-        "In the highest mode of pitch IM and RM rock against each other on the wires of RM. The fit"
+        "in the mode that deviates most, IM and RM rock against each other on the wires of RM. The fit"
         " has softer wires, which nobody has measured."
     ),
-    "kagra-bs-2019": "The highest mode of pitch is that of SRM.",
+    "kagra-bs-2019": "the same mode deviates most.",
 }
 """What explains the largest deviation of each."""
 
@@ -195,55 +211,60 @@ def _picture(name: str) -> str:
     return f"validation_{name.replace('-', '_')}_measured.png"
 
 
-def _details(name: str, kept: dict[str, Any], found: list[Resonance]) -> list[str]:
+def _details(name: str, kept: dict[str, Any]) -> list[str]:
     title, stem = SUSPENSIONS[name]
-    rows = [
-        [
-            one.function,
-            one.mode,
-            f"{one.measured:.4f}",
-            *_cells(one.designed, one.measured),
-            *_cells(one.fitted, one.measured),
-        ]
-        for one in found
-    ]
-    head = ["function", "mode of the design", "measured (Hz)", "design (Hz)", "", "fitted (Hz)", ""]
     per = kept["chi_squared"] / kept["freedom"]
+    determined = kept["determined"][0]
     return [
         "",
         f"### {title}, measured",
         "",
-        f"Design `configs/built/{name}.toml`, channels and free parameters"
-        f" `measured/kagra/{stem}.toml`. {WHY[name]}",
-        *table(head, rows, left=2),
+        f"`configs/built/{name}.toml`, channels and free parameters `measured/kagra/{stem}.toml`:"
+        f" {WHY[name]}",
+        "",
         f"![{title}, measured]({_picture(name)})",
         "",
         f"Fitted with χ² per degree of freedom of {per:.3g} ({kept['freedom']} degrees of freedom)."
-        f" {' '.join(f'{line[0].upper()}{line[1:]}.' for line in kept['determined'][:1])}"
-        f" {REST[name]}",
+        f" {determined[0].upper()}{determined[1:]}. {REST[name]}",
     ]
 
 
 REST = {
     "kagra-srm": (
         "Pitch comes within 0.4 %, but the ends of RM's wires rise by 8 mm and the inertias of TM and"
-        " RM by 13 and 11 %, four times their priors; the data determine the inertia of TM alone, and"
+        " RM by 13 and 11 %, four times their priors. Of these the data determine that of TM alone, and"
         " only together with the factor of the drive. They do determine the stiffness of pitch between"
         " IM and RM over their inertia: 28 % below the save's."
     ),
     "kagra-bs-2019": (
-        "Pitch comes within 0.7 %, but for F1 (1.9 %). But the ends of RM's wires rise by 9.5 mm and"
-        " the inertia of IM falls by 16 %, five times their priors: parameters absorb something that"
-        " the model lacks, such as closed loops, cables between IM and RM, or clamps. The data do"
-        " determine the stiffness of pitch between IM and RM over their inertia: 13 % below the save's."
-        " Below 0.4 Hz, which is not fitted, pitch is a quarter larger than modelled."
+        "Pitch comes within 0.7 % (F1: 1.9 %), but the ends of RM's wires rise by 9.5 mm and the inertia"
+        " of IM falls by 16 %, five times their priors: parameters absorb something that the model"
+        " lacks, such as closed loops, cables between IM and RM, or clamps. The stiffness of pitch"
+        " between IM and RM over their inertia is 13 % below the save's. Below 0.4 Hz, which is not"
+        " fitted, pitch is a quarter larger than modelled."
     ),
 }
 """What the fit of each says."""
 
 
-def _cells(value: float, measured: float) -> list[str]:
-    return ["", ""] if np.isnan(value) else [f"{value:.4f}", percent(value / measured - 1)]
+RESONANCES_HEAD = [
+    "design",
+    "function",
+    "mode",
+    "measured_hz",
+    "design_hz",
+    "design_off_percent",
+    "fitted_hz",
+    "fitted_off_percent",
+]
+
+
+def _cells(name: str, one: Resonance) -> list[str]:
+    cells = [name, one.function, one.mode, f"{one.measured:.4f}"]
+    for value in (one.designed, one.fitted):
+        off = number_of_percent(value / one.measured - 1) if np.isfinite(value) else ""
+        cells += [f"{value:.4f}" if off else "", off]
+    return cells
 
 
 COLUMNS = {
@@ -299,8 +320,8 @@ def _older() -> list[str]:
     return [
         "",
         "The other save of BS (`configs/built/kagra-bs.toml`) has RM on steel wires of 0.5 mm instead of"
-        " tungsten wires of 0.65 mm, and this mode of pitch at"
-        f" {pitch[-1]:.3f} Hz ({percent(error)} of the measured {known} Hz).",
+        f" tungsten wires of 0.65 mm, and this mode at {pitch[-1]:.3f} Hz ({percent(error)} of the"
+        f" measured {known} Hz).",
     ]
 
 
@@ -340,10 +361,10 @@ def _odd(kept: dict[str, Any]) -> list[str]:
         "",
         "### Unexplained features",
         "",
-        "- **Both fits.** RM's tungsten wires are 21 and 26 % softer than in the saves: their modulus"
-        " is 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa (bulk), or the clamps are compliant. The sensors"
-        " of IM read 32 and 31 % less than modelled.",
-        "- **Drive in pitch of BS.** A second run the same day is "
+        "- **Both fits.** RM's tungsten wires are 21 and 26 % softer than in the saves: a modulus of"
+        " 3.1 × 10¹¹ Pa instead of 4.11 × 10¹¹ Pa (bulk), or compliant clamps. The sensors of IM read"
+        " 32 and 31 % less than modelled.",
+        "- **Drive in pitch of BS.** A second run that day is "
         f"{100 * (min(pitch) - 1):.0f} to {100 * (max(pitch) - 1):.0f} % larger in pitch of TM "
         f"and {100 * (1 - max(yaw[1:])):.0f} to {100 * (1 - min(yaw[1:])):.0f} % smaller in yaw, up"
         " to 50 times the variance: coils were rebalanced, or a filter changed. Along the beam it"
@@ -351,8 +372,8 @@ def _odd(kept: dict[str, Any]) -> list[str]:
         f"- **Yaw of BS pushed along the beam** has a phase of {', '.join(phase)}, where bodies"
         " alone give 0 or 180°, as if one of the four coils had a pole or zero near 1.3 Hz (not"
         " fitted).",
-        "- **Phase.** Driven in pitch, BS lags behind the model by 6° at 0.35 Hz, 11° at 1.1 Hz"
-        " and 18° at 4.9 Hz, as a pole and a zero below 1 Hz do; SRM as by 4 to 5 ms.",
+        "- **Phase.** Driven in pitch, BS lags behind the model as by a pole and a zero below 1 Hz, SRM"
+        " as by a delay of 4 to 5 ms.",
     ]
 
 

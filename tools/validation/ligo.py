@@ -15,7 +15,7 @@ from suspension_cli.design import reader
 from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
 from tools.tables import ROOT
 from tools.validation import ligo_production, undamped
-from tools.validation.page import Section, percent, table
+from tools.validation.page import Section, number_of_percent, percent, table
 
 QUADRUPLE = ROOT / "configs" / "built" / "ligo-quad.toml"
 FIBRE = "stage.test.wires."
@@ -44,7 +44,7 @@ def section() -> Section:
 
 
 def part(name: str) -> list[str]:
-    """Lines of one part of the section: bounce, fibres, initial or caltech-40m."""
+    """Lines and tables of one part of the section: bounce, fibres, initial or caltech-40m."""
     numbers = tomllib.loads((ROOT / "measured" / "ligo" / "published.toml").read_text("utf-8"))
     parts = {
         "bounce": (_bounce_mode, "quadruple"),
@@ -55,7 +55,7 @@ def part(name: str) -> list[str]:
     compute, key = parts[name]
     result = Section(name)
     compute(result, numbers[key])
-    return result.lines
+    return result.printed()
 
 
 def quadruple_of_2005() -> list[str]:
@@ -71,7 +71,7 @@ def quadruple_of_2005() -> list[str]:
         "`configs/ligo-quad-2005.toml` (parameters of `quadopt.m`, version 14) against M. Barton's"
         f" Mathematica toolkit ([sources](../docs/migrating.md#sources)): {decimals} of {len(theirs)}"
         " modes of the string model agree in all eight decimals (largest difference"
-        f" {abs(ours - theirs).max():.0e} Hz).",
+        f" {abs(ours - theirs).max():.0e} Hz; `ligo-quad-2005`).",
         "",
     ]
 
@@ -87,16 +87,16 @@ def _bounce_mode(result: Section, known: dict[str, Any]) -> None:
     bounce = known["measured_vertical_hz"]
     result.lines += [
         "",
-        f"The bounce mode was measured at {bounce} ± 0.001 Hz (ETMY, LHO 41488). With the stiffness"
-        " of fibres of the production model (18.15 kN/m each), and with public geometries:",
+        f"The bounce mode was measured at {bounce} ± 0.001 Hz (ETMY, LHO 41488). With the production"
+        " model's stiffness of fibres (18.15 kN/m each), and with public geometries (`ligo-bounce`):",
     ]
     text = QUADRUPLE.read_text("utf-8")
     rows = []
     for name, fibre in {"production model": None, **PUBLIC}.items():
         value = _bounce(text, fibre)
-        rows.append([name, f"{value:.3f}", percent(value / bounce - 1)])
+        rows.append([name, f"{value:.3f}", number_of_percent(value / bounce - 1)])
     result.lines += [
-        *table(["fibres", "bounce (Hz)", "from the measured one"], rows),
+        *table(["fibres", "bounce (Hz)", "off (%)"], rows),
         "pygwinc tuned its thick ends of 45 mm to this mode (nominal: 20 mm): fitted.",
     ]
 
@@ -160,17 +160,21 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
             row += [
                 f"{100 * best.x[0]:.1f}",
                 f"{10 * best.x[1]:.0f}",
-                f"{100 * abs(best.fun).max():.2f} %",
+                f"{100 * abs(best.fun).max():.2f}",
             ]
         else:
             row += ["", "", ""]
         rows.append(row)
-    head = ["fibre", "predicted n = 1", *(f"n = {n + 1}" for n in range(HARMONICS))]
-    head += ["fitted radius (µm)", "fitted ends (mm)", "worst after the fit"]
+    head = ["fibre", "predicted_1_hz", *(f"mode_{n + 1}_hz" for n in range(HARMONICS))]
+    head += ["fitted_radius_um", "fitted_ends_mm", "worst_after_fit_percent"]
     computed = [
-        [f"*computed, {name}*", "", *(f"{value:.1f}" for value in values), "", "", ""]
+        [f"computed, {name}", "", *(f"{value:.1f}" for value in values), "", "", ""]
         for name, values in lines.items()
     ]
+    result.files["validation_fibres.csv"] = [head, *rows, *computed]
+    first = [float(row[2]) for row in rows]
+    predicted = [value for fibre in fibres for value in fibre.get("predicted_hz", ())]
+    shown = ", ".join(f"{values[0]:.1f} Hz ({name})" for name, values in lines.items())
     radii = [100 * one[0] for one in fitted.values()]
     ends = [10 * one[1] for one in fitted.values()]
     best = [float(np.median(radii)) * 1e-6, float(np.median(ends)) * 1e-3]
@@ -179,10 +183,6 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
     with house_style():
         middle = [float(one(*best)[0, 0]) for one in looked_up]
         save(_draw(fibres, lines | {f"fitted ({label})": middle}), ROOT / "results" / picture)
-    why = (
-        "The first mode depends on the radius of the fibre: 205 µm give the observatory's"
-        " predictions, 200 µm what was measured. Overtones depend on the thick ends, too."
-    )
     quadruple = QUADRUPLE.read_text("utf-8")
     bounce = sorted(
         _bounce(quadruple, (1e-6 * radius, 1e-3 * end))
@@ -193,16 +193,18 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
         "### Violin modes of ITMY and ETMX",
         "",
         "Fibres of silica below a mass that stands still (`configs/built/ligo-test-mass.toml`), by"
-        " the violin model. The radius is 205 µm in pygwinc, 200 µm in quadopt.m; the thick ends"
-        " of 400 µm are 20 mm (nominal) or 45 mm (tuned) long. Hz, measured in air (LHO 57649, LHO"
-        " 42180). The last three columns are fitted to each fibre.",
-        *table(head, [*rows, *computed]),
-        why,
+        " the violin model, against [modes n = 1 to 5](validation_fibres.csv) of eight fibres in air (LHO"
+        " 57649, LHO 42180; `ligo-fibres`). The radius is 205 µm in pygwinc, 200 µm in quadopt.m; the"
+        " thick ends of 400 µm are 20 mm (nominal) or 45 mm (tuned) long.",
         "",
-        f"Fitted: radii of {min(radii):.1f} to {max(radii):.1f} µm, ends of {min(ends):.0f} to"
-        f" {max(ends):.0f} mm. Unexplained: with these the bounce mode would be at"
+        f"First modes: measured {min(first):.1f} to {max(first):.1f} Hz, predicted by the observatory"
+        f" {min(predicted):.1f} to {max(predicted):.1f} Hz, computed {shown}. Overtones depend on the"
+        " thick ends, too.",
+        "",
+        f"Fitted to each of six fibres: radii of {min(radii):.1f} to {max(radii):.1f} µm, ends of"
+        f" {min(ends):.0f} to {max(ends):.0f} mm. Unexplained: with these the bounce mode would be at"
         f" {bounce[0]:.2f} to {bounce[1]:.2f} Hz; the observatory's predictions are lower (as by a"
-        " length wrong by 2 % or a load wrong by 4 %); the third mode at 1448.5 Hz is out of line.",
+        " length wrong by 2 % or a load wrong by 4 %); a third mode at 1448.5 Hz is out of line.",
         "",
         f"![Violin modes, over their numbers]({picture})",
     ]
@@ -238,8 +240,8 @@ def _initial(result: Section, known: dict[str, Any]) -> None:
         "",
         "### Initial LIGO",
         "",
-        "Test mass in a loop of steel wire (`configs/built/ligo-initial.toml`). Eight violin modes of"
-        f" H1 were measured from {measured.min():.1f} to {measured.max():.1f} Hz, mean"
+        "A test mass in a loop of steel wire (`configs/built/ligo-initial.toml`, `ligo-initial`). Eight"
+        f" violin modes of H1 were measured from {measured.min():.1f} to {measured.max():.1f} Hz, mean"
         f" {measured.mean():.1f} Hz (± {100 * spread:.1f} %); computed {first:.1f} Hz"
         f" ({percent(error)}). Fitted: the gauge of the wire, which is not public, is the standard one"
         " nearest to these modes.",
@@ -269,10 +271,11 @@ def _sos(result: Section, known: dict[str, Any]) -> None:
         "",
         "### Caltech's 40 m: small optic suspension",
         "",
-        "A mirror of 3 inches in a loop of wire (`configs/built/caltech-40m-sos.toml`). The ends of"
-        " the wire are fitted to pitch, yaw and the vertical mode of an ideal suspension; POS and SIDE"
-        f" depend on the height of the suspension point alone. Hz, from {known['source']}.",
+        "A mirror of 3 inches in a loop of wire (`configs/built/caltech-40m-sos.toml`, `caltech-40m`)."
+        " The ends of the wire are fitted to pitch, yaw and the vertical mode of an ideal suspension;"
+        " POS and SIDE depend on the height of the suspension point alone. Hz, from"
+        f" {known['source']}.",
         *table(["motion", "computed", "ideal (40m)", "ETMY", "ETMX", "others"], rows),
         "POS and SIDE are within 2.2 % of the ideal ones, which are approximate. Measured POS differ"
-        " by 17 % among mirrors of one design, with loops closed, so they do not test a model.",
+        " by 17 % among mirrors of one design, with loops closed: no test of a model.",
     ]

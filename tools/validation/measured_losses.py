@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 import suspension_cli as sus
 from tools.tables import ROOT
-from tools.validation.page import Section, percent, table
+from tools.validation.page import Section, number_of_percent, percent, table
 
 BUILT = ROOT / "configs" / "built"
 FURTHEST_PAIR = 0.2
@@ -27,7 +27,8 @@ def section() -> Section:
     numbers = tomllib.loads((ROOT / "measured" / "ligo" / "published.toml").read_text("utf-8"))
     result = Section("Measured losses")
     result.lines += [
-        "Losses are those of pygwinc for silica, C70 steel and maraging steel; none is fitted.",
+        "Losses are those of pygwinc for silica, C70 steel and maraging steel; none is fitted"
+        " (`measured-losses`).",
     ]
     _quadruple(result, numbers["quadruple"])
     _violin(result, numbers["initial"])
@@ -35,11 +36,11 @@ def section() -> Section:
         "",
         "### Not compared",
         "",
-        "Only an abstract or a first page could be read of arXiv:1606.09159 (HAUX), arXiv:0908.3227"
-        " (thermal noise of a pendulum), LIGO-T0900103 (Q of pitch), LIGO-T1200418 (violin modes),"
-        " gr-qc/0009035 (Q of a silica rod), the theses of Torrie and Husman, and Plissi et al. on"
-        " GEO 600. arXiv:1901.03053 and klog 17956 could not be had. Parameters of BSFM, HTTS and BBSS"
-        " and profiles of single fibres are not public.",
+        "Of arXiv:1606.09159 (HAUX), arXiv:0908.3227 (thermal noise of a pendulum), LIGO-T0900103 (Q"
+        " of pitch), LIGO-T1200418 (violin modes), gr-qc/0009035 (Q of a silica rod), the theses of"
+        " Torrie and Husman, and Plissi et al. on GEO 600 only an abstract or a first page could be"
+        " read; arXiv:1901.03053 and klog 17956 could not be had. Parameters of BSFM, HTTS and BBSS and"
+        " profiles of single fibres are not public.",
     ]
     return result
 
@@ -55,7 +56,7 @@ def _quadruple(result: Section, known: dict[str, Any]) -> None:
             "bounce, ITMX without dampers",
             f"{bounce:.3f}",
             f"{measured['frequency_hz']:.3f}",
-            percent(bounce / measured["frequency_hz"] - 1),
+            number_of_percent(bounce / measured["frequency_hz"] - 1),
         ]
     ]
     for mirror, frequency in known["measured_roll_hz"].items():
@@ -64,7 +65,7 @@ def _quadruple(result: Section, known: dict[str, Any]) -> None:
                 f"roll, {mirror} with dampers",
                 f"{roll:.3f}",
                 f"{frequency:.3f}",
-                percent(roll / frequency - 1),
+                number_of_percent(roll / frequency - 1),
             ]
         )
     values = [f"{value:,} ({channel})" for channel, value in measured["q"].items()]
@@ -73,14 +74,13 @@ def _quadruple(result: Section, known: dict[str, Any]) -> None:
         "",
         "### Bounce and roll of Advanced LIGO's quadruple",
         "",
-        "Frequencies in Hz, of `pendsus modes configs/built/ligo-quad.toml`:",
-        *table(["mode", "computed", "measured", ""], rows),
+        "By `pendsus modes configs/built/ligo-quad.toml`, with the fibres' stiffness of the production"
+        " model:",
+        *table(["mode", "computed (Hz)", "measured (Hz)", "off (%)"], rows),
         f"Q of the bounce mode: computed {bounce_q:,.0f}; measured {' and '.join(values)}, two"
-        f" readings of one decay ({measured['source']}), so computed {percent(bounce_q / high - 1)}"
-        f" and {percent(bounce_q / low - 1)} from measured. Without the losses of steel wires and"
-        f" blades Q would be {silica_q:,.0f}: this measures the loss of steel"
-        f" ({100 * (1 - bounce_q / silica_q):.0f} %). Frequencies depend on the fibres' stiffness, that"
-        " of the production model.",
+        f" readings of one decay ({measured['source']}): {percent(bounce_q / high - 1)} and"
+        f" {percent(bounce_q / low - 1)}. Without the losses of steel wires and blades Q would be"
+        f" {silica_q:,.0f}: this measures the loss of steel ({100 * (1 - bounce_q / silica_q):.0f} %).",
     ]
 
 
@@ -131,15 +131,14 @@ def _violin(result: Section, known: dict[str, Any]) -> None:
         "### Violin modes of initial LIGO",
         "",
         f"Computed: Q {first_q:,.0f} at {first:.1f} Hz (`pendsus modes"
-        " configs/built/ligo-initial.toml --fidelity violin --max-frequency 750`). Measured:"
-        " frequency over width of lines in the S1 data: lower limits of Q, as the resolution of 1 mHz"
-        " and drifts widen lines:",
+        " configs/built/ligo-initial.toml --fidelity violin --max-frequency 750`). Measured: frequency"
+        " over width of lines in the S1 data, a lower limit of Q, as the resolution of 1 mHz and drifts"
+        " widen lines:",
         *table(["interferometer", "lines", "least", "median", "largest"], rows),
         "A stiff wire puts the second mode above twice the first: computed f2/f1 - 2 ="
         f" {second / first - 2:.1e}, measured {np.median(splitting):.1e} (median of"
-        f" {len(splitting)} pairs of lines, {min(splitting):.1e} to {max(splitting):.1e}; paired for"
-        f" the least distances, within {FURTHEST_PAIR} Hz of twice the first, so single pairs may be of"
-        " different wires).",
+        f" {len(splitting)} pairs of nearest lines within {FURTHEST_PAIR} Hz, {min(splitting):.1e} to"
+        f" {max(splitting):.1e}; single pairs may be of different wires).",
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
 
@@ -11,7 +12,7 @@ import pytest
 import suspension_cli as sus
 from suspension_cli.analyses.export import gwinc_budget
 from tests.support.commandline import run
-from tests.support.paths import CONFIGS
+from tests.support.paths import CONFIGS, ROOT
 
 gwinc = pytest.importorskip("gwinc")
 BAND, ACCURACY = "8:200", 0.01
@@ -193,6 +194,12 @@ def test_quadruple_against_gwincs_model_in_one_dimension():
     )
     np.testing.assert_allclose(ours / theirs, 1, atol=0.03)
     np.testing.assert_allclose((ours / theirs)[:4], 1, atol=0.015)
+
+
+def test_notebook(capsys):
+    """What docs/handing-over.md says of it."""
+    runpy.run_path(str(ROOT / "docs" / "notebooks" / "gwinc.py"))
+    assert "- 1: +0.2 % -0.6 % -0.9 % -1.3 % -2.9 %" in capsys.readouterr().out
 
 
 def command(*words):
