@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from suspension_cli.drawing.style import house_style
 from tests.support.legible import assert_legible, said
-from tools import figure3, figure4, figure5, figure6
+from tools import cavity, figure3, figure4, figure5, figure6
 from tools.tradeoff import measurement, methods, page, picture
+from tools.validation import comparison, ligo_production
 
 
 def test_figure_3_has_the_printed_axes_and_both_limits():
@@ -92,3 +94,27 @@ def test_what_the_panels_claim_is_measured():
     assert min(worst, key=worst.get) == methods.OURS
     low = measurement.select(rows, picture.LOW, method="violin")
     assert all(row.error == 0 for row in low)
+
+
+def test_a_comparison_counts_its_modes_and_draws_signed_deviations():
+    """Against LIGO's production model, to which the design is fitted."""
+    one = ligo_production.compare_with_production_model()
+    figure = comparison.draw(one, ligo_production.SHOWN)
+    assert "24 of 24 modes are within 0.1 % of LIGO's" in said(figure)
+    modes, _, _ = figure.axes
+    string, beam = modes.lines[:2]
+    assert abs(string.get_ydata()).max() < 0.1
+    assert np.sign(beam.get_ydata()).min() < 0 < np.sign(beam.get_ydata()).max()
+    assert_legible(figure)
+
+
+def test_the_picture_of_the_arm_counts_close_points_and_names_the_worst():
+    """One of ten points deviates by -5 %."""
+    frequency = np.geomspace(0.1, 100.0, 20)
+    theirs = 1 / frequency[::2] ** 2
+    ours = 1 / frequency**2
+    ours[4] *= 0.95
+    figure = cavity.draw_arm([cavity.Detuning("0 Hz", frequency, ours, frequency[::2], theirs)])
+    assert "Optical spring: 90 % of points within 0.1 % of finesse" in said(figure)
+    assert "largest: −5 %, at 0.43 Hz by a peak" in said(figure)
+    assert_legible(figure)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tools.validation.comparison import HEAD, Comparison, compare, details, row
 from tools.validation.page import table
 
-TITLE = "Quadruple pendulum"
+TITLE = "Quadruple pendulum, fitted"
 WHY = (
     "`beam` bends wires and fibres; the production model measures lengths between bending points"
     " instead."
