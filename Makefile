@@ -69,8 +69,6 @@ stability: $(READY) ## where methods fail, and that ours does not
 
 tradeoff: $(READY) ## speed against accuracy of models, methods, maps and random builds (six minutes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.tradeoff
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.peer_programs
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.many_designs
 
 modulus: $(READY) ## Young's modulus from the measured frequencies of Table I
 	$(BIN)/python -m tools.youngs_modulus

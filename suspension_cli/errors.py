@@ -137,11 +137,14 @@ def suggest(word: str, known: list[str]) -> str:
 
 
 def join_errors(errors: list[InputError]) -> InputError:
-    """Join the faults of several files into one error."""
-    if len(errors) == 1:
-        return errors[0]
-    whole = InputError([fault for error in errors for fault in error.faults])
-    whole.args = ("\n".join(str(error) for error in errors),)
+    """Join the faults of several files into one error, equal ones once."""
+    different = list({str(error): error for error in errors}.values())
+    if len(different) == 1:
+        return different[0]
+    files = dict.fromkeys(error.file for error in different if error.file)
+    faults = [fault for error in different for fault in error.faults]
+    whole = InputError(faults, ", ".join(files))  # nobody attributes them to another file
+    whole.args = ("\n".join(map(str, different)),)
     return whole
 
 

@@ -9,16 +9,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from suspension_cli.drawing.style import (
-    PALETTE,
-    house_style,
-    new_figure,
-    save,
-    write_heading,
-)
+from suspension_cli.drawing.panels import Across, Line, Panel
+from suspension_cli.drawing.panels import draw as draw_panels
+from suspension_cli.drawing.style import PALETTE, save
 from tools.tables import ROOT
 from tools.validation import undamped
 from tools.validation.page import number_of_percent
+from tools.validation.pictures import CROSS, DOT, RING, deviation_panel, with_room
 
 MODELS = ("string", "beam")
 HEAD = [
@@ -72,10 +69,14 @@ class Comparison:
         return self.ours[model] / self.known - 1
 
     @property
+    def close(self) -> int:
+        """Number of modes of the string model that are the same."""
+        return int((abs(self.error("string")) < CLOSE).sum())
+
+    @property
     def within(self) -> str:
         """How many modes of the string model are the same."""
-        error = self.error("string")
-        return f"{(abs(error) < CLOSE).sum()} of {len(error)} modes within 0.1 %"
+        return f"{self.close} of {len(self.known)} modes within 0.1 %"
 
     def modes(self) -> list[list[str]]:
         """Rows of all modes, see `MODES_HEAD`."""
@@ -122,7 +123,7 @@ def compare(name: str, title: str, why: str, *, peer: str, folder: str) -> Compa
 def row(one: Comparison) -> list[str]:
     """Row of the table of all suspensions, see `HEAD`."""
     error, beam, response = one.error("string"), one.error("beam"), one.response_error()
-    cells = [one.title, str(len(error)), str(int((abs(error) < CLOSE).sum()))]
+    cells = [one.title, str(len(error)), str(one.close)]
     cells.append(f"{100 * np.median(abs(error)):.1g}")
     for part in (error, beam):
         n = int(np.argmax(abs(part)))
@@ -134,8 +135,7 @@ def row(one: Comparison) -> list[str]:
 def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
     """Lines on one suspension, with its picture."""
     picture = f"validation_{one.name.replace('-', '_')}.png"
-    with house_style():
-        save(draw(one, shown), ROOT / "results" / picture)
+    save(draw(one, shown), ROOT / "results" / picture)
     extra = f" {one.peer} has {one.unstable} modes more, below 1 mHz or unstable."
     why = one.why + (extra if one.unstable else "")
     lines = ["", f"**{one.title}**, `configs/built/{one.name}.toml`: {why}"]
@@ -144,35 +144,40 @@ def details(one: Comparison, shown: tuple[str, ...]) -> list[str]:
 
 
 SMALLEST = 1e-3
-"""Deviation in % below which the axis of the picture is linear."""
+"""Deviation in % below which the axes of the picture are linear."""
+LIMITS = (-200.0, 2000.0)
+"""Of the axes of deviations, %."""
 
 
 def draw(one: Comparison, shown: tuple[str, ...]) -> Figure:
-    """Draw the deviations of modes with their sign, and responses."""
-    figure = new_figure(4.55, 4.8)
-    upper, lower = figure.subplots(2, 1, gridspec_kw={"height_ratios": [1, 1.3]})
-    upper.axhspan(-100 * CLOSE, 100 * CLOSE, color="0.9", linewidth=0)
-    for model, colour, mark in zip(MODELS, PALETTE, ("o", "x"), strict=False):
-        error = 100 * one.error(model)
-        upper.semilogx(one.known, error, mark, color=colour, markersize=3, label=model)
-    upper.set_yscale("symlog", linthresh=SMALLEST)
-    upper.set_yticks([-10, -0.1, 0, 0.1, 10], ["-10", "-0.1", "0", "+0.1", "+10"])
-    upper.minorticks_off()
-    upper.set_xlabel("frequency of the mode (Hz)")
-    upper.set_ylabel("deviation (%)")
-    upper.legend(loc="best")
+    """Draw responses, and the deviations of modes and responses with their sign."""
+    modes = [
+        Line(one.known, 100 * one.error(model), model, colour, look)
+        for model, colour, look in zip(MODELS, PALETTE, (DOT, CROSS), strict=False)
+    ]
+    responses: list[Line] = []
+    deviations: list[Line] = []
     names = [name for name in shown if name in one.responses]
     for name, colour in zip(names, PALETTE, strict=False):
         known, ours = one.responses[name]
-        lower.loglog(one.frequency, abs(ours), "-", color=colour, label=name)
-        lower.loglog(one.frequency, abs(known), "o", color=colour, markersize=3, fillstyle="none")
-    lower.set_xlabel(f"frequency (Hz); circles: {one.peer}, lines: string model at the same points")
-    lower.set_ylabel("response (m/m, rad/(N m))")
-    lower.legend(loc="best")
-    figure.tight_layout(rect=(0, 0, 1, 0.9))
-    write_heading(
-        figure,
-        f"{one.title}: {one.within}",
-        f"string and beam models against {one.peer}; grey: within 0.1 %",
-    )
-    return figure
+        responses.append(Line(one.frequency, abs(ours), name, colour))
+        responses.append(Line(one.frequency, abs(known), "_", colour, RING))
+        deviations.append(Line(one.frequency, 100 * (ours / known - 1), "_", colour, DOT))
+    share = (one.response_error() < 1e-2).mean()
+    remark = f"{len(one.responses)} responses: {100 * share:.0f} % of all values within 1 %"
+    modes_axis = Across("frequency of the mode (Hz)", limits=with_room(one.known))
+    axis = Across(limits=with_room(one.frequency))
+    panels = [
+        deviation_panel(modes, LIMITS, SMALLEST, modes_axis, 100 * CLOSE),
+        Panel(
+            "response (SI units)",
+            responses,
+            1.9,
+            "log",
+            remarks=[f"lines: string model, circles: {one.peer}"],
+        ),
+        deviation_panel(deviations, LIMITS, SMALLEST, axis, 1.0, remarks=[remark]),
+    ]
+    count = f"{one.close} of {len(one.known)}"
+    heading = f"{count} modes are within 0.1 % of {one.peer}'s"
+    return draw_panels(heading, f"{one.title}; grey: within 0.1 %, responses within 1 %", panels)

@@ -21,12 +21,15 @@ from matplotlib.figure import Figure
 
 import suspension_cli as sus
 from suspension_cli.design import reader
-from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
+from suspension_cli.drawing.panels import Across, Line, Panel
+from suspension_cli.drawing.panels import draw as draw_panels
+from suspension_cli.drawing.style import PALETTE, LineLook, format_signed, save
 from suspension_cli.files.whole_files import write_bytes
 from suspension_cli.linear import eigenmodes
 from suspension_cli.models import registry
 from tools.tables import ROOT
 from tools.validation.page import Section, number_of_percent, percent, table
+from tools.validation.pictures import CROSS, DOT, deviation_panel
 
 MEASURED = ROOT / "measured" / "kagra"
 FOUND = MEASURED / "found.toml"
@@ -37,6 +40,10 @@ SUSPENSIONS = {
 """Design of each suspension, its title, and stem of its files of measurements."""
 MODEL = "string"
 GRID = np.geomspace(0.2, 5.0, 600)
+TICKS = (0.2, 0.5, 1.0, 2.0, 5.0)
+"""Of the frequencies in pictures, Hz."""
+POINT: LineLook = {"linestyle": "none", "marker": ".", "markersize": 2.5}
+RESONANCES = "modes over measured resonances"
 
 
 @dataclass(frozen=True)
@@ -61,15 +68,14 @@ def evaluate(*, repeat: bool) -> None:
         kept[name]["resonance"] = [
             {
                 "function": before.data.name,
-                "mode": before.mode[n] or "none",
+                "mode": before.mode[n].partition("#")[0] or "none",
                 "measured": float(f"{peak:.6g}"),
                 "fitted": float(f"{np.nan_to_num(after.pole[n]):.6g}"),
             }
             for before, after in zip(one.designed, one.fitted, strict=True)
             for n, peak in enumerate(before.peak)
         ]
-        with house_style():
-            save(_draw(one), ROOT / "results" / _picture(name))
+        save(_draw(one, _resonances(name, kept[name])), ROOT / "results" / _picture(name))
     kept["repeated"] = _repeated()
     kept["yaw_phase"] = _yaw_phase()
     head = "# Measured resonances of KAGRA's suspensions, and fits of designs in configs/built/\n"
@@ -280,31 +286,49 @@ def _read(file: str) -> np.ndarray:
     return np.genfromtxt([line for line in lines if line[0] != "#"], delimiter=",", names=True)
 
 
-def _draw(one: Suspension) -> Figure:
-    figure = new_figure(4.55, 1.6 + 1.7 * len(COLUMNS[one.name]))
-    every = np.atleast_1d(figure.subplots(len(COLUMNS[one.name]), 1, sharex=True))
-    for axes, (file, column, number) in zip(every, COLUMNS[one.name], strict=True):
+def _draw(one: Suspension, found: list[Resonance]) -> Figure:
+    """Draw the functions, and the deviations of modes from measured resonances."""
+    looks: tuple[tuple[str, str, LineLook], ...] = (
+        ("design", PALETTE[1], {"linestyle": (0, (4, 2))}),
+        ("fitted", PALETTE[0], {}),
+    )
+    panels: list[Panel] = []
+    for file, column, number in COLUMNS[one.name]:
         data = _read(file)
         seen = data[f"{column}_coherence"] > 0.3
         size = abs(data[f"{column}_re"] + 1j * data[f"{column}_im"])
-        axes.loglog(data["frequency"][seen], size[seen], ".", color="0.45", markersize=2.5)
-        for parts, colour, style, label in (
-            (one.designed, PALETTE[1], "--", "design"),
-            (one.fitted, PALETTE[0], "-", "fitted"),
-        ):
+        lines = [Line(data["frequency"][seen], size[seen], "measured", "#737373", POINT)]
+        for parts, (name, colour, look) in zip((one.designed, one.fitted), looks, strict=True):
             function = parts[number]
             curve = abs(function.curve) * function.median * 1e6
-            axes.loglog(function.curve_frequency, curve, style, color=colour, label=label)
-        axes.set_ylim(0.3 * size[seen].min(), 5 * size[seen].max())
-        axes.set_ylabel(f"{'µm' if column == 'len' else 'µrad'} per count")
-        axes.set_title(NAMES[column], loc="left", fontsize="medium")
-    every[0].legend(loc="lower left")
-    every[-1].set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
-    every[-1].minorticks_off()
-    every[-1].set_xlabel("frequency (Hz)")
-    figure.suptitle(f"{one.title}: measured")
-    figure.tight_layout()
-    return figure
+            lines.append(Line(function.curve_frequency, curve, name, colour, look))
+        limits = (0.3 * size[seen].min(), 5 * size[seen].max())
+        unit = "µm" if column == "len" else "µrad"
+        key = None if not panels else ()
+        panels.append(
+            Panel(f"{unit} per count", lines, 1.4, "log", limits, remarks=[NAMES[column]], key=key)
+        )
+    known = np.array([row.measured for row in found])
+    deviations = [
+        Line(known, 100 * (np.array(values) / known - 1), "_", colour, look)
+        for values, colour, look in (
+            ([row.designed for row in found], PALETTE[1], CROSS),
+            ([row.fitted for row in found], PALETTE[0], DOT),
+        )
+    ]
+    ticks = {tick: f"{tick:g}" for tick in TICKS}
+    across = Across(limits=(GRID[0], GRID[-1]), ticks=ticks)
+    panels.append(deviation_panel(deviations, (-40.0, 40.0), 0.1, across, remarks=[RESONANCES]))
+    designed, fitted = (max(_deviations(found, name), key=abs) for name in ("designed", "fitted"))
+    sizes = [f"{format_signed(100 * value)} %" for value in (designed, fitted)]
+    heading = f"Modes: design off by up to {sizes[0]}, fitted {sizes[1]}"
+    return draw_panels(heading, f"{one.title}; string model", panels)
+
+
+def _deviations(found: list[Resonance], name: str) -> list[float]:
+    """Relative deviations of modes of the design, or of the fitted one, from measured ones."""
+    values = [getattr(row, name) / row.measured - 1 for row in found]
+    return [value for value in values if np.isfinite(value)]
 
 
 def _older() -> list[str]:

@@ -12,10 +12,13 @@ from scipy.optimize import least_squares
 
 import suspension_cli as sus
 from suspension_cli.design import reader
-from suspension_cli.drawing.style import PALETTE, house_style, new_figure, save
+from suspension_cli.drawing.panels import Across, Line, Panel, Rule
+from suspension_cli.drawing.panels import draw as draw_panels
+from suspension_cli.drawing.style import PALETTE, format_signed, save
 from tools.tables import ROOT
 from tools.validation import ligo_production, undamped
 from tools.validation.page import Section, number_of_percent, percent, table
+from tools.validation.pictures import DOT
 
 QUADRUPLE = ROOT / "configs" / "built" / "ligo-quad.toml"
 FIBRE = "stage.test.wires."
@@ -180,9 +183,8 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
     best = [float(np.median(radii)) * 1e-6, float(np.median(ends)) * 1e-3]
     label = f"{1e6 * best[0]:.0f} µm, {1e3 * best[1]:.0f} mm"
     picture = "validation_ligo_violin.png"
-    with house_style():
-        middle = [float(one(*best)[0, 0]) for one in looked_up]
-        save(_draw(fibres, lines | {f"fitted ({label})": middle}), ROOT / "results" / picture)
+    middle = [float(one(*best)[0, 0]) for one in looked_up]
+    save(_draw(fibres, lines | {f"fitted: {label}": middle}), ROOT / "results" / picture)
     quadruple = QUADRUPLE.read_text("utf-8")
     bounce = sorted(
         _bounce(quadruple, (1e-6 * radius, 1e-3 * end))
@@ -206,27 +208,31 @@ def _fibres(result: Section, fibres: list[dict[str, Any]]) -> None:
         f" {bounce[0]:.2f} to {bounce[1]:.2f} Hz; the observatory's predictions are lower (as by a"
         " length wrong by 2 % or a load wrong by 4 %); a third mode at 1448.5 Hz is out of line.",
         "",
-        f"![Violin modes, over their numbers]({picture})",
+        f"![Violin modes against the measured ones]({picture})",
     ]
 
 
 def _draw(fibres: list[dict[str, Any]], lines: dict[str, list[float]]) -> Figure:
-    figure = new_figure(4.55, 3.0)
-    axes = figure.subplots()
-    for n, fibre in enumerate(fibres):
-        order, value = np.array(fibre["harmonic"]), np.array(fibre["measured_hz"])
-        name = "measured" if n == 0 else None
-        axes.plot(order, value / order, "o", color="0.4", markersize=3, label=name)
+    """Draw the deviations of computed modes from the mean of the measured ones; the last is fitted."""
+    number = np.arange(1, HARMONICS + 1)
+    order = np.concatenate([fibre["harmonic"] for fibre in fibres]).astype(int)
+    value = np.concatenate([fibre["measured_hz"] for fibre in fibres])
+    mean = np.array([value[order == n].mean() for n in number])
+    measured = 100 * (value / mean[order - 1] - 1)
+    curves = [Line(order, measured, "measured", "#666666", DOT)]
+    worst: list[float] = []
     for (name, values), colour in zip(lines.items(), PALETTE, strict=False):
-        order = np.arange(1, HARMONICS + 1)
-        axes.plot(order, values / order, "-", color=colour, label=name)
-    axes.set_xticks(range(1, HARMONICS + 1))
-    axes.set_xlabel("number n of the violin mode")
-    axes.set_ylabel("frequency / n (Hz)")
-    axes.legend(loc="lower left")
-    figure.suptitle("Violin modes of LIGO's fibres")
-    figure.tight_layout()
-    return figure
+        deviation = 100 * (np.array(values) / mean - 1)
+        worst.append(max(deviation.tolist(), key=abs))
+        curves.append(Line(number, deviation, name, colour))
+    ticks = {float(n): f"{n}" for n in number}
+    across = Across("number of the violin mode", "linear", (0.9, HARMONICS + 0.1), ticks)
+    panel = Panel("deviation (%)", curves, 2.2, across=across, rules=[Rule(0.0)])
+    public, fitted = (format_signed(max(part, key=abs), 2) for part in (worst[:-1], worst[-1:]))
+    heading = f"Violin modes: public fibres {public} %, fitted {fitted} % off"
+    return draw_panels(
+        heading, "largest deviations from the mean of ITMY's and ETMX's fibres", [panel]
+    )
 
 
 def _initial(result: Section, known: dict[str, Any]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tools.validation.comparison import Comparison, compare, details, row
 
-TITLE = "Quadruple pendulum"
+TITLE = "Quadruple pendulum, fitted"
 WHY = (
     "`beam` bends wires and fibres, where the production model has lengths between bending points."
 )

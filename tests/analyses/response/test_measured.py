@@ -32,6 +32,8 @@ signal = "upper.force_x"
 gain = 1e-3
 mix = { "upper.torque_yaw" = 0.02 }
 """
+ONE = TABLES.splitlines()[1].removeprefix("transfer_function = [").removesuffix("]")
+TWICE = TABLES.replace(ONE, f"{ONE}, {ONE}")
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +136,7 @@ def test_command(tmp_path):
         (TABLES.replace('"osem"', '"ossem"', 1), (), "as upper.x; did you mean 'osem'?"),
         ('mode = [{ frequency = 1, uncertainty = 1 }]', (), "has no [[transfer_function]]"),
         (TABLES.replace("a.csv", "b.csv"), (), "b.csv: cannot be read"),
+        (TWICE.replace("a.csv", "b.csv"), (), "b.csv: cannot be read"),
         (TABLES.replace('input = "coil"', 'input = "upper.x"'), (), "is an output; give"),
     ],
 )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Speed against accuracy of models, methods, maps, random builds and other programs."""
