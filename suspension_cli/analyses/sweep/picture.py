@@ -43,6 +43,9 @@ MAX_MAPS = 6
 """Maps in one figure at most: the results that change most."""
 MOST_MAPPED = 400
 """Values of each parameter in a map at most, evenly thinned out: about its pixels."""
+MOST_BLENDED = 200
+"""Values of each parameter up to which colours are blended between points: more points need none,
+as they are as many as pixels, and 400 by 400 of them would take 200 MB."""
 LOG_RATIO = 8.0
 """Ratio of largest to smallest value above which a scale is logarithmic."""
 MOVES = 0.01
@@ -177,13 +180,14 @@ def draw(
         for axis, at in zip(swept.axes[2:], rest, strict=True)
     ]
     chosen = sorted(np.argsort(-swept.change, kind="stable")[:MAX_MAPS].tolist())
-    maps = [_map(swept, value[:, :, n], n) for n in chosen]
+    shares = sharing.labelled(swept)
+    maps = [_map(swept, value[:, :, n], n, shares.get(n)) for n in chosen]
     columns = min(2, len(maps))
     maps += [Panel(across=Across(""), right=0.88, paint=Axes.set_axis_off)] * (len(maps) % columns)
     rows = [tuple(maps[n : n + columns]) for n in range(0, len(maps), columns)]
     heading += " over two parameters"
     notes = []
-    if any(one.touched.any() for n, one in sharing.labelled(swept).items() if n in chosen):
+    if any(one.touched.any() for n, one in shares.items() if n in chosen):
         notes.append("dots: two modes share the motion")
     notes += _name_requirements(swept)
     subtitle = " · ".join([*kept, title])
@@ -485,7 +489,9 @@ def _shown(swept: Sweep) -> tuple[Any, ...]:
     return np.ix_(*places)
 
 
-def _map(swept: Sweep, every: Float[np.ndarray, "column row"], n: int) -> Panel:
+def _map(
+    swept: Sweep, every: Float[np.ndarray, "column row"], n: int, one: Labelled | None
+) -> Panel:
     across, up = (_across(axis, 34) for axis in swept.axes[:2])
     shown = _shown(swept)
     x, y = (
@@ -498,14 +504,14 @@ def _map(swept: Sweep, every: Float[np.ndarray, "column row"], n: int) -> Panel:
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     smooth = min(value.shape) > 1 and np.ptp(value) > 1e-9 * abs(high)  # not with gaps
     high = max(high, low + (abs(low) or 1.0) * 1e-9)
-    one = sharing.labelled(swept).get(n)
     touched = None if one is None else one.touched[(..., *swept.start[2:])][shown]
     norm = LogNorm(low, high) if wide else Normalize(low, high)
 
     def paint(axes: Axes) -> None:
         axes.grid(visible=False)
         axes.set_facecolor("#eeeeee")
-        how = {"shading": "gouraud" if smooth else "nearest", "rasterized": True}
+        shading = "gouraud" if smooth and max(value.shape) <= MOST_BLENDED else "nearest"
+        how = {"shading": shading, "rasterized": True}
         axes.pcolormesh(x, y, finite, norm=norm, cmap="viridis", **how)
         if smooth:
             _draw_contours(axes, x, y, finite, norm)

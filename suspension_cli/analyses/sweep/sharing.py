@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.analyses.sweep.followed_modes import has_modes
 from suspension_cli.analyses.sweep.solve import Sweep
+from suspension_cli.files.mapped_arrays import blocks
 from suspension_cli.linear import mode_content
 from suspension_cli.linear.mode_content import Content
 from suspension_cli.studies import builds
@@ -26,23 +28,31 @@ MOST = 4
 class Labelled:
     """A result that is a mode asked for by its label, at all points of a grid.
 
+    Shapes, which are most of a large file, are read in blocks.
+
     Attributes
     ----------
-    shape
-        Of the mode, as in `batch_modes.Spectrum`.
-    value, other
-        Frequencies of the mode and of the one with most of the motion beside it, Hz; or NaN.
-    curve, other_curve
-        Numbers of the nominal modes that have become these, followed by shape; -1 if none.
+    value
+        Frequency of the mode, Hz; or NaN.
+    shapes, rank, squared
+        Of all modes of each point, see `Sweep`.
     """
 
     name: str
     content: Content
-    shape: Float[np.ndarray, "*axes coordinate"]
     value: Float[np.ndarray, "*axes"]
-    other: Float[np.ndarray, "*axes"]
-    curve: Int[np.ndarray, "*axes"]
-    other_curve: Int[np.ndarray, "*axes"]
+    shapes: Float[np.ndarray, "*axes mode coordinate"]
+    rank: Int[np.ndarray, "*axes nominal"]
+    squared: Float[np.ndarray, "*axes mode"]
+
+    @cached_property
+    def other(self) -> Float[np.ndarray, "*axes"]:
+        """Frequency of the mode with most of the motion beside it, Hz; or NaN."""
+        found = np.empty(self.value.shape)
+        for part in blocks(self.squared):
+            place = self.content.other[part].astype(np.intp)
+            found[part] = mode_content.frequencies(self.squared[part], place)
+        return found
 
     @property
     def shared(self) -> Bool[np.ndarray, "*axes"]:
@@ -54,19 +64,35 @@ class Labelled:
 
         The shapes of both are then more different than equal. One element less along this axis.
         """
-        shape = np.moveaxis(self.shape, axis, 0)
-        known = np.moveaxis(np.isfinite(self.value), axis, 0)
-        overlap = (shape[:-1] * shape[1:]).sum(-1) ** 2
-        return np.moveaxis(known[:-1] & known[1:] & (overlap < 0.5), 0, axis)
+        lengths = list(self.value.shape)
+        lengths[axis] -= 1
+        found = np.zeros(lengths, dtype=bool)
+        beyond = int(axis == 0)  # a block needs the first point of the next one
+        for part in blocks(self.shapes):
+            wider = slice(part.start, part.stop + beyond)
+            shape = np.moveaxis(self._shape(wider), axis, 0)
+            known = np.moveaxis(np.isfinite(self.value[wider]), axis, 0)
+            overlap = (shape[:-1] * shape[1:]).sum(-1) ** 2
+            passes = known[:-1] & known[1:] & (overlap < 0.5)
+            found[part] = np.moveaxis(passes, 0, axis)
+        return found
+
+    def _shape(self, part: slice) -> Float[np.ndarray, "*axes coordinate"]:
+        """Shape of the mode at some points, as in `batch_modes.Spectrum`."""
+        own = np.maximum(self.content.mode[part].astype(np.intp), 0)[..., None, None]
+        return np.take_along_axis(self.shapes[part], own, -2)[..., 0, :].astype(float)
 
     @property
     def curves(self) -> list[int]:
         """Nominal modes that share the motion somewhere, followed by shape; none if one alone."""
         touched = self.touched
-        every = np.concatenate([self.curve[touched], self.other_curve[touched]])
-        return np.unique(every[every >= 0]).tolist()
+        rank = self.rank[touched]
+        content = self.content
+        every = [_curve(rank, place[touched]) for place in (content.mode, content.other)]
+        numbers = np.concatenate(every)
+        return np.unique(numbers[numbers >= 0]).tolist()
 
-    @property
+    @cached_property
     def touched(self) -> Bool[np.ndarray, "*axes"]:
         """Points at which the motion is shared, or beside which it passes to another mode."""
         result = self.shared
@@ -88,25 +114,15 @@ def labelled(swept: Sweep) -> dict[int, Labelled]:
         content = swept.content(name)
         if content is None or rank is None or squared is None or swept.shape is None:
             continue
-        mode = content.mode.astype(np.intp)
-        other = content.other.astype(np.intp)
-        own = np.maximum(mode, 0)[..., None, None]
-        found[number] = Labelled(
-            name,
-            content,
-            shape=np.take_along_axis(swept.shape, own, -2)[..., 0, :].astype(float),
-            value=swept.value[..., number],
-            other=mode_content.frequencies(squared, other),
-            curve=_curve(rank, mode),
-            other_curve=_curve(rank, other),
-        )
+        value = swept.value[..., number]
+        found[number] = Labelled(name, content, value, swept.shape, rank, squared)
     return found
 
 
 def _curve(
-    rank: Int[np.ndarray, "*axes mode"], mode: Int[np.ndarray, "*axes"]
-) -> Int[np.ndarray, "*axes"]:
-    """Nominal mode that has become a mode of each point."""
+    rank: Int[np.ndarray, "point nominal"], mode: Int[np.ndarray, " point"]
+) -> Int[np.ndarray, " point"]:
+    """Number of the nominal mode that has become a mode of each point; -1 if none."""
     same = rank == mode[..., None]
     return np.where((mode >= 0) & same.any(-1), same.argmax(-1), -1)
 

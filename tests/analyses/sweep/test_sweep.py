@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import suspension_cli as sus
+from suspension_cli.analyses.sweep import sharing
 from suspension_cli.design import reader
+from suspension_cli.files import mapped_arrays
 from suspension_cli.linear import (
     eigenmodes,
     mode_pairing,
@@ -176,6 +178,25 @@ def test_pictures_show_both_modes_that_exchange_their_character(tmp_path):
     assert np.isnan(y).sum() == grows + 1
     for line in thin:
         assert np.isnan(np.asarray(line.get_ydata())).sum() == grows
+
+
+def test_modes_that_exchange_their_character_are_those_of_their_shapes(monkeypatch):
+    """On a map read in blocks of one row: from the shapes of all points at once."""
+    vary = {D: np.linspace(6e-4, 1.2e-3, 31), "stage.test.wires.l": np.linspace(0.19, 0.21, 4)}
+    found = sus.sweep(sus.parse(SMALL), vary=vary, results=["test pitch"], fidelity="string")
+    monkeypatch.setattr(mapped_arrays, "BLOCK", 1)
+    [one] = sharing.labelled(found).values()
+    mode = one.content.mode
+    shape = np.array([[found.shape[i, j, mode[i, j]] for j in range(4)] for i in range(31)])
+    overlap = np.einsum("ijc,ijc->ij", shape[1:], shape[:-1]) ** 2
+    assert (one.exchanges(0) == (overlap < 0.5)).all()
+    assert one.exchanges(0).sum(0).tolist() == [1, 1, 1, 1]  # once along d, at every length
+    passed = np.argmax(one.exchanges(0), axis=0)
+    assert one.exchanges(1).sum() == np.abs(np.diff(passed)).sum()
+    other = found.omega_squared[3, 2, one.content.other[3, 2]]
+    assert one.other[3, 2] == pytest.approx(np.sqrt(other) / (2 * np.pi))
+    both = {found.rank[0, 0].tolist().index(n) for n in (mode[0, 0], one.content.other[0, 0])}
+    assert set(one.curves) == both
 
 
 def test_all_modes_are_followed_by_shape(tmp_path):
