@@ -90,13 +90,14 @@ class LostModeError(InputError):
         return LostModeError([Fault("stage", problem, remedy)])
 
 
-def solve(system: Solvable) -> Modes:
+def solve(system: Solvable, *, skip_lost: bool = False) -> Modes:
     """Solve for modes with dampers and losses of any size, for a system without batch axes.
 
     Of an unstable mode only the growing pole counts, not the decaying one at about the opposite
     value. The light of each detuned cavity has a mode of its own, or two that do not oscillate.
     With wire mass these are the modes of bodies alone, each followed from the one without: from a
-    start far away a mode of wires may be found instead. Raises `LostModeError` if a pole is lost.
+    start far away a mode of wires may be found instead. Raises `LostModeError` if a pole is lost,
+    but to `skip_lost` ones that oscillate, which a caller then finds otherwise.
     """
     given = Solver.of(system)
     model = given.system
@@ -126,7 +127,9 @@ def solve(system: Solvable) -> Modes:
             starts.append(part.none)
     if plain.all() and not any(len(value) for value, _ in starts):
         return first
-    value, member, motion = _find(solver, parts, starts, first)
+    has_light = [bool((block.keep >= model.size).any()) for block in solver.blocks]
+    may_lose = [skip_lost and not some for some in has_light]  # light is told by its poles' number
+    value, member, motion = _find(solver, parts, starts, first, may_lose)
     motion /= np.sqrt(quadratic_form(model.mass, motion.T[: model.size]))[:, None]
     value = np.concatenate([np.sqrt(-still.omega_squared[plain] + 0j), value])
     motion = np.concatenate([still.motion[plain], motion])
@@ -219,7 +222,11 @@ def damping_matrix(model: LinearSystem) -> Float[np.ndarray, "coordinate coordin
 
 
 def _find(
-    solver: Solver, parts: Sequence[_Block], starts: Sequence[Poles], first: Modes
+    solver: Solver,
+    parts: Sequence[_Block],
+    starts: Sequence[Poles],
+    first: Modes,
+    may_lose: Sequence[bool],
 ) -> tuple[
     Complex[np.ndarray, " pole"],
     Int[np.ndarray, " pole"],
@@ -227,7 +234,8 @@ def _find(
 ]:
     """Find the poles of all blocks from start values: s, block and shape.
 
-    Raises `LostModeError` if one of wires with mass is lost; others cannot be.
+    Raises `LostModeError` if one of wires with mass is lost; others cannot be. Those that oscillate
+    are left out instead of blocks that `may_lose` some.
     """
     pencil = solver.pencil
     blocks = solver.blocks
@@ -246,12 +254,15 @@ def _find(
     for number, part in enumerate(parts):
         own = member == number
         lost = found.lost[own]
-        if part.is_massive and lost.any():
-            omega = float(np.abs(start.value[own][lost][0]))
+        needed = lost & ~(may_lose[number] & (np.imag(start.value[own]) > 0))
+        if part.is_massive and needed.any():
+            omega = float(np.abs(start.value[own][needed][0]))
             near = np.where(first.block == number, first.omega_squared, np.inf)
             n = int(np.abs(near - omega**2).argmin())
             raise LostModeError.of_mode(first.label[n], omega / (2 * np.pi))
-        if part.has_steep_tables and not part.is_massive:
+        if part.is_massive:
+            every.append((values[own][~lost], motions[own][~lost]))
+        elif part.has_steep_tables:
             every.append(part.counted_poles())
         elif not lost.any():
             every.append((values[own], motions[own]))

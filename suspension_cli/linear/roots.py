@@ -138,8 +138,8 @@ class Roots:
             row[keep] = column[: len(keep)]
         return result
 
-    def select(self, some: Bool[np.ndarray, " root"]) -> Roots:
-        """Select some of them."""
+    def select(self, some: Bool[np.ndarray, " root"] | Int[np.ndarray, " some"]) -> Roots:
+        """Select some of them, or put them in another order."""
         return Roots(self.value[some], self.block[some], self.motion[:, some], self.lost[some])
 
     def followed_by(self, other: Roots) -> Roots:
@@ -301,6 +301,40 @@ def repeated(found: Roots) -> Bool[np.ndarray, " root"]:
     alike &= found.block[:, None] == found.block
     alike &= np.isclose(found.value[:, None], found.value, rtol=SAME, atol=0.0)
     return np.tril(alike, -1).any(1)
+
+
+def find_shapes(pencil: Pencil, blocks: Sequence[Block], start: Roots) -> Roots:
+    """Find the shapes of roots whose values are known, by inverse iteration from start shapes."""
+    each = list(np.arange(len(start.value))[:, None])
+    return _iterate(pencil, blocks, start, each, FIRST, "all", FIRST)
+
+
+def mark_known(
+    pencil: Pencil, blocks: Sequence[Block], found: Roots, known: Complex[np.ndarray, " known"]
+) -> Bool[np.ndarray, " root"]:
+    """Mark roots of the first block that are among known ones, of which only the values are given.
+
+    Inverse iteration at the values of known roots near a found one, from as many random shapes,
+    spans their shapes; of a degenerate root, it spans as many dimensions as are known.
+    """
+    near = np.isclose(found.value[:, None], known, rtol=SAME, atol=0.0)
+    value = known[near.any(0)]
+    result = np.zeros(len(found.value), dtype=bool)
+    if not len(value):
+        return result
+    member = np.zeros(len(value), dtype=int)
+    random = np.random.default_rng(1).normal(size=(len(value), pencil.model.size))
+    shapes = find_shapes(pencil, blocks, Roots.starts(blocks, value, member, random)).motion
+    near = near[:, near.any(0)]
+    motion = found.motion / np.sqrt((np.abs(found.motion) ** 2).sum(0))
+    new = np.zeros(len(found.value), dtype=bool)
+    for n in np.flatnonzero(near.any(1)):
+        beside = new & np.isclose(found.value, found.value[n], rtol=SAME, atol=0.0)
+        shape = np.concatenate([shapes[:, near[n]], motion[:, beside]], axis=1)
+        span = np.linalg.qr(shape / np.abs(shape).max(0))[0]
+        result[n] = (np.abs(span.conj().T @ motion[:, n]) ** 2).sum() > 1 - SAME
+        new[n] = not result[n]
+    return result
 
 
 def group_roots(

@@ -42,7 +42,7 @@ from suspension_cli.physics.cut_wires import CutWires
 from suspension_cli.scene.arrays import Array
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float, Int
+    from jaxtyping import Bool, Complex, Float, Int
 
 CUTS = ((3 - 5**0.5) / 2, 0.36, 0.45)
 """Fractions of a wire above the cut, tried in turn: the golden section is far from nodes of low
@@ -79,6 +79,8 @@ DIVIDED = 15
 MINUTE = 1e8
 """Modes times the squared number of coordinates, with those of the cuts, that take about a minute:
 the elimination of a mode grows with that square."""
+NONE = np.zeros(0, dtype=complex)
+"""No poles."""
 NAMES = {"bend-1": "violin-x", "bend-2": "violin-y", "stretch": "stretch", "twist": "twist"}
 """Names of the parts of a wire's motion in `Modes.wire`."""
 
@@ -111,7 +113,8 @@ def solve(
         raise no_mode_error(highest)
     strong = static.select(slice(0))
     if damping and (damped.damping_matrix(model).any() or model.terms_with_states):
-        static = damped.solve(prepared)
+        # wire mass may move a pole far; one that is lost here is followed from without losses
+        static = damped.solve(prepared, skip_lost=True)
         of_light = damped.mark_light(static)
         fast = 2 * STRONG * np.abs(static.decay_rate) > np.sqrt(np.abs(static.omega_squared))
         below = static.omega_squared <= (2 * np.pi * highest) ** 2
@@ -151,7 +154,8 @@ def _find_modes(
         if fraction == CUTS[0] and len(strong.q):
             found.append(solver.describe(solver.strong))
         for part in _split(left):
-            result, good = solver.solve(part, damping=damping)
+            known = np.concatenate([solver.strong.value, *map(_poles, found)])
+            result, good = solver.solve(part, damping=damping, known=known)
             found.append(result.select(good))
             others.append(result.select(~good))
             missed.append(part[~good])
@@ -163,6 +167,12 @@ def _find_modes(
             return found[0].followed_by(*found[1:]).ascending()
     rest = others[0].followed_by(*others[1:]).ascending()
     raise damped.LostModeError.of_mode(rest.label[0], float(left[0]) / (2 * np.pi))
+
+
+def _poles(modes: Modes) -> Complex[np.ndarray, " mode"]:
+    """Poles s (rad/s) of modes that oscillate."""
+    squared = np.maximum(modes.omega_squared - modes.decay_rate**2, 0.0)
+    return -modes.decay_rate + 1j * np.sqrt(squared)
 
 
 def _joined(still: Modes, modes: Modes) -> Modes:
@@ -315,27 +325,31 @@ class _WiresCut:
 
     @staticmethod
     def of(whole: Solver, fraction: float, strong: Modes) -> _WiresCut:
-        """Cut the wires of a system; find the poles of modes that are strongly damped."""
+        """Cut the wires of a system; find the shapes of modes that are strongly damped."""
         cut, kinds = cut_wires.cut_all(whole.system, fraction)
         pencil = Pencil(Structure(cut))
         order = np.argsort(pencil.owner[6:], kind="stable")
         blocks = [Block(pencil, 6 + order, np.ones(6, dtype=bool))]
-        omega = np.sqrt(np.maximum(strong.omega_squared - strong.decay_rate**2, 0.0))
-        shapes = np.zeros((len(omega), cut.size))
+        shapes = np.zeros((len(strong.q), cut.size))
         model = whole.system
         shapes[:, : model.size] = np.pad(strong.shape, ((0, 0), (6, 0))) @ model.basis
-        member = np.zeros(len(omega), dtype=int)
-        start = Roots.starts(blocks, -strong.decay_rate + 1j * omega, member, shapes)
-        found = roots.find_roots(pencil, blocks, start, strong.decay_rate)
-        known = found.select(~(found.lost | roots.repeated(found)))
-        return _WiresCut(whole, pencil, blocks[0], kinds, known)
+        member = np.zeros(len(strong.q), dtype=int)
+        start = Roots.starts(blocks, _poles(strong), member, shapes)
+        # poles of whole wires are poles of cut ones: a search from them might lose them again
+        known = roots.find_shapes(pencil, blocks, start)
+        return _WiresCut(whole, pencil, blocks[0], kinds, known.select(~roots.repeated(known)))
 
     def solve(
-        self, omega: Float[np.ndarray, " mode"], *, damping: bool
+        self,
+        omega: Float[np.ndarray, " mode"],
+        *,
+        damping: bool,
+        known: Complex[np.ndarray, " known"] = NONE,
     ) -> tuple[Modes, Bool[np.ndarray, " mode"]]:
         """Solve for the modes at frequencies without loss (rad/s), and mark those that are found.
 
-        If `damping`, for the poles and shapes with all losses.
+        If `damping`, for the poles and shapes with all losses; those that are `known` (rad/s), with
+        wires cut here or elsewhere, do not count again.
         """
         blocks = [self.block]
         member = np.zeros(len(omega), dtype=int)
@@ -360,8 +374,11 @@ class _WiresCut:
         damped_wires = any(kind.term.strand.damped for kind in self.kinds)
         together = LONGER if damped_wires else roots.TOGETHER
         found = roots.find_roots(self.pencil, blocks, start, omega / (2 * q), together=together)
-        every = self.strong.followed_by(found)
-        again = roots.repeated(every)[len(self.strong.value) :]
+        # of those that are one the nearest to its start counts: others have strayed
+        order = np.argsort(np.abs(found.value - start.value) / omega, kind="stable")
+        again = np.zeros(len(omega), dtype=bool)
+        again[order] = roots.repeated(found.select(order))
+        again |= roots.mark_known(self.pencil, blocks, found, known)
         return self.describe(found), ~(found.lost | again)
 
     def describe(self, found: Roots) -> Modes:

@@ -13,7 +13,9 @@ import suspension_cli as sus
 from suspension_cli.design.reader import parse, read
 from suspension_cli.drawing import draw
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes, response, roots, signals
+from suspension_cli.linear import damped, eigenmodes, response, roots, signals
+from suspension_cli.linear.pencil import Block
+from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.physics import wire_modes
 from tests.support import finite_elements, scenes
@@ -143,6 +145,75 @@ def test_drawing_and_check_of_many_bodies_stay_short() -> None:
     lines = str(sus.check(sus.parse(text))).splitlines()
     assert sum("left3b.1 to 4" in line for line in lines) == 1
     assert max(len(line) for line in lines) < 120
+
+
+KEYSTONE = """
+[design]
+name = "gas"
+[[stage]]
+name = "f"
+body = { mass = 50.0, inertia = [2.0, 2.0, 3.0] }
+[stage.wires]
+count = 4
+l = 0.5
+s = 0.1
+t1 = 0.1
+t2 = 0.1
+d = 0.1
+material = "maraging"
+radius = 1e-3
+[stage.filter]
+frequency = 0.4
+q = 30.0
+lateral_stiffness = 1e8
+tilt_stiffness = 1e7
+keystone = { mass = 0.4 }
+mass_coupling = 0.38
+[[stage]]
+name = "test"
+body = { mass = 40.0, inertia = [0.5, 0.5, 0.5] }
+wires = { count = 1, l = 4.0, d = 0.01, material = "maraging", radius = 4e-3 }
+"""
+
+
+def test_a_damped_keystone_lighter_than_its_wire_loses_no_mode():
+    """Its vertical mode, at 1.9 kHz without the mass of the wire, moves far with it. Below 300 Hz
+    all modes that the frequencies without loss promise are found, each once."""
+    design = sus.parse(KEYSTONE).design
+    model = registry.VIOLIN.system(design)
+    with pytest.raises(damped.LostModeError, match="f-keystone vertical at 1883 Hz"):
+        damped.solve(model)
+    found = wire_modes.solve(model, 300.0, damping=True)
+    number = roots.modes_below(model, 2 * np.pi * np.array([300.0]))[0]
+    assert len(found.q) == number > 50
+    light = damped.solve(registry.BEAM.system(design)).up_to(3.0)
+    assert found.frequency[:9] == pytest.approx(light.frequency, rel=0.06)
+    vertical = light.label.index("test vertical")
+    assert found.q[vertical] == pytest.approx(30.0, rel=1e-3)
+
+
+def test_a_degenerate_root_is_known_as_often_as_it_was_found():
+    """Pendulum modes in x and y have one frequency: of both, one is new if one is known."""
+    model = registry.BEAM.system(sus.parse(KEYSTONE).design)
+    solver = Solver(model)
+    pencil = solver.pencil
+    order = np.argsort(pencil.owner[6:], kind="stable")
+    blocks = [Block(pencil, 6 + order, np.ones(6, dtype=bool))]
+    undamped = solver.constant.modes.select(slice(9))
+    shapes = np.pad(undamped.shape, ((0, 0), (6, 0))) @ model.basis
+    values = 1j * np.sqrt(undamped.omega_squared)
+    start = roots.Roots.starts(blocks, values, np.zeros(9, dtype=int), shapes)
+    found = roots.find_roots(pencil, blocks, start)
+    assert found.value[0] == pytest.approx(found.value[1], rel=1e-9)
+    pair = [
+        roots.mark_known(pencil, blocks, found, found.value[:number])[:2].sum()
+        for number in (0, 1, 2)
+    ]
+    assert pair == [0, 1, 2]
+    assert (
+        roots.mark_known(pencil, blocks, found, found.value[2:]).tolist()
+        == [False] * 2 + [True] * 7
+    )
 
 
 def test_nearly_equal_pairs_are_resolved():
