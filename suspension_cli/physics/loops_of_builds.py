@@ -511,6 +511,7 @@ class ModalBuilds:
             for build, loops in enumerate(found)
             for loop, one in enumerate(loops)
             for kind in PLACED
+            if self.network.nodes[loop].filter.gain != 0
             if (place := getattr(one, f"{kind}_frequency")) > 0
         ]
         result: list[list[Margins] | None] = [list(one) for one in found]
