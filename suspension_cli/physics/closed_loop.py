@@ -340,11 +340,10 @@ def _realise_delay(delay: float) -> Any:
 
     Its denominator is a Bessel polynomial in s T / 2 (Storch, Proc. IRE 42, 1666 (1954)).
     """
-    from scipy.signal import StateSpace, besselap
+    from scipy.signal import StateSpace
 
     result: Any = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
-    roots = np.asarray(besselap(PADE, norm="delay")[1]) if delay else np.zeros(0)
-    for pole in 2 * roots[roots.imag > 0] / (delay or 1.0):
+    for pole in _delay_poles(delay):
         w = abs(pole)
         b = -2 * pole.real
         a = np.array([[0.0, w], [-w, -b]])
@@ -352,19 +351,57 @@ def _realise_delay(delay: float) -> Any:
     return result
 
 
+def _delay_poles(delay: float) -> Complex[np.ndarray, " pole"]:
+    """Compute the poles of Pade's fraction of a delay, with Im s > 0; none without a delay."""
+    from scipy.signal import besselap
+
+    if not delay:
+        return np.zeros(0, dtype=complex)
+    roots = np.asarray(besselap(PADE, norm="delay")[1])
+    return 2 * roots[roots.imag > 0] / delay
+
+
 def find_poles(plant: Plant) -> Poles:
     """Find the closed-loop poles of a plant without wire mass, one of each conjugate pair.
 
     Raises `InputError` if one is lost.
     """
-    plant = _with_states(plant)
+    forward = _feed_forward(plant)
+    every = range(len(plant.network.nodes))
+    forward_poles = _poles_of_filters([plant.network.nodes[n] for n in forward], plant.model.size)
+    plant = _with_states(plant.select([n for n in every if n not in forward]))
     fixed = plant.with_model(with_constant_loss(plant.model))
     found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
+    found.append(forward_poles)
     value = np.concatenate([one.value for one in found])
     states = [state for one in found for state in one.state]
     motion = np.concatenate([one.motion for one in found if one.motion is not None])
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], tuple(states[n] for n in order), motion[order])
+
+
+def _feed_forward(plant: Plant) -> list[int]:
+    """Number the filters that read no motion of a body, also through others.
+
+    They are in no loop: their poles are those of the filters, and move no other pole.
+    """
+    reads = plant.node_sensed[:, 6:].any(1)
+    return [n for n, read in enumerate(plant.network.upstream) if not (read & reads).any()]
+
+
+def _poles_of_filters(nodes: Sequence[Node], size: int) -> Poles:
+    """List the poles of filters with Im s >= 0, without motions of the coordinates."""
+    value = []
+    state = []
+    for node in nodes:
+        every = [(pole, part.rate) for part in node.filter.parts for pole in part.poles]
+        for number, (pole, rate) in enumerate(every, 1):
+            s = complex(-2 * np.pi * pole)
+            if s.imag >= 0:
+                value.append(move_pole(s, rate) if rate else s)
+                state.append(f"{node.name} {number}")
+    none = np.zeros((len(value), size), dtype=complex)
+    return Poles(np.array(value, dtype=complex), tuple(state), none)
 
 
 def follow_poles(plant: Plant, known: Poles) -> Poles:
@@ -448,7 +485,7 @@ def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list
         value, motion, lost = within.refine(start)
     within.find_coincident(start, value, lost)
     fast = -np.real(start.value) * within.delay
-    lost |= ~(fast <= FAR)
+    lost |= ~(fast <= FAR) | within.is_alias(start, value)
     if within.delay:
         within.search_again(value, lost)
     vital = lost & (fast <= SURE) & ~within.at_half_the_rate(start)
@@ -468,13 +505,19 @@ def _move_filter_poles(
 
     The state space takes s for w.
     """
-    filters = {node.name: node.filter for node in nodes}
+    by_name = {node.name: node for node in nodes}
     result = value.astype(complex)
     for n, name in enumerate(state):
-        made = filters.get(name.rpartition(" ")[0])
-        if made is None or not made.period:
+        node = by_name.get(name.rpartition(" ")[0])
+        if node is None or not node.filter.period:
             continue
-        near = [(abs(value[n] + 2 * np.pi * p), one.rate) for one in made.parts for p in one.poles]
+        near = [
+            (abs(value[n] + 2 * np.pi * pole), part.rate)
+            for part in node.filter.parts
+            for pole in part.poles
+        ]
+        # those of the fraction that stands for the delay stay where they are
+        near += [(abs(value[n] - pole), 0.0) for pole in _delay_poles(node.delay)]
         if near and (rate := min(near)[1]):
             result[n] = move_pole(result[n], rate)
     return result
@@ -498,6 +541,11 @@ class _Starts:
     value: Complex[np.ndarray, " pole"]
     state: tuple[str, ...]
     motion: Complex[np.ndarray, "pole coordinate"]
+
+    @property
+    def of_filter(self) -> Bool[np.ndarray, " pole"]:
+        """Which have a state of a filter as leading state."""
+        return np.array([statespace.is_of_filter(name) for name in self.state], dtype=bool)
 
     def followed_by(self, other: _Starts) -> _Starts:
         """Append others."""
@@ -545,11 +593,22 @@ class _Within:
 
         There z is negative, and a start and its mirror image belong to the same pole.
         """
-        rates = [one.rate for loop in self.block.loops for one in loop.filter.parts if one.rate]
-        if not rates:
+        if not self.rates:
             return np.zeros(len(start.value), dtype=bool)
-        of_filter = np.array([statespace.is_of_filter(name) for name in start.state], dtype=bool)
-        return of_filter & (np.abs(start.value) > NYQUIST * np.pi * min(rates))
+        return start.of_filter & (np.abs(start.value) > NYQUIST * np.pi * min(self.rates))
+
+    def is_alias(
+        self, start: _Starts, value: Complex[np.ndarray, " pole"]
+    ) -> Bool[np.ndarray, " pole"]:
+        """Mark poles of filters above half of all sample rates, which repeat those below."""
+        if not self.rates:
+            return np.zeros(len(value), dtype=bool)
+        return start.of_filter & (np.imag(value) > np.pi * max(self.rates) * (1 + SAME))
+
+    @property
+    def rates(self) -> list[float]:
+        """Sample rates of the digital filters, Hz."""
+        return [one.rate for loop in self.block.loops for one in loop.filter.parts if one.rate]
 
     @property
     def is_lossy(self) -> bool:
