@@ -9,7 +9,7 @@ import numpy as np
 
 from suspension_cli.design.foton import Filter
 from suspension_cli.linear.statespace import StateSpace
-from suspension_cli.physics import closed_loop
+from suspension_cli.physics import closed_loop, loop_realisation
 from suspension_cli.physics.modal_plants import PlantModes
 from suspension_cli.physics.wanted_loops import Wanted
 
@@ -102,7 +102,7 @@ class Judge:
     def close(self, one: TriedFilter) -> tuple[float, float] | None:
         """Close the loop with all modes: settling (s) and sensitivity; None if it is unstable."""
         node = closed_loop.Node("", one.filter)
-        made = closed_loop.realise(node)
+        made = loop_realisation.realise(node)
         plant = self.opened
         forward = -made.C
         a = np.block([[plant.a, plant.b @ forward], [made.B @ plant.c[:1], made.A]])

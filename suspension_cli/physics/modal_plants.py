@@ -10,7 +10,7 @@ import numpy as np
 from suspension_cli.linear import signals
 from suspension_cli.linear.joined_systems import Matrices, side_by_side
 from suspension_cli.linear.statespace import StateSpace, with_constant_loss
-from suspension_cli.physics import closed_loop
+from suspension_cli.physics import closed_loop, loop_realisation
 from suspension_cli.physics.local_control import Plant
 from suspension_cli.physics.wanted_loops import Wanted
 
@@ -36,7 +36,7 @@ def open_loop(plant: Plant, number: int, output: str) -> StateSpace:
     pushed = plant.pushed[number][None]
     made = closed_loop.close_loops(rest, [closed_loop.LOOP], pushed, [closed_loop.LOOP] * 2, rows)
     loop = plant.loops[number]
-    reading = closed_loop.realise_reading(loop)
+    reading = loop_realisation.realise_reading(loop)
     behind = [Matrices(reading.A, reading.B, reading.C, reading.D), Matrices.unchanged()]
     whole = Matrices(made.a, made.b, made.c, made.d).then(side_by_side(behind))
     states = len(reading.A)

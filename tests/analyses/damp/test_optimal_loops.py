@@ -7,7 +7,13 @@ import pytest
 
 from suspension_cli.design.foton import format_filter
 from suspension_cli.errors import InputError
-from suspension_cli.physics import closed_loop, local_control, optimal_loops, riccati_equations
+from suspension_cli.physics import (
+    closed_loop,
+    closed_loop_margins,
+    local_control,
+    optimal_loops,
+    riccati_equations,
+)
 from suspension_cli.physics.optimal_loops import Wanted
 from suspension_cli.physics.riccati_equations import CLOSER
 from tests.analyses.damp.test_published_loops import NOISE, damped_quadruple
@@ -41,7 +47,7 @@ def test_a_quieter_loop_than_the_published_requirement():
     settling = -1 / np.real(poles.value[own]).max()
     assert settling == pytest.approx(found.settling, rel=1e-6)
     assert settling < 15
-    _, peak = closed_loop.find_margins(closed, poles)
+    _, peak = closed_loop_margins.find_margins(closed, poles)
     assert peak.size == pytest.approx(found.sensitivity, rel=1e-3)
     assert peak.size < 1.5
     [output] = plants.motions(system, "tst.x")

@@ -9,14 +9,14 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.design import reader
-from suspension_cli.physics import closed_loop, local_control
+from suspension_cli.physics import closed_loop, closed_loop_margins, local_control
 from suspension_cli.physics.model_choice import for_modes
 
 
 def solve(design):
     plant = local_control.build_plant(design.design, for_modes(design, "string", 1e-3)[1])
     poles = closed_loop.find_poles(plant)
-    return np.sort_complex(poles.value), closed_loop.find_margins_of_loops(plant, poles)
+    return np.sort_complex(poles.value), closed_loop_margins.find_margins_of_loops(plant, poles)
 
 
 def test_a_loop_of_gain_0_beside_others_of_the_same_poles():
