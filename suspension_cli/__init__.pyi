@@ -503,7 +503,8 @@ def optimise(
     goals : path
         TOML file of goals, and of the free numbers with bounds.
     starts : int
-        Number of designs from which searches start; the first is the design itself.
+        Number of designs from which searches start; the first is the design itself. If it misses
+        goals of loops, velocity damping is one more.
     seed : int
         Seed of the random starts.
     tolerance : float

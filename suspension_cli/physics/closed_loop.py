@@ -1,4 +1,4 @@
-"""Poles and margins of a suspension with its loops closed.
+"""State space and poles of a suspension with its loops closed.
 
 >>> from suspension_cli.design import reader
 >>> from suspension_cli.models import registry
@@ -12,20 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design.control import Loop
-from suspension_cli.design.foton import Filter
-from suspension_cli.design.loop_filters import make_response
 from suspension_cli.design.schema import Design
 from suspension_cli.elimination import connected_groups
 from suspension_cli.errors import InputError
 from suspension_cli.linear import (
-    damped,
-    mode_content,
     quality,
     roots,
     signals,
@@ -39,10 +34,10 @@ from suspension_cli.linear.solver import Solvable, Solver
 from suspension_cli.linear.statespace import Poles, StateSpace, with_constant_loss
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.models import registry
-from suspension_cli.physics import local_control, margins
+from suspension_cli.physics import local_control
 from suspension_cli.physics.local_control import Plant
-from suspension_cli.physics.loop_network import Network, Node
-from suspension_cli.physics.margins import Margins, SensitivityPeak
+from suspension_cli.physics.loop_network import Node
+from suspension_cli.physics.loop_realisation import delay_poles, realise_nodes, viscous_damper
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Complex, Float, Int
@@ -50,46 +45,20 @@ if TYPE_CHECKING:
     from suspension_cli.models.base import Model
     from suspension_cli.physics.log import Log
 
-
-PADE = 8
-"""Order of Pade's approximation of a delay T."""
-PADE_ERROR = 5e-4
-"""Its largest error up to omega T = `PADE_RANGE`."""
-PADE_RANGE = 8.0
-
-
-DIRECT = 6
-"""Most poles of a filter whose polynomials keep their digits; others become sections in series."""
-
-
 STILL = 1e-12
 """Fraction of the largest pole below which a pole is that of a free coordinate."""
-
-
 SURE = 1.0
 """Decay within a delay, nepers, up to which no pole is one of its approximation."""
-
-
 NYQUIST = 0.9
 """Fraction of half the rate of a digital filter from which its poles may be aliases."""
-
-
 FAR = 50.0
 """Decay within a delay, nepers, beyond which poles are given up."""
-
-
 GROWING = 1e-18
 """Growth rate over frequency up to which it is a rounding error of the power of loops."""
-
-
 RISING = (0.1, 0.2, 0.4, 0.7, 1.0)
 """Fractions of the gain of loops at which poles of filters are followed."""
-
-
 SAME = 1e-6
 """Relative distance of two poles up to which they are one."""
-
-
 BY_NUMBER = 1e-3
 """Relative distance within which poles that coincide are counted; rounding moves four by 1e-4."""
 COINCIDENT = 1e-2
@@ -98,41 +67,8 @@ WHOLE = 1e-3
 """Largest distance of a number of poles from a whole one; a pole near the circle leaves 0.5."""
 BESIDE = 1 + 1e-6
 """Factor from a start value to where the force of a loop is evaluated: it may be a pole of it."""
-
-
 LOOP = Signal("", "", 0, (0.0, 0.0, 0.0), acts=True)
 """Stands for the force and the reading of a loop, which are inside the closed system."""
-
-
-def find_margins(plant: Plant, closed: Poles) -> tuple[tuple[Margins, ...], SensitivityPeak]:
-    """Find the margins of each loop and of all at once, from stable closed-loop poles."""
-    corners = find_corner_frequencies(plant.network, closed.value)
-    peak = margins.find_peak(partial(local_control.compute_sensitivity, plant), corners)
-    return tuple(find_margins_of_loops(plant, closed)), peak
-
-
-def find_margins_of_loops(plant: Plant, closed: Poles) -> list[Margins]:
-    """Find the margins of each loop, from stable closed-loop poles."""
-    corners = find_corner_frequencies(plant.network, closed.value)
-    return margins.compute_margins(partial(local_control.compute_loop_gains, plant), corners)
-
-
-def find_corner_frequencies(
-    network: Network, poles: Complex[np.ndarray, " pole"]
-) -> Float[np.ndarray, " frequency"]:
-    """Find frequencies (Hz) of closed-loop poles (rad/s) and of roots of filters, and beside them.
-
-    A resonance narrow in a loop gain L with the others closed is as near to a closed-loop pole,
-    where 1 + L is 0, as it is wide.
-    """
-    filters = [node.filter.continuous for node in network.nodes]
-    found = [root for one in filters for root in (*one.zeros, *one.poles)]
-    every: Complex[np.ndarray, " root"] = np.append(poles / (2 * np.pi), found)
-    every = every[np.abs(every) > 0]
-    centre = np.abs(np.imag(every))
-    width = np.abs(np.real(every))
-    beside = [np.abs(centre + side * width) for side in (-3.0, -1.0, 0.0, 1.0, 3.0)]
-    return np.unique(np.concatenate([np.abs(every), *beside]))
 
 
 def find_steady_poles(
@@ -267,104 +203,47 @@ def close_loops(
     )
 
 
-def viscous_damper(loop: Loop) -> float:
-    """Force per velocity of a damper without sensor dynamics, N s/m or N m s/rad; else 0."""
-    return loop.damper if loop.damper is not None and loop.sensor_response is None else 0.0
-
-
-def realise_nodes(plant: Plant) -> list[Any]:
-    """Realise the nodes of the network of a plant, see `realise`; of dampers without dynamics 0."""
-    dampers = [viscous_damper(loop) for loop in plant.loops]
-    others = len(plant.network.nodes) - len(dampers)
-    every = zip(plant.network.nodes, [*dampers, *[0.0] * others], strict=True)
-    return [realise(node, damper) for node, damper in every]
-
-
-def realise(node: Node, damper: float = 0.0) -> Any:
-    """Realise filter, sensor and delay of a loop (rad/s); of a `damper`, what its delay changes.
-
-    Returns a `scipy.signal.StateSpace`.
-    """
-    from scipy.signal import StateSpace, zpk2ss
-
-    delay = _realise_delay(node.delay)
-    if damper:
-        # its force without delay is in the damping matrix: left is c s (exp(-s T) - 1)
-        rate = damper * delay.C @ delay.A, damper * delay.C @ delay.B
-        return StateSpace(delay.A, delay.B, *rate)
-    made = node.filter.continuous
-    zeros, poles = (-2 * np.pi * np.array(roots) for roots in (made.zeros, made.poles))
-    gain = made.gain * (2 * np.pi) ** (len(poles) - len(zeros))
-    if len(poles) <= DIRECT:
-        return StateSpace(*zpk2ss(zeros, poles, gain)) * delay if len(poles) else delay * gain
-    for own_zeros, own_poles in _pair_roots(zeros, poles):
-        delay = StateSpace(*zpk2ss(own_zeros, own_poles, 1.0)) * delay
-    return delay * gain
-
-
-def _pair_roots(
-    zeros: Complex[np.ndarray, " zero"], poles: Complex[np.ndarray, " pole"]
-) -> list[tuple[list[complex], list[complex]]]:
-    """Share the zeros and poles of a proper filter among sections of second order, one of first.
-
-    Each pair of poles gets the pair of zeros nearest to it, else real zeros. (zpk2sos of
-    `scipy.signal` fails for some analogue filters with fewer zeros than poles.)
-    """
-    real = sorted(poles[np.imag(poles) == 0], key=abs)
-    sections = [[pole, pole.conjugate()] for pole in poles[np.imag(poles) > 0]]
-    sections += [real[n : n + 2] for n in range(0, len(real), 2)]
-    pairs = [*zeros[np.imag(zeros) > 0]]
-    single = sorted(zeros[np.imag(zeros) == 0], key=abs)
-    result = []
-    for own in sections:
-        chosen: list[complex] = []
-        if pairs and len(own) == 2:
-            nearest = int(np.argmin([abs(zero - own[0]) for zero in pairs]))
-            zero = pairs.pop(nearest)
-            chosen = [zero, zero.conjugate()]
-        else:
-            while single and len(chosen) < len(own):
-                chosen.append(single.pop(0))
-        result.append((chosen, own))
-    return result
-
-
-def realise_reading(loop: Loop) -> Any:
-    """Realise the response of the sensor and the delay of a loop (rad/s)."""
-    made = Filter(1.0) if loop.sensor_response is None else make_response(loop.sensor_response)
-    return realise(Node("", made, loop.delay))
-
-
-def _realise_delay(delay: float) -> Any:
-    """Realise a delay T as Pade's fraction, in sections (s^2 - b s + w^2) / (s^2 + b s + w^2).
-
-    Its denominator is a Bessel polynomial in s T / 2 (Storch, Proc. IRE 42, 1666 (1954)).
-    """
-    from scipy.signal import StateSpace, besselap
-
-    result: Any = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
-    roots = np.asarray(besselap(PADE, norm="delay")[1]) if delay else np.zeros(0)
-    for pole in 2 * roots[roots.imag > 0] / (delay or 1.0):
-        w = abs(pole)
-        b = -2 * pole.real
-        a = np.array([[0.0, w], [-w, -b]])
-        result = result * StateSpace(a, [[0.0], [w]], [[0.0, -2 * b / w]], np.eye(1))
-    return result
-
-
 def find_poles(plant: Plant) -> Poles:
     """Find the closed-loop poles of a plant without wire mass, one of each conjugate pair.
 
     Raises `InputError` if one is lost.
     """
-    plant = _with_states(plant)
+    forward = _feed_forward(plant)
+    every = range(len(plant.network.nodes))
+    forward_poles = _poles_of_filters([plant.network.nodes[n] for n in forward], plant.model.size)
+    plant = _with_states(plant.select([n for n in every if n not in forward]))
     fixed = plant.with_model(with_constant_loss(plant.model))
     found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
+    found.append(forward_poles)
     value = np.concatenate([one.value for one in found])
     states = [state for one in found for state in one.state]
     motion = np.concatenate([one.motion for one in found if one.motion is not None])
     order = np.argsort(np.abs(value), kind="stable")
     return Poles(value[order], tuple(states[n] for n in order), motion[order])
+
+
+def _feed_forward(plant: Plant) -> list[int]:
+    """Number the filters that read no motion of a body, also through others.
+
+    They are in no loop: their poles are those of the filters, and move no other pole.
+    """
+    reads = plant.node_sensed[:, 6:].any(1)
+    return [n for n, read in enumerate(plant.network.upstream) if not (read & reads).any()]
+
+
+def _poles_of_filters(nodes: Sequence[Node], size: int) -> Poles:
+    """List the poles of filters with Im s >= 0, without motions of the coordinates."""
+    value = []
+    state = []
+    for node in nodes:
+        every = [(pole, part.rate) for part in node.filter.parts for pole in part.poles]
+        for number, (pole, rate) in enumerate(every, 1):
+            s = complex(-2 * np.pi * pole)
+            if s.imag >= 0:
+                value.append(move_pole(s, rate) if rate else s)
+                state.append(f"{node.name} {number}")
+    none = np.zeros((len(value), size), dtype=complex)
+    return Poles(np.array(value, dtype=complex), tuple(state), none)
 
 
 def follow_poles(plant: Plant, known: Poles) -> Poles:
@@ -448,7 +327,7 @@ def _find_in_block(plant: Plant, fixed: Plant, block: ClosedBlock, numbers: list
         value, motion, lost = within.refine(start)
     within.find_coincident(start, value, lost)
     fast = -np.real(start.value) * within.delay
-    lost |= ~(fast <= FAR)
+    lost |= ~(fast <= FAR) | within.is_alias(start, value)
     if within.delay:
         within.search_again(value, lost)
     vital = lost & (fast <= SURE) & ~within.at_half_the_rate(start)
@@ -468,13 +347,19 @@ def _move_filter_poles(
 
     The state space takes s for w.
     """
-    filters = {node.name: node.filter for node in nodes}
+    by_name = {node.name: node for node in nodes}
     result = value.astype(complex)
     for n, name in enumerate(state):
-        made = filters.get(name.rpartition(" ")[0])
-        if made is None or not made.period:
+        node = by_name.get(name.rpartition(" ")[0])
+        if node is None or not node.filter.period:
             continue
-        near = [(abs(value[n] + 2 * np.pi * p), one.rate) for one in made.parts for p in one.poles]
+        near = [
+            (abs(value[n] + 2 * np.pi * pole), part.rate)
+            for part in node.filter.parts
+            for pole in part.poles
+        ]
+        # those of the fraction that stands for the delay stay where they are
+        near += [(abs(value[n] - pole), 0.0) for pole in delay_poles(node.delay)]
         if near and (rate := min(near)[1]):
             result[n] = move_pole(result[n], rate)
     return result
@@ -498,6 +383,11 @@ class _Starts:
     value: Complex[np.ndarray, " pole"]
     state: tuple[str, ...]
     motion: Complex[np.ndarray, "pole coordinate"]
+
+    @property
+    def of_filter(self) -> Bool[np.ndarray, " pole"]:
+        """Which have a state of a filter as leading state."""
+        return np.array([statespace.is_of_filter(name) for name in self.state], dtype=bool)
 
     def followed_by(self, other: _Starts) -> _Starts:
         """Append others."""
@@ -545,11 +435,22 @@ class _Within:
 
         There z is negative, and a start and its mirror image belong to the same pole.
         """
-        rates = [one.rate for loop in self.block.loops for one in loop.filter.parts if one.rate]
-        if not rates:
+        if not self.rates:
             return np.zeros(len(start.value), dtype=bool)
-        of_filter = np.array([statespace.is_of_filter(name) for name in start.state], dtype=bool)
-        return of_filter & (np.abs(start.value) > NYQUIST * np.pi * min(rates))
+        return start.of_filter & (np.abs(start.value) > NYQUIST * np.pi * min(self.rates))
+
+    def is_alias(
+        self, start: _Starts, value: Complex[np.ndarray, " pole"]
+    ) -> Bool[np.ndarray, " pole"]:
+        """Mark poles of filters above half of all sample rates, which repeat those below."""
+        if not self.rates:
+            return np.zeros(len(value), dtype=bool)
+        return start.of_filter & (np.imag(value) > np.pi * max(self.rates) * (1 + SAME))
+
+    @property
+    def rates(self) -> list[float]:
+        """Sample rates of the digital filters, Hz."""
+        return [one.rate for loop in self.block.loops for one in loop.filter.parts if one.rate]
 
     @property
     def is_lossy(self) -> bool:
@@ -739,88 +640,3 @@ def _refine_decays(plant: Plant, block: ClosedBlock, found: Roots) -> Complex[np
     value = quality.evaluate(plant.model, found.value, motion, power).value
     steady = (np.real(value) > 0) & (np.real(value) <= GROWING * np.abs(value))
     return np.where(steady, 1j * np.imag(value), value)
-
-
-@dataclass(frozen=True)
-class DampedModes:
-    """Modes of the suspension with all losses, dampers and loops, ascending in frequency.
-
-    Attributes
-    ----------
-    frequency
-        Hz; 0 of a mode that does not oscillate.
-    q
-        abs(s) / (-2 Re s); infinite without decay.
-    decay_rate
-        Of the amplitude, 1/s; negative of a mode that grows.
-    dilution
-        Total energy over the energy in lossy elements; NaN with loops, and where not known.
-    fraction
-        Fraction of the kinetic energy in each motion (`Modes.place`).
-    """
-
-    frequency: Float[np.ndarray, " mode"]
-    q: Float[np.ndarray, " mode"]
-    decay_rate: Float[np.ndarray, " mode"]
-    dilution: Float[np.ndarray, " mode"]
-    fraction: Float[np.ndarray, "mode place"]
-
-    @staticmethod
-    def of_poles(
-        value: Complex[np.ndarray, " mode"],
-        motion: Complex[np.ndarray, "mode coordinate"],
-        model: LinearSystem,
-    ) -> DampedModes:
-        """Modes of poles with loops (rad/s), and the motions in each."""
-        oscillates = np.imag(value) > 0
-        unknown = np.full(len(value), np.nan)
-        q = np.where(oscillates, Poles(value, ("",) * len(value)).q, 0.0)
-        frequency = np.where(oscillates, np.abs(value) / (2 * np.pi), 0.0)
-        fraction = np.concatenate(mode_content.energy_fractions(model, motion), axis=1)
-        return DampedModes(frequency, q, -np.real(value), unknown, fraction)
-
-
-def solve_modes(system: Solvable, design: Design) -> DampedModes:
-    """Solve for the modes of a design's bodies, on wires without mass, with its loops closed.
-
-    Poles of filters, in which mostly these move, are no modes.
-    """
-    solver = Solver.of(system)
-    model = solver.system
-    if design.control is None or not design.control.loop:
-        found = damped.solve(solver)
-        frequency = np.nan_to_num(found.frequency)
-        decay = np.where(found.growth_rate > 0, -found.growth_rate, found.decay_rate)
-        return DampedModes(frequency, found.q, decay, found.dilution, found.fractions)
-    poles = find_poles(local_control.build_plant(design, solver))
-    assert poles.motion is not None
-    bodily = np.array([not statespace.is_of_filter(name) for name in poles.state], dtype=bool)
-    # without states of light
-    return DampedModes.of_poles(poles.value[bodily], poles.motion[bodily][:, : model.size], model)
-
-
-MARGINS = {"gain": "dB", "phase": "deg", "delay": "s", "distance": "1"}
-"""Margins of a loop, with their units."""
-
-
-def compute_margins(
-    system: Solvable, design: Design
-) -> tuple[bool, Float[np.ndarray, "loop margin"]]:
-    """Compute whether a design is stable with its loops closed, and the `MARGINS` of all loops.
-
-    Of the gain the smaller one; NaN if unstable. An infinite one means that nothing limits.
-    """
-    plant = local_control.build_plant(design, system)
-    closed = find_poles(plant)
-    if not closed.stable:
-        return False, np.full((len(plant.loops), len(MARGINS)), np.nan)
-    return True, tabulate_margins(find_margins_of_loops(plant, closed))
-
-
-def tabulate_margins(found: Sequence[Margins]) -> Float[np.ndarray, "loop margin"]:
-    """List the `MARGINS` of loops."""
-    rows = [
-        [min(one.gain_up_db, -one.gain_down_db), one.phase, one.delay, one.distance]
-        for one in found
-    ]
-    return np.array(rows)

@@ -528,7 +528,7 @@ def close_others(
 ) -> Complex[np.ndarray, "frequency loop"]:
     """Compute the gain of each loop, the others closed, from K G."""
     sensitivity = np.linalg.inv(np.eye(gain.shape[-1]) + gain)
-    closed = np.einsum("fkl,flk->fk", sensitivity, gain)
+    closed = np.einsum("fkl,flk->fk", gain, sensitivity)
     return closed / np.einsum("fkk->fk", sensitivity)
 
 

@@ -53,9 +53,13 @@ class Node:
 
 
 def make_node(loop: Loop) -> Node:
-    """Make the node of a loop: its filter, the response of its own sensor, and its delay."""
+    """Make the node of a loop: its filter, the response of its own sensor, and its delay.
+
+    A filter of gain 0 has no poles: it feeds nothing, so they are no poles of the suspension.
+    """
     key = f"control.loop.{loop.name}"
-    return Node(f"loop {loop.name}", loop.controller_and_sensor, loop.delay, key)
+    made = loop.controller_and_sensor
+    return Node(f"loop {loop.name}", made if made.gain else Filter(0.0), loop.delay, key)
 
 
 @dataclass(frozen=True)

@@ -44,10 +44,16 @@ from suspension_cli.linear.matrix_terms import Damper, StructuralLoss
 from suspension_cli.linear.roots import Feedback
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.linear.wire_term import WireTerm, is_massive
-from suspension_cli.physics import closed_loop, local_control, margins
-from suspension_cli.physics.closed_loop import DampedModes
+from suspension_cli.physics import (
+    closed_loop,
+    closed_loop_margins,
+    local_control,
+    loop_realisation,
+    margins,
+)
 from suspension_cli.physics.local_control import Plant
 from suspension_cli.physics.margins import Margins
+from suspension_cli.physics.modes_with_loops import DampedModes
 from suspension_cli.scene.arrays import Array, Index
 
 if TYPE_CHECKING:
@@ -309,13 +315,13 @@ class ModalBuilds:
         from scipy.linalg import block_diag
 
         plant = self.plant
-        made = closed_loop.realise_nodes(plant)
+        made = loop_realisation.realise_nodes(plant)
         parts = [(one.A, one.B, one.C, one.D) for one in made]
         a, b, c, d = (np.asarray(block_diag(*each)) for each in zip(*parts, strict=True))
         reads = self.network.of_nodes
         sensed = self._node_sensed
         viscous = np.zeros(len(made))
-        viscous[: len(plant.loops)] = [closed_loop.viscous_damper(one) for one in plant.loops]
+        viscous[: len(plant.loops)] = [loop_realisation.viscous_damper(one) for one in plant.loops]
         through = np.linalg.inv(np.eye(len(made)) - d @ reads)
         from_motion = through @ d @ sensed
         from_states = through @ c
@@ -500,7 +506,7 @@ class ModalBuilds:
 
         None of builds that are not done here.
         """
-        corners = [closed_loop.find_corner_frequencies(self.network, one) for one in poles]
+        corners = [closed_loop_margins.find_corner_frequencies(self.network, one) for one in poles]
         found = margins.compute_margins_of_designs(self.gains, corners)
         return self._correct(found)
 
@@ -511,6 +517,7 @@ class ModalBuilds:
             for build, loops in enumerate(found)
             for loop, one in enumerate(loops)
             for kind in PLACED
+            if self.network.nodes[loop].filter.gain != 0
             if (place := getattr(one, f"{kind}_frequency")) > 0
         ]
         result: list[list[Margins] | None] = [list(one) for one in found]
@@ -595,7 +602,7 @@ class ClosedBuilds:
         """Compute the margins of those stable builds that are done here, and their numbers."""
         good = np.flatnonzero(self.poles.known & self.poles.stable)
         loops = len(self.builds.plant.loops)
-        none = np.zeros((0, loops, len(closed_loop.MARGINS)))
+        none = np.zeros((0, loops, len(closed_loop_margins.MARGINS)))
         if not len(good):
             return good, none
         builds = self.builds
@@ -606,7 +613,7 @@ class ClosedBuilds:
         with contextlib.suppress(np.linalg.LinAlgError):  # a pole on the imaginary axis
             found = builds.margins(values)
         done = [n for n, one in enumerate(found) if one is not None]
-        rows = [closed_loop.tabulate_margins(one) for one in found if one is not None]
+        rows = [closed_loop_margins.tabulate_margins(one) for one in found if one is not None]
         return self.number[good[done]], np.array(rows).reshape(-1, *none.shape[1:])
 
     def modes(self) -> dict[int, DampedModes]:

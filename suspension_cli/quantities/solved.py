@@ -26,7 +26,14 @@ from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
 from suspension_cli.models.choice import shifts
 from suspension_cli.models.surroundings import nominal_positions, surrounded
-from suspension_cli.physics import closed_loop, local_control, loops_of_builds, wire_modes
+from suspension_cli.physics import (
+    closed_loop,
+    closed_loop_margins,
+    local_control,
+    loops_of_builds,
+    modes_with_loops,
+    wire_modes,
+)
 from suspension_cli.physics.thermal_noise import compute_densities
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.scene.arrays import Array
@@ -40,9 +47,9 @@ if TYPE_CHECKING:
 
     from suspension_cli.linear.statespace import Poles
     from suspension_cli.linear.system import LinearSystem
-    from suspension_cli.physics.closed_loop import DampedModes
     from suspension_cli.physics.local_control import Plant
     from suspension_cli.physics.loops_of_builds import ClosedBuilds
+    from suspension_cli.physics.modes_with_loops import DampedModes
 
 Part = tuple["Int[np.ndarray, ' place']", "Solved"]
 """Places in a batch, and the designs there, solved together."""
@@ -337,7 +344,7 @@ class Solved:
         for n in hung:
             if found[n] is None:
                 with contextlib.suppress(InputError):
-                    found[n] = closed_loop.solve_modes(self.solver(n), self.designs[n])
+                    found[n] = modes_with_loops.solve_modes(self.solver(n), self.designs[n])
         return found
 
     @property
@@ -347,7 +354,7 @@ class Solved:
 
     @property
     def margins(self) -> Float[np.ndarray, "design loop margin"]:
-        """Margins of each loop (`closed_loop.MARGINS`); NaN if the closed loop is unstable."""
+        """Margins of each loop (`closed_loop_margins.MARGINS`); NaN if its closed loop grows."""
         return self._stable_and_margins[1]
 
     @cached_property
@@ -358,7 +365,7 @@ class Solved:
         control = self.designs[0].control
         loops = 0 if control is None else len(control.loop)
         stable = np.full(self.count, np.nan)
-        margins = np.full((self.count, loops, len(closed_loop.MARGINS)), np.nan)
+        margins = np.full((self.count, loops, len(closed_loop_margins.MARGINS)), np.nan)
         hung = np.flatnonzero(self.hangs)
         for part in self._closed_builds:
             known = np.flatnonzero(part.poles.known & ~part.poles.stable)
@@ -369,7 +376,7 @@ class Solved:
         for n in hung[np.isnan(stable[hung])].tolist():
             with contextlib.suppress(InputError):  # a search that found nothing
                 design = self.designs[n]
-                stable[n], margins[n] = closed_loop.compute_margins(self.solver(n), design)
+                stable[n], margins[n] = closed_loop_margins.compute_margins(self.solver(n), design)
         return stable, margins
 
     @property

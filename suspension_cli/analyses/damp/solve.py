@@ -36,7 +36,7 @@ from suspension_cli.grids import parse_frequencies
 from suspension_cli.linear import signals, statespace
 from suspension_cli.linear.statespace import Poles, with_constant_loss
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.physics import closed_loop, local_control, model_choice
+from suspension_cli.physics import closed_loop, closed_loop_margins, local_control, model_choice
 from suspension_cli.physics.local_control import OsemMatrices
 from suspension_cli.physics.margins import Margins, SensitivityPeak
 
@@ -229,7 +229,9 @@ def solve(
     known = signals.bodies_with_signals(model)
     observed = signals.parse_output(output, known)
     driven = signals.parse_input(drive, known, "--impulse")
-    margin, peak = closed_loop.find_margins(plant, closed) if closed.stable else (None, None)
+    margin, peak = (
+        closed_loop_margins.find_margins(plant, closed) if closed.stable else (None, None)
+    )
     constant = plant.with_model(with_constant_loss(model))
     time = np.linspace(0.0, duration, samples)
     impulse, undamped = (

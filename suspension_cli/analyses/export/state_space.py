@@ -20,6 +20,7 @@ from suspension_cli.physics import (
     closed_loop,
     local_control,
     loop_network,
+    loop_realisation,
     loop_signals,
     model_choice,
 )
@@ -127,10 +128,10 @@ def describe_filters(design: Design) -> Iterator[str]:
         return
     nodes = loop_network.build(control, gravity_strength(design))[0].nodes
     if delay := max(node.delay for node in nodes):
-        highest = closed_loop.PADE_RANGE / (2 * math.pi * delay)
+        highest = loop_realisation.PADE_RANGE / (2 * math.pi * delay)
         yield (
-            f"delays up to {delay:g} s: Pade's approximation of order {closed_loop.PADE}, right to"
-            f" {closed_loop.PADE_ERROR:g} up to {highest:.4g} Hz"
+            f"delays up to {delay:g} s: Pade's approximation of order {loop_realisation.PADE},"
+            f" right to {loop_realisation.PADE_ERROR:g} up to {highest:.4g} Hz"
         )
     rates = [part.rate for node in nodes for part in node.filter.parts if part.rate]
     if rates:

@@ -38,6 +38,8 @@ and run: pendsus optimise DESIGN goals.toml"""
 ROUNDING = 0.1
 """Part of the tolerance by which the rounding of numbers may change a quantity."""
 BOUNDS = ("lower", "", "upper")
+STARTS = {"file": "the numbers of the file", "random": "random numbers"}
+"""Starts of searches by origin, in words; that by velocity damping is named in full."""
 NEAREST = 3
 """Printed limits of a goal that is met: those with the least margin."""
 
@@ -90,7 +92,10 @@ class OptimiseAnalysis(Analysis):
             "--starts",
             type=click.IntRange(1, 64),
             default=6,
-            help="Number of designs from which searches start; the first is the design itself.",
+            help=(
+                "Number of designs from which searches start; the first is the design itself. If it"
+                " misses goals of loops, velocity damping is one more."
+            ),
         ),
         option(
             "--seed",
@@ -267,6 +272,10 @@ def _verdict(found: Optimum) -> Iterator[str]:
         met = int((starts.after <= 1e-8).sum())
         others = "" if met == len(starts.place) else f"; {met} met all limits"
         yield f"{here} of {len(starts.place)} searches ended at this design{others}"
+    if not set(starts.origin) <= set(STARTS):
+        reached = zip(starts.origin, starts.place, strict=True)
+        best = dict.fromkeys(STARTS.get(origin, origin) for origin, place in reached if place == 1)
+        yield f"it was found from {', '.join(best)}"
 
 
 ANALYSIS = OptimiseAnalysis()

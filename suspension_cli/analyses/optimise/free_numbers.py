@@ -77,8 +77,12 @@ class FreeDesign:
     @cached_property
     def begin(self) -> Float[np.ndarray, " free"]:
         """Fractions of the starting design, in logarithms where the search is logarithmic."""
+        return self.fractions(self.start)
+
+    def fractions(self, values: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+        """Convert values of the free numbers to fractions, as `values` does the other way."""
         log = np.array([item.scale == "log" for item in self.goals.free])
-        rows = np.array([self.start, *self.bounds[:, : len(log)]])
+        rows = np.array([values, *self.bounds[:, : len(log)]])
         np.log(rows, out=rows, where=log)
         here, low, high = rows
         return (here - low) / (high - low)

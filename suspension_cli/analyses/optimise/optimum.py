@@ -179,6 +179,7 @@ class ModeTable:
 class Starts:
     """Starts of the search; the first is the given design.
 
+    `origin` is ``file``, ``velocity damping``, with the quality factor of the modes, or ``random``.
     `before` and `after` are largest violations, 0 if there is none, NaN for an invalid design: of a
     limit its negative `Limits.margin`, to which the margin of the goals is added; of a bound of a
     dependent number that over its range.
@@ -187,8 +188,14 @@ class Starts:
 
     in_json: ClassVar = Layout(
         rows={"start": ""},
-        names={"before": "violation_before", "after": "violation_after", "place": "arrived_at"},
+        names={
+            "origin": "from",
+            "before": "violation_before",
+            "after": "violation_after",
+            "place": "arrived_at",
+        },
     )
+    origin: tuple[str, ...] = field(metadata=along("start"))
     before: Float[np.ndarray, " start"]
     after: Float[np.ndarray, " start"]
     objective: Float[np.ndarray, " start"]

@@ -4,11 +4,11 @@
     found = sus.optimise(sus.template("triple"), "goals.toml")
     found.met, found.numbers.after, found.design
 
-Searches (`search`) start from the design itself and from the best designs of a Sobol sequence
-between the bounds, on the cheapest model that is roughly right for the design itself. The best
-result is the start of a search on the model that its quantities need, until they need no more
-complete one. Quantities of the result are those of
-its TOML, read back.
+Searches (`search`) start from the design itself, from velocity damping of its modes where goals of
+loops are not met (`velocity_damping`), and from the best designs of a Sobol sequence between the
+bounds, on the cheapest model that is roughly right for the design itself. The best result is the
+start of a search on the model that its quantities need, until they need no more complete one.
+Quantities of the result are those of its TOML, read back.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from suspension_cli.analyses.analysis import Progress
+from suspension_cli.analyses.optimise import velocity_damping
 from suspension_cli.analyses.optimise.evaluator import Evaluator, Report
 from suspension_cli.analyses.optimise.found_digits import round_numbers
 from suspension_cli.analyses.optimise.free_numbers import FreeDesign
@@ -35,6 +36,7 @@ from suspension_cli.analyses.optimise.optimum import (
 )
 from suspension_cli.analyses.optimise.search import FEASIBLE, Point, Search
 from suspension_cli.analyses.optimise.targets import OneLimit
+from suspension_cli.analyses.optimise.velocity_damping import DampedStart
 from suspension_cli.design.goals import Goals
 from suspension_cli.design.reader import Source
 from suspension_cli.errors import Fault, InputError, format_value
@@ -51,6 +53,8 @@ if TYPE_CHECKING:
 
     from suspension_cli.physics.log import Log
 
+FILE = "file"
+"""Origin of the start that is the given design."""
 SAMPLES = 64
 """Designs between the bounds from which starts are chosen."""
 ROUGH = 0.1
@@ -78,10 +82,11 @@ def solve(
     """Optimise the free numbers of a design to meet goals.
 
     `level` is the model of all quantities that need no more complete one, or ``auto``, which may
-    leave the relative error `tolerance`. Of the `starts` the first is the design itself. Numbers
-    are written with the fewest digits so that no quantity changes by more than the part `rounding`
-    of the tolerance. `report` is called with (done, all, rate per second) after each, and after the
-    final search; `log` is warned of an assumed ground.
+    leave the relative error `tolerance`. Of the `starts` the first is the design itself, beside
+    which there may be one by velocity damping. Numbers are written with the fewest digits so that
+    no quantity changes by more than the part `rounding` of the tolerance. `report` is called with
+    (done, all, rate per second) after each, and after the final search; `log` is warned of an
+    assumed ground.
 
     Raises `InputError` if the design lacks a number or quantity of the goals, or if dependent
     numbers lie outside their bounds in all designs found.
@@ -89,9 +94,17 @@ def solve(
     model_choice.demand_one_of(level, registry.SCENE_MODELS, "cannot compute derivatives")
     freed = FreeDesign.of(source.text, goals)
     evaluator = Evaluator.of(freed, source, log)
-    _check_start(evaluator)
+    faults = _find_unknown(evaluator)
+    if faults and not velocity_damping.concerns_loops(evaluator):
+        raise InputError(faults)
     search = Search(replace(evaluator, level=_first_level(evaluator, level)))
-    begins = [search.point(freed.begin), *_choose_starts(search, starts - 1, seed)]
+    own = search.point(freed.begin)
+    damped = velocity_damping.find_start(search, own)
+    if faults and damped is None:
+        raise InputError(faults)
+    random = _choose_starts(search, starts - 1, seed)
+    begins = [own, *([damped.point] if damped else []), *random]
+    origins = [FILE, *([_name(damped)] if damped else []), *["random"] * len(random)]
     ends: list[Point | None] = []
     began = time.monotonic()
 
@@ -107,7 +120,7 @@ def solve(
     chosen, search, best = _continue(search, best, level, tolerance)
     best = search.compromise(best)
     count(len(begins) + 1)
-    return _summarise(search, chosen, best, _starts(begins, ends), rounding * tolerance)
+    return _summarise(search, chosen, best, _starts(origins, begins, ends), rounding * tolerance)
 
 
 def _first_level(evaluator: Evaluator, level: str) -> str:
@@ -145,8 +158,13 @@ def _continue(
             best = search.run(begin)
 
 
-def _check_start(evaluator: Evaluator) -> None:
-    """Raise `InputError` with the quantities that are not finite in the starting design."""
+def _name(damped: DampedStart) -> str:
+    """Name of a start by velocity damping."""
+    return f"velocity damping (Q = {damped.quality_factor:g})"
+
+
+def _find_unknown(evaluator: Evaluator) -> list[Fault]:
+    """Find the quantities that are not finite in the starting design."""
     targets = evaluator.targets
     values = evaluator.at(evaluator.freed.begin)
     faults = []
@@ -157,8 +175,7 @@ def _check_start(evaluator: Evaluator) -> None:
         if "/" in quantity.text:
             remedy = "divide by another response"
         faults.append(Fault(targets.key[n], problem, remedy, format_value(targets.target[n].text)))
-    if faults:
-        raise InputError(faults)
+    return faults
 
 
 def _check_bounds(freed: FreeDesign, best: Point) -> None:
@@ -189,7 +206,9 @@ def _choose_starts(search: Search, count: int, seed: int) -> list[Point | None]:
     return [search.point(point.fraction) for point in good[:count]]
 
 
-def _starts(begins: Sequence[Point | None], ends: Sequence[Point | None]) -> Starts:
+def _starts(
+    origins: Sequence[str], begins: Sequence[Point | None], ends: Sequence[Point | None]
+) -> Starts:
     """Number the designs reached, the best first, equal ones alike."""
     place = np.zeros(len(ends), dtype=np.int16)
     seen: list[Point] = []
@@ -204,6 +223,7 @@ def _starts(begins: Sequence[Point | None], ends: Sequence[Point | None]) -> Sta
         return np.array([np.nan if one is None else getattr(one, name) for one in points])
 
     return Starts(
+        origin=tuple(origins),
         before=column(begins, "worst"),
         after=column(ends, "worst"),
         objective=column(ends, "objective"),

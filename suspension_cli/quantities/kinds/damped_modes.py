@@ -24,7 +24,7 @@ from suspension_cli.quantities.solved import Solved
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-    from suspension_cli.physics.closed_loop import DampedModes
+    from suspension_cli.physics.modes_with_loops import DampedModes
 
 What = Literal["Q", "decay", "settling", "dilution"]
 UNITS: dict[What, str] = {"Q": "1", "decay": "1/s", "settling": "s", "dilution": "1"}

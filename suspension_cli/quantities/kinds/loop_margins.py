@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from suspension_cli.errors import InputError, format_value, suggest
-from suspension_cli.physics.closed_loop import MARGINS
+from suspension_cli.physics.closed_loop_margins import MARGINS
 from suspension_cli.quantities.kind import Kind
 from suspension_cli.quantities.names import Names
 from suspension_cli.quantities.quantity import Quantity

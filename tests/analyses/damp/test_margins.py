@@ -14,7 +14,14 @@ import suspension_cli as sus
 from suspension_cli.design.control import Control
 from suspension_cli.design.reader import read
 from suspension_cli.models import registry
-from suspension_cli.physics import closed_loop, local_control, loop_network, margins
+from suspension_cli.physics import (
+    closed_loop,
+    closed_loop_margins,
+    local_control,
+    loop_network,
+    loop_realisation,
+    margins,
+)
 from tests.support import plants, scenes
 from tests.support.paths import CONFIGS
 
@@ -86,7 +93,7 @@ def test_filters(how):
             ):
                 expected *= (1j * GRID + value) ** power
     np.testing.assert_allclose(loop_network.make_node(one).at(GRID), expected, rtol=1e-14)
-    made = closed_loop.realise(loop_network.make_node(one))
+    made = loop_realisation.realise(loop_network.make_node(one))
     a, b, c, d = made.A, made.B, made.C, made.D
     assert all(np.isrealobj(matrix) for matrix in (a, b, c, d))
     s = 2j * np.pi * GRID
@@ -175,7 +182,7 @@ def of(design, level):
 
 
 def all_margins(plant):
-    return closed_loop.find_margins(plant, closed_loop.find_poles(plant))[0]
+    return closed_loop_margins.find_margins(plant, closed_loop.find_poles(plant))[0]
 
 
 @cache

@@ -7,8 +7,15 @@ import pytest
 
 from suspension_cli.design.foton import format_filter
 from suspension_cli.errors import InputError
-from suspension_cli.physics import closed_loop, local_control, optimal_loops
-from suspension_cli.physics.optimal_loops import CLOSER, Wanted
+from suspension_cli.physics import (
+    closed_loop,
+    closed_loop_margins,
+    local_control,
+    optimal_loops,
+    riccati_equations,
+)
+from suspension_cli.physics.optimal_loops import Wanted
+from suspension_cli.physics.riccati_equations import CLOSER
 from tests.analyses.damp.test_published_loops import NOISE, damped_quadruple
 from tests.support import plants, scenes
 
@@ -40,7 +47,7 @@ def test_a_quieter_loop_than_the_published_requirement():
     settling = -1 / np.real(poles.value[own]).max()
     assert settling == pytest.approx(found.settling, rel=1e-6)
     assert settling < 15
-    _, peak = closed_loop.find_margins(closed, poles)
+    _, peak = closed_loop_margins.find_margins(closed, poles)
     assert peak.size == pytest.approx(found.sensitivity, rel=1e-3)
     assert peak.size < 1.5
     [output] = plants.motions(system, "tst.x")
@@ -68,13 +75,13 @@ def test_the_smallest_bound_is_that_of_another_solver(monkeypatch):
     control = pytest.importorskip("control")
     pytest.importorskip("slycot")
     asked = []
-    own = optimal_loops._find_smallest_bound
+    own = riccati_equations.find_smallest_bound
 
     def record(plant, x, y, weights):
         asked.append((plant, weights, own(plant, x, y, weights)))
         return asked[-1][-1]
 
-    monkeypatch.setattr(optimal_loops, "_find_smallest_bound", record)
+    monkeypatch.setattr(riccati_equations, "find_smallest_bound", record)
     monkeypatch.setattr(optimal_loops, "ROLL_OFFS", [0.5])
     system = damped_quadruple().model
     wanted = Wanted(15.0, 1.5, "tst.x", quiet_at=10.0, highest=10.0)

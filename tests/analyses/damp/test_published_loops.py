@@ -10,7 +10,7 @@ import pytest
 from suspension_cli.conventions import DOF_UNITS, DOFS
 from suspension_cli.linear.coordinates import momentum_units
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.physics import closed_loop, local_control
+from suspension_cli.physics import closed_loop, closed_loop_margins, local_control
 from tests.support import plants, scenes
 from tests.support.paths import DATA
 
@@ -97,7 +97,7 @@ def test_poles_of_the_published_loop():
 
 def test_sensitivity_of_the_published_loop():
     plant = damped_quadruple()
-    _, peak = closed_loop.find_margins(plant, closed_loop.find_poles(plant))
+    _, peak = closed_loop_margins.find_margins(plant, closed_loop.find_poles(plant))
     assert peak.size == pytest.approx(1.076, abs=6e-4)
 
 

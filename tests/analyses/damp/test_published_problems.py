@@ -14,7 +14,7 @@ from suspension_cli.design.foton import format_filter
 from suspension_cli.linear import response, signals
 from suspension_cli.linear.coordinates import momentum_units
 from suspension_cli.linear.system import LinearSystem
-from suspension_cli.physics import closed_loop, local_control, optimal_loops
+from suspension_cli.physics import closed_loop, closed_loop_margins, local_control, optimal_loops
 from suspension_cli.physics.optimal_loops import Wanted
 from tests.support import plants, scenes
 from tests.support.paths import CONFIGS, DATA
@@ -148,7 +148,7 @@ def test_loops_for_the_published_triple(method):
     own = np.array([".x" in name or name.startswith("loop") for name in poles.state])
     assert -1 / np.real(poles.value[own]).max() == pytest.approx(found.settling, rel=1e-6)
     assert found.settling < 3
-    _, peak = closed_loop.find_margins(closed, poles)
+    _, peak = closed_loop_margins.find_margins(closed, poles)
     assert peak.size < 1.6
     assert len(found.filter.poles) <= 2 * SECTIONS
     # filters near the smallest gamma have poles without bound, which no front end runs

@@ -7,7 +7,12 @@ import pytest
 
 import suspension_cli as sus
 from suspension_cli.analyses.named_quantities import names_of
-from suspension_cli.physics import closed_loop, loops_of_builds, margins
+from suspension_cli.physics import (
+    closed_loop_margins,
+    loops_of_builds,
+    margins,
+    modes_with_loops,
+)
 from suspension_cli.quantities import solved, vocabulary
 from suspension_cli.quantities.needs import Needs
 from suspension_cli.quantities.solved import Solved
@@ -95,10 +100,10 @@ def test_builds_have_the_margins_and_poles_of_each_alone(name):
     builds, _ = draw(text, count, level)
     assert done(builds) == count
     for n in range(count):
-        stable, margin = closed_loop.compute_margins(builds.solver(n), builds.designs[n])
+        stable, margin = closed_loop_margins.compute_margins(builds.solver(n), builds.designs[n])
         assert builds.is_stable_closed[n] == stable
         np.testing.assert_allclose(builds.margins[n], margin, rtol=1e-7)
-        own = closed_loop.solve_modes(builds.solver(n), builds.designs[n])
+        own = modes_with_loops.solve_modes(builds.solver(n), builds.designs[n])
         found = builds.damped_modes[n]
         assert found is not None
         np.testing.assert_allclose(found.decay_rate, own.decay_rate, rtol=1e-6)
@@ -110,7 +115,10 @@ def test_builds_on_both_sides_of_the_limit_of_stability():
     text = sus.example("triple-damped").text.replace("gain = 1.7e3", "gain = 3.985e3")
     builds, _ = draw(text, 12, "string")
     assert done(builds) >= 10
-    each = [closed_loop.compute_margins(builds.solver(n), builds.designs[n])[0] for n in range(12)]
+    each = [
+        closed_loop_margins.compute_margins(builds.solver(n), builds.designs[n])[0]
+        for n in range(12)
+    ]
     assert builds.is_stable_closed.tolist() == each
     assert 2 <= sum(each) <= 10
     assert (np.isnan(builds.margins).all((1, 2)) == ~np.array(each)).all()
