@@ -113,7 +113,8 @@ def _tables(arrays: Variables) -> Iterator[tuple[str, Iterator[str]]]:
         """The main results first: points of a sweep, not modes; groups by numbers, then names."""
         home, rows = key
         order = [(int(part) if part.isdecimal() else 0, part) for part in home.split("/") if part]
-        return order, not all(map(is_numeric, rows)), len(rows), -len(tables[key])
+        lacks_value = all(_name(path) != "value" for path in tables[key])
+        return order, not all(map(is_numeric, rows)), len(rows), -len(tables[key]), lacks_value
 
     tables: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for path, one in arrays.items():

@@ -91,12 +91,15 @@ def test_memory_does_not_grow_with_the_run(monkeypatch, tmp_path):
 
 
 def test_csv_has_all_rows(tmp_path):
-    found = sus.simulate(DAMPED, duration=100.0, rate=128.0, **QUIET, step=["upper.force_x=1"])
+    """More than are made together; spectra stand in a file of their own."""
+    found = sus.simulate(DAMPED, duration=100.0, **NOISY)
     found.save(tmp_path / "run.csv")
     head, *rows = csv.reader((tmp_path / "run.csv").read_text().splitlines())
     column = head.index("value [test.x] (m)")
     assert [float(row[column]) for row in rows] == found.value[:, 0].tolist()
     assert [float(row[0]) for row in rows] == found.time.tolist()
+    _, *rows = csv.reader((tmp_path / "run-frequency.csv").read_text().splitlines())
+    assert [float(row[0]) for row in rows] == found.frequency.tolist()
 
 
 def test_an_interrupted_run_leaves_no_file(monkeypatch, tmp_path):
