@@ -714,6 +714,7 @@ def simulate(
     allow_unstable: bool = False,
     tolerance: float = 0.001,
     fidelity: str = 'auto',
+    folder: PathLike | None = None,
 ) -> Simulation:
     """Run the loops of a design in time.
 
@@ -743,16 +744,20 @@ def simulate(
         Largest relative error of the result that fidelity="auto" accepts.
     fidelity : {"auto", "closed-form", "force", "string", "beam", "violin"}
         Model of bodies and wires; auto takes the cheapest that is accurate enough.
+    folder : path, optional
+        Folder of the results file; default: a temporary one, kept as long as the result.
 
     Returns
     -------
     Simulation
-        With `time` (t,) in s, `value` (t, outputs), `force` (t, actuators), `limit`, `at_limit`.
+        With `time` (t,) in s, `value` (t, outputs), `force` (t, actuators), `limit`, `at_limit`,
+        `frequency` (f,) in Hz, `density` (f, outputs). Arrays above 16 MB are read from the results
+        file where they are used.
 
     Raises
     ------
     InputError
-        If a loop is unstable, or a filter does not fit the rate.
+        If a loop is unstable, a filter does not fit the rate, or the disk has no space.
 
     Examples
     --------

@@ -263,7 +263,7 @@ class Analysis(ABC):
         elif stored is None:
             hdf5.write(path, result.provenance, partial(self.fill, result=result))
         elif not (path.exists() and path.samefile(stored)):
-            whole_files.write_bytes(path, stored.read_bytes())
+            whole_files.copy_file(stored, path)
 
     def others(self, result: Any, path: Path) -> list[Path]:
         """Write files beside the results file at `path`, and return their paths."""

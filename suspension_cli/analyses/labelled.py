@@ -10,23 +10,28 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from suspension_cli.files.declared import FINE, SI, TEXT, fill_in, items
 from suspension_cli.files.hdf5 import in_memory, open_results
+from suspension_cli.files.mapped_arrays import release
 from suspension_cli.files.stored import Variable, variables
-from suspension_cli.files.whole_files import write_bytes
+from suspension_cli.files.whole_files import replace_file, writing_to
 
 if TYPE_CHECKING:
     import xarray
 
 Variables = dict[str, Variable]
 """By path in the group of the analysis."""
+TOGETHER = 10_000
+"""Rows of CSV that are made together."""
 
 
 @contextlib.contextmanager
@@ -84,17 +89,22 @@ def write_csv(result: Any, path: Path) -> list[Path]:
     For the results file NAME.h5 (`path`), the main results go to NAME.csv; arrays with other rows
     get files of their own, NAME-ROWS.csv.
     """
-    with variables_of(result) as arrays:
-        found = dict(_tables(arrays))
     paths = []
-    for n, (rows, text) in enumerate(found.items()):
-        paths.append(path.with_name(f"{path.stem}-{rows}.csv" if n else f"{path.stem}.csv"))
-        write_bytes(paths[-1], text.encode())
+    with variables_of(result) as arrays:
+        for n, (rows, texts) in enumerate(_tables(arrays)):
+            paths.append(path.with_name(f"{path.stem}-{rows}.csv" if n else f"{path.stem}.csv"))
+            with writing_to(paths[-1]):
+                replace_file(paths[-1], partial(_write_texts, texts))
     return paths
 
 
-def _tables(arrays: Variables) -> Iterator[tuple[str, str]]:
-    """Yield the rows of each table (for the name of its file) and its text."""
+def _write_texts(texts: Iterator[str], stream: IO[bytes]) -> None:
+    for text in texts:
+        stream.write(text.encode())
+
+
+def _tables(arrays: Variables) -> Iterator[tuple[str, Iterator[str]]]:
+    """Yield the rows of each table (for the name of its file) and its text in pieces."""
 
     def is_numeric(path: str) -> bool:
         return path not in arrays or not arrays[path].is_text
@@ -103,7 +113,8 @@ def _tables(arrays: Variables) -> Iterator[tuple[str, str]]:
         """The main results first: points of a sweep, not modes; groups by numbers, then names."""
         home, rows = key
         order = [(int(part) if part.isdecimal() else 0, part) for part in home.split("/") if part]
-        return order, not all(map(is_numeric, rows)), len(rows), -len(tables[key])
+        lacks_value = all(_name(path) != "value" for path in tables[key])
+        return order, not all(map(is_numeric, rows)), len(rows), -len(tables[key]), lacks_value
 
     tables: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for path, one in arrays.items():
@@ -124,22 +135,17 @@ def _name(path: str) -> str:
     return path.rpartition("/")[2]
 
 
-def _text(arrays: Variables, rows: tuple[str, ...], paths: list[str]) -> str:
-    """Make the table of some arrays that have the same rows."""
+def _text(arrays: Variables, rows: tuple[str, ...], paths: list[str]) -> Iterator[str]:
+    """Yield the heading, then lines, of a table of arrays that have the same rows."""
     scales = {dim: one.read() for dim, one in arrays.items() if one.dims == (dim,)}
-    grid: list[np.ndarray] = []
     heads = []
-    columns = []
+    columns: list[tuple[np.ndarray, tuple[int, ...], Callable[[np.ndarray], np.ndarray]]] = []
     for path in paths:
         one = arrays[path]
         own = [dim for dim in one.dims if dim in rows]
         others = [dim for dim in one.dims if dim not in rows]
         values = one.read().transpose([one.dims.index(dim) for dim in own + others])
-        shape = values.shape[: len(own)]
-        wide = values.shape[len(own) :]
-        if len(own) == len(rows):
-            grid = [places.ravel() for places in np.indices(shape)]
-        for place in np.ndindex(wide):
+        for place in np.ndindex(values.shape[len(own) :]):
             where = dict(zip(others, place, strict=True))
             which = [
                 str(scales[dim][n]) if dim in scales else str(n + 1) for dim, n in where.items()
@@ -147,21 +153,31 @@ def _text(arrays: Variables, rows: tuple[str, ...], paths: list[str]) -> str:
             label = _name(path)
             unit = _unit(arrays, path, where)
             label += f" [{', '.join(which)}]" if which else ""
-            column = values[(..., *place)].ravel()
-            if np.iscomplexobj(column):
+            if np.iscomplexobj(values):
                 heads += [f"{label} real ({unit})", f"{label} imag ({unit})"]
-                columns += [np.real(column), np.imag(column)]
+                columns += [(values, place, np.real), (values, place, np.imag)]
             else:
                 heads.append(_title(label, unit))
-                columns.append(column)
-    first = [
-        (row, scales[row][places]) for row, places in zip(rows, grid, strict=True) if row in scales
-    ]
+                columns.append((values, place, np.asarray))
+    labelled = [row for row in rows if row in scales]
+    yield _lines([[*(_title(_name(row), arrays[row].unit) for row in labelled), *heads]])
+    count, *inner = columns[0][0].shape[: len(rows)]
+    together = max(TOGETHER // math.prod(inner), 1)
+    for start in range(0, count, together):
+        some = slice(start, min(start + together, count))
+        first, *others = np.indices((some.stop - start, *inner))
+        of_row = dict(zip(rows, (first + start, *others), strict=True))
+        cells = [_cells(scales[row][of_row[row].ravel()]) for row in labelled]
+        for values, place, part in columns:
+            cells.append(_cells(part(values[(some, ..., *place)]).ravel()))
+        yield _lines(zip(*cells, strict=True))
+        for used in (*scales.values(), *(values for values, _, _ in columns)):
+            release(used)
+
+
+def _lines(rows: Iterable[Iterable[object]]) -> str:
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*(_title(_name(row), arrays[row].unit) for row, _ in first), *heads])
-    cells = [_cells(column) for column in (*(values for _, values in first), *columns)]
-    writer.writerows(zip(*cells, strict=True))
+    csv.writer(stream, lineterminator="\n").writerows(rows)
     return stream.getvalue()
 
 

@@ -138,6 +138,20 @@ class Origin:
         """Relative error of the model, estimated; NaN where it cannot be."""
         return self.choice.error
 
+    @property
+    def provenance(self) -> Provenance:
+        """Origin that a results file records."""
+        from suspension_cli.files.hdf5 import Provenance
+
+        return Provenance(
+            self.design.text,
+            self.command,
+            self.model,
+            self.choice.reason,
+            self.error,
+            self.warnings,
+        )
+
 
 def _stamp(file: Path | None) -> tuple[int, ...]:
     """Identify a file as it is now; empty if there is none."""
@@ -296,12 +310,7 @@ class Record:
     @property
     def provenance(self) -> Provenance:
         """Origin that a results file records."""
-        from suspension_cli.files.hdf5 import Provenance
-
-        run = self.run
-        return Provenance(
-            run.design.text, run.command, run.model, run.choice.reason, run.error, run.warnings
-        )
+        return self.run.provenance
 
     __eq__ = object.__eq__
     __hash__ = object.__hash__

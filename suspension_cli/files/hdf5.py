@@ -54,6 +54,18 @@ class Provenance:
     warnings: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Reserved:
+    """Shape of an array of real numbers that are written later."""
+
+    shape: tuple[int, ...]
+
+    @property
+    def ndim(self) -> int:
+        """Number of dimensions."""
+        return len(self.shape)
+
+
 def write(path: Path, origin: Provenance, fill: Callable[[h5py.File], None]) -> None:
     """Write one HDF5 file, whole or not at all: its root attributes, and what `fill` adds."""
     with in_memory() as file:
@@ -102,7 +114,9 @@ def write_warnings(file: h5py.File, lines: Sequence[str]) -> None:
         file.attrs["warnings"] = [*dict.fromkeys(lines)]
 
 
-def add_scale(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
+def add_scale(
+    group: h5py.Group, name: str, values: ArrayLike | Reserved, units: str
+) -> h5py.Dataset:
     """Add a dataset that serves as scale of an axis of others."""
     result = add_dataset(group, name, values, units)
     result.make_scale(name)
@@ -110,12 +124,15 @@ def add_scale(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5
 
 
 def add_dataset(
-    group: h5py.Group, name: str, values: ArrayLike, units: str, *axes: h5py.Dataset
+    group: h5py.Group, name: str, values: ArrayLike | Reserved, units: str, *axes: h5py.Dataset
 ) -> h5py.Dataset:
     """Add a dataset with its units and, optionally, the scales of all its axes."""
-    values = np.asarray(values)
-    data = values.astype(h5py.string_dtype()) if values.dtype.kind == "U" else values
-    result = _create(group, name, data)
+    if isinstance(values, Reserved):
+        result = group.create_dataset(name, values.shape, float)
+    else:
+        values = np.asarray(values)
+        data = values.astype(h5py.string_dtype()) if values.dtype.kind == "U" else values
+        result = _create(group, name, data)
     result.attrs["units"] = units
     for axis, of in zip(result.dims, axes, strict=bool(axes)):
         axis.attach_scale(of)

@@ -23,8 +23,8 @@ from suspension_cli.files.declared import (
     fill_in,
     items,
 )
-from suspension_cli.files.hdf5 import Stored, add_dataset, add_scale
-from suspension_cli.files.mapped_arrays import CAN_RELEASE
+from suspension_cli.files.hdf5 import Reserved, Stored, add_dataset, add_scale
+from suspension_cli.files.mapped_arrays import CAN_RELEASE, blocks
 
 Record = TypeVar("Record")
 LARGE = 1 << 24
@@ -38,7 +38,7 @@ def write(group: h5py.Group, record: Any) -> None:
 
 
 def write_fields(group: h5py.Group, kind: type, given: Mapping[str, Any]) -> None:
-    """Write what a class declares of those fields that are given."""
+    """Write what a class declares of those fields that are given, or `Reserved` to be written."""
     _Writer(group, {}, {}).write(kind, given.get)
 
 
@@ -65,10 +65,10 @@ class _Writer:
         home = self.group.require_group(f"{item.key}/{number}")
         return _Writer(home, dict(self.scales), dict(self.texts))
 
-    def _add(self, item: Item, dims: tuple[str, ...], data: np.ndarray) -> None:
+    def _add(self, item: Item, dims: tuple[str, ...], data: np.ndarray | Reserved) -> None:
         if data.ndim != len(dims):
             raise ValueError(f"{item.key} has {data.ndim} dimensions, not {len(dims)}")
-        unit = TEXT if data.dtype.kind == "U" else self._unit(item.unit)
+        unit = TEXT if item.leaf is str else self._unit(item.unit)
         if dims == (item.key,):
             self.scales[item.key] = add_scale(self.group, item.key, data, unit)
             return
@@ -87,6 +87,9 @@ class _Writer:
         dims = item.dims
         if dims[0].startswith("*"):
             dims = (*self.texts[dims[0]], *dims[1:])
+        if isinstance(value, Reserved):
+            self._add(item, dims, value)
+            return
         data = np.asarray(value, dtype=str if item.leaf is str else None)
         if data.ndim < len(dims):  # tuples without elements do not tell their shape
             data = data.reshape([len(self.scales.get(dim, ())) for dim in dims])
@@ -189,7 +192,8 @@ class _Reader:
 
     def _read_array(self, item: Item) -> Any:
         values = self._checked(item, item.dims)
-        if item.is_scale and values.dtype.kind == "f" and not np.isfinite(values).all():
+        is_number = item.is_scale and values.dtype.kind == "f"
+        if is_number and not all(np.isfinite(values[part]).all() for part in blocks(values)):
             raise ValueError(f"{self._path(item.key)} has values that are not finite")
         return values if isinstance(item.type, Array) else _tuples(values.tolist())
 

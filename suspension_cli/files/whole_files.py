@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
@@ -144,6 +145,12 @@ def write_bytes(path: Path, data: bytes, key: str = "--out") -> None:
     """Write a file whole or not at all; raises `InputError`, arguments as for `writing_to`."""
     with writing_to(path, key):
         replace_file(path, data)
+
+
+def copy_file(source: Path, path: Path) -> None:
+    """Write a copy of a file whole or not at all; raises `InputError`."""
+    with writing_to(path), source.open("rb") as original:
+        replace_file(path, lambda stream: shutil.copyfileobj(original, stream))
 
 
 def read_head(path: Path, count: int, kind: str, *, pipe: bool = False) -> bytes:

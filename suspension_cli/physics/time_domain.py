@@ -6,44 +6,47 @@ next one. The mechanics with constant losses, x' = A x + B w, then moves by
     x_(k+1) = exp(A T) x_k + (integral of exp(A t) B over T) w_k
 
 (Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed., section 4.3). Motions of
-the support are held, too, so the rate has to be high above their frequencies. A filter in
-w = 2 rate (z - 1)/(z + 1) (`design.foton`) has its zeros and poles at z = (1 - pi r / rate) /
-(1 + pi r / rate); a continuous one is made digital as Foton does. A delay is a number of samples.
+the support are held, too, so the rate has to be high above their frequencies. Filters at a divisor
+of the rate (`sampled_filters`) make the system periodic: it has matrices of its own for each sample
+of a period, in which all of them run once or more.
 
-Noise of a one-sided density P is white noise of the density 1 times sqrt(P) in the frequencies of
-the whole run, so its spectrum is exact and repeats with the run.
+Without forces at their limits, x_(k+1) = A x_k + f_k is computed for many groups of samples
+together: first from rest, which gives the state at the end of each group with a power of A, then
+again from these states.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.design import foton
-from suspension_cli.design.foton import Filter
 from suspension_cli.errors import InputError
 from suspension_cli.linear import signals, statespace
 from suspension_cli.linear.joined_systems import Matrices, side_by_side
 from suspension_cli.linear.signals import Signal
 from suspension_cli.linear.statespace import StateSpace, with_constant_loss
-from suspension_cli.physics import closed_loop
+from suspension_cli.physics import closed_loop, sampled_filters
+from suspension_cli.physics.sampled_filters import Stage
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
-    from numpy.random import Generator
 
     from suspension_cli.physics.local_control import Plant
-    from suspension_cli.physics.loop_network import Node
 
-TOGETHER = 4096
-"""Samples that are advanced without a limit, before forces are compared with their limits."""
-MOST_DELAY = 4096
-"""Most samples of a delay."""
-WHOLE = 1e-6
-"""Distance from a whole number of samples up to which a delay is one."""
+BLOCK = 4096
+"""Least number of samples that are advanced without a limit, before forces are compared with it."""
+GROUP = 16
+"""Least number of samples of a group, of which a block has many."""
+MOST_PERIOD = 4096
+"""Most samples in which all filters run at least once."""
+ROUNDING = 1e-9
+"""Excess of |z| over 1 of a motion without loss, by rounding errors."""
+MUCH = 0.1
+"""Part of the growth that is left where a loop that causes it is open."""
 
 
 def hold(system: StateSpace, step: float) -> Matrices:
@@ -57,82 +60,6 @@ def hold(system: StateSpace, step: float) -> Matrices:
     whole[:states, states:] = system.b
     moved = np.asarray(expm(whole * step))
     return Matrices(moved[:states, :states], moved[:states, states:], system.c, system.d)
-
-
-def digitise(node: Node, rate: float, *, damper: bool) -> Matrices:
-    """Make the discrete system of a filter at a sample rate (Hz), with its delay.
-
-    A `damper` gets Foton's pole at rate / pi. Raises `InputError` for a filter of another rate,
-    one that does not fit below half the rate, or a delay of too many samples.
-    """
-    made = Matrices.unchanged()
-    for part in node.filter.parts:
-        made = made.then(_sections(_at_rate(part, rate, node.key, damper=damper), rate))
-    samples = count_delay(node, rate)
-    if samples > MOST_DELAY:
-        problem = f"has a delay of {samples:,} samples, more than {MOST_DELAY:,}"
-        raise InputError.of(node.key, problem, "lower --rate")
-    if samples:
-        shift = np.eye(samples, k=-1)
-        first = np.eye(samples, 1)
-        last = np.eye(1, samples, k=samples - 1)
-        made = made.then(Matrices(shift, first, last, np.zeros((1, 1))))
-    return made
-
-
-def count_delay(node: Node, rate: float) -> int:
-    """Number of samples to which the delay of a filter is rounded at a sample rate (Hz)."""
-    return round(node.delay * rate)
-
-
-def rounded_delays(plant: Plant, rate: float) -> list[str]:
-    """Describe the delays that are no whole number of samples at a rate (Hz)."""
-    found = []
-    for node in plant.network.nodes:
-        samples = count_delay(node, rate)
-        if abs(node.delay * rate - samples) > WHOLE:
-            delay = f"the delay of {node.delay:g} s"
-            found.append(f"{node.key}: {delay} is rounded to {samples} samples")
-    return found
-
-
-def _at_rate(part: Filter, rate: float, key: str, *, damper: bool) -> Filter:
-    """Make a filter digital, unless it is."""
-    if part.rate == rate:
-        return part
-    if part.rate:
-        problem = f"has a rate of {part.rate:g} Hz"
-        raise InputError.of(key, problem, f"give --rate {part.rate:g}")
-    try:
-        made = foton.change_rate(part, rate)
-    except foton.FotonError as error:
-        raise InputError.of(key, error.problem, error.remedy) from None
-    if damper:
-        pole = rate / np.pi
-        made = Filter(made.gain * pole, made.zeros, (*made.poles, complex(pole)), rate)
-    return made
-
-
-def _sections(part: Filter, rate: float) -> Matrices:
-    """Make the discrete system of a digital filter, in sections of second order."""
-    from scipy.signal import tf2ss, zpk2sos
-
-    def move(roots: tuple[complex, ...]) -> tuple[np.ndarray, float]:
-        scaled = np.pi * np.array(roots, dtype=complex) / rate
-        return (1 - scaled) / (1 + scaled), float(np.real(np.prod((1 + scaled) * rate / np.pi)))
-
-    zeros, over = move(part.zeros)
-    poles, under = move(part.poles)
-    zeros = np.append(zeros, -np.ones(len(poles) - len(zeros)))
-    made = Matrices.unchanged()
-    if not len(poles):
-        return replace(made, d=np.full((1, 1), part.gain))
-    for section in zpk2sos(zeros, poles, part.gain * over / under):
-        above, below = np.split(section, 2)
-        if not below[2] and not above[2]:
-            above, below = above[:2], below[:2]
-        made = made.then(Matrices(*tf2ss(above, below)))
-    return made
 
 
 @dataclass(frozen=True)
@@ -163,7 +90,7 @@ class Sampled:
         From forces of actuators, external forces and motions of the support to readings of channels
         and motions.
     filters
-        From readings of nodes to their outputs.
+        Of each node, in series.
     to_nodes, between
         Readings of nodes from channels, and from outputs of nodes.
     to_actuators
@@ -175,7 +102,7 @@ class Sampled:
     rate: float
     actuators: tuple[Actuator, ...]
     mechanics: Matrices
-    filters: Matrices
+    filters: tuple[tuple[Stage, ...], ...]
     to_nodes: Float[np.ndarray, "node channel"]
     between: Float[np.ndarray, "node node"]
     to_actuators: Float[np.ndarray, "actuator node"]
@@ -186,13 +113,41 @@ class Sampled:
         """Largest forces, N or N m."""
         return np.array([one.limit for one in self.actuators])
 
-    def linear(self) -> Matrices:
-        """Close the loops without limits; states of the mechanics come first.
+    @property
+    def intervals(self) -> tuple[int, ...]:
+        """Numbers of samples at which filters run."""
+        return tuple(sorted({stage.every for node in self.filters for stage in node}))
+
+    @property
+    def period(self) -> int:
+        """Number of samples after which the same filters run again."""
+        return math.lcm(*self.intervals)
+
+    def phases(self) -> list[Matrices]:
+        """Close the loops at each sample of a period; see `linear`."""
+        known: dict[tuple[bool, ...], Matrices] = {}
+        found = []
+        for sample in range(self.period):
+            running = tuple(sample % every == 0 for every in self.intervals)
+            if running not in known:
+                known[running] = self.linear(sample)
+            found.append(known[running])
+        return found
+
+    def with_open_loop(self, number: int) -> Sampled:
+        """Open one loop."""
+        nothing = Stage(replace(Matrices.unchanged(), d=np.zeros((1, 1))))
+        return replace(
+            self, filters=(*self.filters[:number], (nothing,), *self.filters[number + 1 :])
+        )
+
+    def linear(self, sample: int = 0) -> Matrices:
+        """Close the loops at a sample, without limits; states of the mechanics come first.
 
         Inputs are those of the class; outputs motions, then forces of actuators.
         """
         plant = self.mechanics
-        nodes = self.filters
+        nodes = side_by_side([sampled_filters.in_series(node, sample) for node in self.filters])
         count = len(self.actuators)
         channels = self.to_nodes.shape[1]
         # outputs of nodes from states of filters and readings of channels
@@ -238,67 +193,101 @@ class Sampled:
 
     def run(
         self,
-        given: Float[np.ndarray, "sample input"],
-        progress: Callable[[int], None] = lambda _: None,
-    ) -> tuple[Float[np.ndarray, "sample output"], Bool[np.ndarray, "sample actuator"]]:
-        """Run from rest: outputs, and where each actuator was at its limit."""
-        whole = self.linear()
+        take: Callable[[int], Float[np.ndarray, "sample input"]],
+        count: int,
+        block: int = BLOCK,
+    ) -> Iterator[tuple[Float[np.ndarray, "sample output"], Bool[np.ndarray, "sample actuator"]]]:
+        """Run from rest: outputs block by block, and where each actuator was at its limit.
+
+        `take` returns the inputs of the next samples, of `count` in all.
+        """
+        advance = _Advance(self.phases())
         limits = self.limits
-        state = np.zeros(len(whole.a))
-        outputs = np.empty((len(given), len(whole.c)))
-        limited = np.zeros((len(given), len(limits)), dtype=bool)
-        for start in range(0, len(given), TOGETHER):
-            some = slice(start, start + TOGETHER)
-            forced = given[some] @ whole.b.T
-            path = _advance(whole.a, state, forced)
-            found = path[:-1] @ whole.c.T + given[some] @ whole.d.T
+        block = -(-block // advance.group) * advance.group
+        state = np.zeros(len(advance.phases[0].a))
+        for start in range(0, count, block):
+            length = min(block, count - start)
+            given = np.zeros((block, advance.phases[0].b.shape[1]))
+            given[:length] = take(length)
+            forced = advance.by_phase(given, "b")
+            path, end = advance.linear(state, forced)
+            found = advance.by_phase(path, "c") + advance.by_phase(given, "d")
             over = np.abs(found[:, self.motions :]) > limits
             if over.any():
-                path, found = self._advance_limited(whole, state, forced, given[some])
-                forces = found[:, self.motions :]
-                over = np.abs(forces) > limits
-                found[:, self.motions :] = np.clip(forces, -limits, limits)
-            state = path[-1]
-            outputs[some] = found
-            limited[some] = over
-            progress(min(start + TOGETHER, len(given)))
-        return outputs, limited
+                found, end = self._advance_limited(advance.phases, state, forced, given)
+                over = np.abs(found[:, self.motions :]) > limits
+                found[:, self.motions :] = np.clip(found[:, self.motions :], -limits, limits)
+            state = end
+            yield found[:length], over[:length]
 
     def _advance_limited(
         self,
-        whole: Matrices,
+        phases: Sequence[Matrices],
         state: Float[np.ndarray, " state"],
         forced: Float[np.ndarray, "sample state"],
         given: Float[np.ndarray, "sample input"],
-    ) -> tuple[Float[np.ndarray, "later state"], Float[np.ndarray, "sample output"]]:
-        """Advance with forces of actuators within limits; their outputs are what was demanded."""
+    ) -> tuple[Float[np.ndarray, "sample output"], Float[np.ndarray, " state"]]:
+        """Advance with forces of actuators within limits; their outputs are what was demanded.
+
+        The state after the last sample follows.
+        """
         limits = self.limits
         pushed = self.mechanics.b[:, : len(limits)]
-        path = np.empty((len(forced) + 1, len(state)))
-        path[0] = state
-        outputs = given @ whole.d.T
+        outputs = np.empty((len(given), len(phases[0].c)))
         for n, more in enumerate(forced):
-            outputs[n] += whole.c @ state
+            whole = phases[n % len(phases)]
+            outputs[n] = whole.c @ state + whole.d @ given[n]
             demanded = outputs[n, self.motions :]
             short = np.clip(demanded, -limits, limits) - demanded
             state = whole.a @ state + more
             state[: len(pushed)] += pushed @ short
-            path[n + 1] = state
-        return path, outputs
+        return outputs, state
 
 
-def _advance(
-    a: Float[np.ndarray, "state state"],
-    state: Float[np.ndarray, " state"],
-    forced: Float[np.ndarray, "sample state"],
-) -> Float[np.ndarray, "later state"]:
-    """States before each sample, and after the last."""
-    path = np.empty((len(forced) + 1, len(state)))
-    path[0] = state
-    for n, more in enumerate(forced):
-        state = a @ state + more
-        path[n + 1] = state
-    return path
+class _Advance:
+    """Advances a periodic system by many groups of samples together."""
+
+    def __init__(self, phases: Sequence[Matrices]) -> None:
+        self.phases = phases
+        self.group = -(-GROUP // len(phases)) * len(phases)
+        self.over_group = _product(phases, self.group)
+
+    def by_phase(
+        self, rows: Float[np.ndarray, "sample column"], name: str
+    ) -> Float[np.ndarray, "sample row"]:
+        """Multiply each sample by the matrix of this name in its phase."""
+        period = len(self.phases)
+        found = np.empty((len(rows), len(getattr(self.phases[0], name))))
+        for n, phase in enumerate(self.phases):
+            found[n::period] = rows[n::period] @ getattr(phase, name).T
+        return found
+
+    def linear(
+        self, state: Float[np.ndarray, " state"], forced: Float[np.ndarray, "sample state"]
+    ) -> tuple[Float[np.ndarray, "sample state"], Float[np.ndarray, " state"]]:
+        """States at each of whole groups of samples, and after the last."""
+        steps = forced.reshape(-1, self.group, len(state))
+        change = [self.phases[n % len(self.phases)].a.T for n in range(self.group)]
+        from_rest = np.zeros(steps[:, 0].shape)
+        for n in range(self.group):
+            from_rest = from_rest @ change[n] + steps[:, n]
+        now = np.empty_like(from_rest)
+        for n, more in enumerate(from_rest):
+            now[n] = state
+            state = self.over_group @ state + more
+        path = np.empty_like(steps)
+        for n in range(self.group):
+            path[:, n] = now
+            now = now @ change[n] + steps[:, n]
+        return path.reshape(forced.shape), state
+
+
+def _product(phases: Sequence[Matrices], count: int) -> Float[np.ndarray, "state state"]:
+    """Change of the state over some samples, without inputs."""
+    whole = np.eye(len(phases[0].a))
+    for n in range(count):
+        whole = phases[n % len(phases)].a @ whole
+    return whole
 
 
 def sample(
@@ -335,10 +324,12 @@ def sample(
     drives = np.concatenate([pushed, np.reshape(external, (len(external), model.size))])
     watched = [*[closed_loop.LOOP] * len(plant.sensed), *outputs]
     system = statespace.assemble(model, drives, inputs, np.array(rows), watched)
-    filters = [
-        digitise(node, rate, damper=n < len(plant.loops) and plant.loops[n].damper is not None)
-        for n, node in enumerate(plant.network.nodes)
-    ]
+    dampers = [loop.damper is not None for loop in plant.loops]
+    dampers += [False] * (len(plant.network.nodes) - len(dampers))
+    filters = tuple(
+        sampled_filters.make_stages(node, rate, damper=damper)
+        for node, damper in zip(plant.network.nodes, dampers, strict=True)
+    )
     to_actuators = np.zeros((len(pushed), len(filters)))
     loops = len(plant.loops)
     to_actuators[: len(coils), :loops] = -plant.driving
@@ -348,33 +339,31 @@ def sample(
     for number in alone:
         loop = plant.loops[number]
         actuators.append(Actuator(loop.name, signals.unit_of(loop.actuator), np.inf))
-    return Sampled(
+    made = Sampled(
         rate=rate,
         actuators=tuple(actuators),
         mechanics=hold(system, 1 / rate),
-        filters=side_by_side(filters),
+        filters=filters,
         to_nodes=plant.network.of_channels,
         between=plant.network.of_nodes,
         to_actuators=to_actuators,
         motions=len(outputs),
     )
+    if made.period > MOST_PERIOD:
+        problem = f"is a multiple of the rates of all filters only every {made.period:,} samples"
+        remedy = f"give rates that meet within {MOST_PERIOD:,} samples"
+        raise InputError.of("--rate", problem, remedy, f"{rate:g}")
+    return made
 
 
-def draw_noise(
-    density: Callable[[Float[np.ndarray, " frequency"]], Float[np.ndarray, " frequency"]],
-    count: int,
-    rate: float,
-    generator: Generator,
-) -> Float[np.ndarray, " sample"]:
-    """Draw noise of a one-sided amplitude spectral density, given at frequencies in Hz above 0."""
-    white = generator.standard_normal(count) * np.sqrt(rate / 2)
-    spectrum = np.fft.rfft(white)
-    frequency = np.fft.rfftfreq(count, 1 / rate)
-    spectrum[0] = 0.0
-    spectrum[1:] *= density(frequency[1:])
-    return np.fft.irfft(spectrum, count)
+def largest_growth(sampled: Sampled) -> float:
+    """Largest factor of the state per sample, |z|; above 1 it grows."""
+    period = sampled.period
+    change = _product(sampled.phases(), period)
+    return float(np.abs(np.linalg.eigvals(change)).max(initial=0.0)) ** (1 / period)
 
 
-def largest_growth(whole: Matrices) -> float:
-    """Largest modulus of the poles z of a closed loop; above 1 it grows."""
-    return float(np.abs(np.linalg.eigvals(whole.a)).max(initial=0.0))
+def find_growing_loops(sampled: Sampled, loops: int) -> list[int]:
+    """Find the loops of an unstable system without any of which it grows much less."""
+    most = 1 + max(MUCH * (largest_growth(sampled) - 1), ROUNDING)
+    return [n for n in range(loops) if largest_growth(sampled.with_open_loop(n)) < most]

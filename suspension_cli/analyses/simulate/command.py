@@ -23,7 +23,8 @@ class SimulateAnalysis(Analysis):
     Between samples the mechanics moves exactly under forces that are held; filters are those of a
     front end at this rate (continuous ones made digital as Foton does). Motions of the support, and
     noise of sensors and actuators, are drawn from their spectra; coils have the limits of their
-    range. Writes DIR/NAME-simulate.h5 and .png.
+    range. Loops at a divisor of the rate hold their forces in between. The run is written while it
+    is computed, so its length is limited by the disk alone. Writes DIR/NAME-simulate.h5 and .png.
 
     Example: pendsus simulate my.toml --ground nlnm --duration 60
 
@@ -32,12 +33,14 @@ class SimulateAnalysis(Analysis):
     Returns
     -------
     Simulation
-        With `time` (t,) in s, `value` (t, outputs), `force` (t, actuators), `limit`, `at_limit`.
+        With `time` (t,) in s, `value` (t, outputs), `force` (t, actuators), `limit`, `at_limit`,
+        `frequency` (f,) in Hz, `density` (f, outputs). Arrays above 16 MB are read from the results
+        file where they are used.
 
     Raises
     ------
     InputError
-        If a loop is unstable, or a filter does not fit the rate.
+        If a loop is unstable, a filter does not fit the rate, or the disk has no space.
 
     Examples
     --------
@@ -50,6 +53,7 @@ class SimulateAnalysis(Analysis):
 
     name = "simulate"
     result_type = "analyses.simulate.solve.Simulation"
+    fills_file = True
     arguments = (options.DESIGN,)
     parameters = (
         options.signals("output", options.MOTIONS, "x of the mirror"),
@@ -131,7 +135,7 @@ class SimulateAnalysis(Analysis):
         return "\n".join([*lines, "", tables.render(columns, [*forces])])
 
     def figures(self, result: Simulation, setting: Settings) -> dict[str, Figure]:
-        """Draw motions and forces."""
+        """Draw motions and forces, and spectra."""
         from suspension_cli.analyses.simulate import picture
 
         return {"": picture.draw(result)}
