@@ -67,7 +67,7 @@ class Terms:
     x_l: Matrix | None = None
     y_uu: Matrix | None = None  # second derivatives by rotations with the span fixed, N m
     y_lu: Matrix | None = None
-    y_ll: Matrix | None = None
+    y_ll: Matrix | None = None  # of this and y_uu only the symmetric part matters
     turning_force: Vector | None = None  # in place of F where its arms turn, N
 
     def __post_init__(self) -> None:

@@ -278,7 +278,9 @@ class LinearSystem:
         if not k.shape[-1]:
             return soft
         pulled = np.swapaxes(self.elongation, -1, -2) * k[..., None, :]
-        stretching = np.where(self.allowed, pulled @ self.elongation, 0.0)
+        stretching = pulled @ self.elongation
+        if not self.allowed.all():
+            stretching = np.where(self.allowed, stretching, 0.0)
         return soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
 
     @cached_property
