@@ -234,7 +234,9 @@ class LinearSystem:
         for term in self.terms:
             here = term.at(omega)
             at = term.columns[:, None], term.columns
-            soft[at] += self.allowed[at][..., None] * np.moveaxis(here.stiffness, 0, -1)
+            own = np.moveaxis(here.stiffness, 0, -1)
+            allowed = self.allowed[at]
+            soft[at] += own if allowed.all() else allowed[..., None] * own
             if isinstance(here, EvaluatedWires):
                 k[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
         return replace(self, terms=(), soft=np.moveaxis(soft, -1, 0), k=k)

@@ -318,4 +318,3 @@ class EvaluatedWires(EvaluatedTerm):
                 key = f"{self.term.stage}.{cause}", temperature
                 result[key] = result.get(key, 0.0) + count @ value
         return result
-
