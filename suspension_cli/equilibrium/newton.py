@@ -51,9 +51,9 @@ ROUNDED = 1e-14
 keeps it above this."""
 CONVERGED = 1e-11
 """Largest residual (relative to the weight) of an equilibrium, unless rounding leaves more."""
-NEGLIGIBLE = 1e-14
+NEGLIGIBLE = 1e-13
 """Predicted residual (relative to the weight) that needs no further step."""
-LEFT = 1e-14
+LEFT = 1e-13
 """Predicted error of a pose, over the longest step to it, that is negligible."""
 LAST_STEP = 1e-10
 """Step (m or rad) after which rounding is all that is left, as Newton's method squares errors."""
