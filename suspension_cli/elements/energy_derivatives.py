@@ -273,4 +273,4 @@ def _blocks(
         (1, 3, 0, 3, _total(mixed, across)),
         (1, 3, 1, 3, _total(of_rotations(b, minus, terms.y_ll, below), turned_below)),
     ]
-    return [block for block in blocks if block[-1] is not None]
+    return [(row, i, column, j, own) for row, i, column, j, own in blocks if own is not None]
