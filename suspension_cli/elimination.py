@@ -351,10 +351,12 @@ class Elements:
         places, member = np.unique(np.stack([row, column]), axis=1, return_inverse=True)
         kind = np.result_type(*(piece[3] for piece in pieces))
         weights = np.zeros((places.shape[1], functions), dtype=kind)
+        apart = len(member) == places.shape[1]  # no element is in two pieces
         start = 0
         for rows, _, first, own in pieces:
             span = slice(first, first + own.shape[1])
-            weights[member[start : start + len(rows)], span] += own
+            here = member[start : start + len(rows)], span
+            weights[here] = own if apart else weights[here] + own
             start += len(rows)
         return Elements(places[0], places[1], weights)
 

@@ -57,7 +57,6 @@ from suspension_cli.elements.vectors import (
     outer,
     plus_unit,
     times,
-    turning,
 )
 from suspension_cli.scene.scene import Scene
 
@@ -166,9 +165,9 @@ def _bending(
         s=plus_unit(bent, pulled) * over**2,
         x_u=(cross_matrix(moment_u) - outer(e, torque_u) - _outer_sum(on_u, c_u)) * over,
         x_l=(cross_matrix(moment_l) - outer(e, torque_l) - _outer_sum(on_l, c_l)) * over,
-        y_uu=_outer_sum(s_uu * c_u, c_u) - turning(e, moment_u),
+        y_uu=plus_unit(_outer_sum(s_uu * c_u, c_u) - outer(e, moment_u), dot(e, moment_u)),
         y_lu=_outer_sum(s_ul * c_l, c_u),
-        y_ll=_outer_sum(s_ll * c_l, c_l) - turning(e, moment_l),
+        y_ll=plus_unit(_outer_sum(s_ll * c_l, c_l) - outer(e, moment_l), dot(e, moment_l)),
     )
 
 
@@ -185,12 +184,11 @@ def _twisting(stiffness: Scalar, upper: Vector, lower: Vector, *, curved: bool) 
         return Terms(None, -torque * row, torque * row)
     u_1, u_2 = upper.swapaxes(0, 1)
     l_1, l_2 = lower.swapaxes(0, 1)
-    own = outer(stiffness * row, row)
     half = torque / 2
-    turned = own + turning(half * u_2, l_1) - turning(half * u_1, l_2)
-    mixed = outer(half * u_1, l_2) - outer(half * u_2, l_1) - own
-    mixed = plus_unit(mixed, torque * twist)
-    return Terms(None, -torque * row, torque * row, y_uu=turned, y_lu=mixed, y_ll=turned)
+    # the sine has the second derivatives u_2 l_1 - u_1 l_2
+    turned = outer(stiffness * row, row) + outer(half * u_2, l_1) - outer(half * u_1, l_2)
+    turned = plus_unit(turned, -torque * twist)
+    return Terms(None, -torque * row, torque * row, y_uu=turned, y_lu=-turned, y_ll=turned)
 
 
 def add_loss(now: Configuration, derivatives: Derivatives) -> None:

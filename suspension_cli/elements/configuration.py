@@ -86,14 +86,15 @@ class Ends(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def sums(
-    *numbers: Numbers,
+    *numbers: Numbers, partly: bool = False
 ) -> tuple[Int[np.ndarray, "number group"], Float[np.ndarray, "group element"]]:
-    """Group elements by the numbers of their bodies or blades; those with a -1 are in no group.
+    """Group elements by the numbers of their bodies or blades.
 
+    Those with a -1 are in no group, unless `partly`.
     Also returns the matrix of ones that sums over the elements of each group.
     """
     known, group = np.unique(np.array(numbers), axis=1, return_inverse=True)
-    kept = np.flatnonzero((known >= 0).all(0))
+    kept = np.flatnonzero((known >= 0).all(0) | partly)
     return known[:, kept], (group.ravel() == kept[:, None]).astype(float)
 
 

@@ -462,6 +462,11 @@ class PartAtFrequencies:
     @cached_property
     def _springs(self) -> Inexact[np.ndarray, "3 section *frequency"]:
         """Springs between the ends of each section, and from either end to the ground."""
+        if not self.strand.massive:
+            rigidity, _, half = self._numbers
+            between = rigidity / (2 * half)
+            none = np.zeros_like(between)
+            return np.array([between, none, none])
         even, odd = joined_sections.rod_stiffness(*self._numbers, self.omega)
         between = (odd - even) / 4
         # where losses damp a wave before it reaches the other end

@@ -36,14 +36,16 @@ from suspension_cli.elements.vectors import (
     Vector,
     cross,
     dot,
+    outer,
+    sum_of_turning,
+    symmetric,
     times,
     times_cross,
     transposed,
-    turning,
 )
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from jaxtyping import Float, Inexact
 
     from suspension_cli.elements.configuration import Numbers
 
@@ -65,7 +67,7 @@ class Terms:
     x_l: Matrix | None = None
     y_uu: Matrix | None = None  # second derivatives by rotations with the span fixed, N m
     y_lu: Matrix | None = None
-    y_ll: Matrix | None = None
+    y_ll: Matrix | None = None  # of this and y_uu only the symmetric part matters
     turning_force: Vector | None = None  # in place of F where its arms turn, N
 
     def __post_init__(self) -> None:
@@ -141,11 +143,13 @@ class Derivatives:
                 self.gradient[6 * number + first + _THREE] += total @ own
             if self.curved:
                 rates = _rates(attached, terms)
-                for row, i, column, j, block in _blocks(attached, terms, *rates):
-                    (one, other), total = sums(row, column)
-                    rows = 6 * one + i + _THREE
-                    columns = 6 * other + j + _THREE
-                    self.hessian[rows[:, None], columns] += total @ block
+                pairs, total = sums(ends.upper, ends.lower, partly=True)
+                blocks = _blocks(attached, terms, *rates, total)
+                for n, pair in enumerate(pairs.T.tolist()):
+                    for row, i, column, j, block in blocks:
+                        if min(pair[row], pair[column]) >= 0:
+                            first, second = 6 * pair[row] + i, 6 * pair[column] + j
+                            self.hessian[first : first + 3, second : second + 3] += block[:, :, n]
                 for row, column in (ends[0], ends[0]), (ends[1], ends[1]), (ends[1], ends[0]):
                     (one, other), _ = sums(row, column)
                     self._link(6 * one + _SIX, other)
@@ -228,37 +232,45 @@ def _rates(attached: Attached, terms: Terms) -> tuple[Matrix | None, Matrix | No
 
 
 def _blocks(
-    attached: Attached, terms: Terms, a: Matrix | None, b: Matrix | None
-) -> list[tuple[Numbers, int, Numbers, int, Matrix]]:
-    """List the blocks between translations (0) and rotations (3) of both bodies, rows first."""
-    upper, lower, _ = attached.ends
-    s = terms.s
-    x_u = terms.x_u
-    x_l = terms.x_l
+    attached: Attached,
+    terms: Terms,
+    a: Matrix | None,
+    b: Matrix | None,
+    total: Float[np.ndarray, "pair element"],
+) -> list[tuple[int, int, int, int, Matrix]]:
+    """List the blocks between translations (0) and rotations (3) of the bodies of each pair.
+
+    A block comes with its rows, of the upper (0) or the lower body (1), and its columns likewise.
+    What is linear in sums over the elements of a pair (`total`) is computed from these.
+    """
+
+    def summed(*parts: Matrix | None) -> Matrix | None:
+        return _of(total.__matmul__, _total(*parts))
+
+    def of_rotations(rate: Matrix | None, x: Matrix | None, y: Matrix | None, arm: Vector) -> Any:
+        """Sum [w]^T R + X^T [w] + Y = ([w]^T (R + X) + transpose) / 2 + Y, for an arm w."""
+        return _of(symmetric, summed(_of(cross, _total(rate, x), arm), y))
+
     arm = attached.upper_arm
     below = attached.lower_arm
     force = terms.turning_force
-    across = _of(transposed, x_u)
-    turned = _total(
-        _of(cross, a, arm), terms.y_uu, _of(turning, force, -arm), _of(times_cross, across, arm)
-    )
+    minus = _of(np.negative, terms.x_l)
+    s = summed(terms.s)
+    rotating_a, rotating_b = summed(a), summed(b)
+    turned, turned_below = (_of(sum_of_turning, summed(_of(outer, force, w))) for w in (arm, below))
+    mixed = summed(terms.y_lu, _of(cross, a, -below))
+    across = _of(transposed, summed(_of(cross, terms.x_l, arm)))
+    minus_a, minus_b = (_of(np.negative, rate) for rate in (rotating_a, rotating_b))
     blocks = [
-        (upper, 0, upper, 0, s),
-        (upper, 3, upper, 0, _of(transposed, _of(np.negative, a))),
-        (upper, 3, upper, 3, turned),
+        (0, 0, 0, 0, s),
+        (0, 3, 0, 0, _of(transposed, minus_a)),
+        (0, 3, 0, 3, _total(of_rotations(a, terms.x_u, terms.y_uu, arm), _of(np.negative, turned))),
+        (1, 0, 0, 0, _of(np.negative, s)),
+        (1, 0, 1, 0, s),
+        (1, 0, 0, 3, rotating_a),
+        (1, 3, 0, 0, _of(transposed, rotating_b)),
+        (1, 3, 1, 0, _of(transposed, minus_b)),
+        (1, 3, 0, 3, _total(mixed, across)),
+        (1, 3, 1, 3, _total(of_rotations(b, minus, terms.y_ll, below), turned_below)),
     ]
-    if max(lower, default=-1) >= 0:
-        across = _of(transposed, x_l)
-        mixed = _total(terms.y_lu, _of(cross, a, -below), _of(times_cross, across, arm))
-        own = _total(terms.y_ll, _of(cross, b, below), _of(turning, force, below))
-        own = _total(own, _of(times_cross, across, -below))
-        blocks += [
-            (lower, 0, upper, 0, _of(np.negative, s)),
-            (lower, 0, lower, 0, s),
-            (lower, 0, upper, 3, a),
-            (lower, 3, upper, 0, _of(transposed, b)),
-            (lower, 3, lower, 0, _of(transposed, _of(np.negative, b))),
-            (lower, 3, upper, 3, mixed),
-            (lower, 3, lower, 3, own),
-        ]
     return [(row, i, column, j, own) for row, i, column, j, own in blocks if own is not None]

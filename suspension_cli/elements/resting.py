@@ -51,8 +51,13 @@ def resistance(
     rigidity = np.array([section.rigidity[:planes] for section in sections])
     lengths = np.stack([section.length * stretch + np.zeros((1, *shape)) for section in sections])
     rigidity = rigidity.reshape(*rigidity.shape, *(1,) * len(shape))
-    (even, mixed), (_, odd) = slope_stiffness(rigidity, tension, lengths).stiffness
-    bend = np.stack([odd + even - 2 * mixed, odd - even, odd + even + 2 * mixed], axis=1) / 4
+    if len(sections) == 1:
+        even, odd = uniform_stiffness(rigidity[0], tension, lengths[0] / 2)
+        alike = odd + even
+        bend = np.stack([alike, odd - even, alike], axis=1) / 4
+    else:
+        (even, mixed), (_, odd) = slope_stiffness(rigidity, tension, lengths).stiffness
+        bend = np.stack([odd + even - 2 * mixed, odd - even, odd + even + 2 * mixed], axis=1) / 4
     compliance = sum(
         section.length * stretch / (section.twisting + tension * section.polar_area)
         for section in sections

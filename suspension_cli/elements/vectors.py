@@ -96,4 +96,9 @@ def turning(force: Vector, arm: Vector) -> Matrix:
     w))/2 to second order: geometric stiffness (compare Goldstein, Classical Mechanics, section
     4.8).
     """
-    return plus_unit(symmetric(outer(force, arm)), -dot(force, arm))
+    return sum_of_turning(outer(force, arm))
+
+
+def sum_of_turning(products: Matrix) -> Matrix:
+    """Sum of `turning` over some points, from that of the products F w^T."""
+    return plus_unit(symmetric(products), -(products[0, 0] + products[1, 1] + products[2, 2]))

@@ -8,8 +8,8 @@ array([1.5, 0.5])
 A step solves K x = -g. The geometric stiffness of a wire, and its resistance to bending, are those
 at the tension that the step before predicted to first order: the tension in the pose contains its
 stiffness times squares of that step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech.
-Eng. 313, 986 (2017)). The first step of imperfect builds is taken with the factors of the nominal
-design.
+Eng. 313, 986 (2017)). In the first step of imperfect builds they are those at the nominal tensions,
+which carry the weight: wires of other lengths may even push in the nominal pose.
 
 A body that hangs from one point turns about it freely. Its stiffness against that is a rounding
 error in the equilibrium, where one coordinate is held, and elsewhere as small as the torque that is
@@ -33,7 +33,7 @@ import numpy as np
 
 from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.elements import taut_string
-from suspension_cli.elements.configuration import Configuration, SceneArrays
+from suspension_cli.elements.configuration import Configuration, SceneArrays, builds_last
 from suspension_cli.elements.energy_derivatives import Derivatives
 from suspension_cli.elimination import Factors, Pattern, by_body
 from suspension_cli.equilibrium.energy import derivatives
@@ -51,9 +51,9 @@ ROUNDED = 1e-14
 keeps it above this."""
 CONVERGED = 1e-11
 """Largest residual (relative to the weight) of an equilibrium, unless rounding leaves more."""
-NEGLIGIBLE = 1e-14
+NEGLIGIBLE = 1e-13
 """Predicted residual (relative to the weight) that needs no further step."""
-LEFT = 1e-14
+LEFT = 1e-13
 """Predicted error of a pose, over the longest step to it, that is negligible."""
 LAST_STEP = 1e-10
 """Step (m or rad) after which rounding is all that is left, as Newton's method squares errors."""
@@ -173,13 +173,17 @@ def search(
     """
     count = rows.stop - rows.start
     arrays = replace(SceneArrays.of(scene, numbering, rows, count), follows=True)
+    now = Configuration.of(arrays, start, scene.batch, rows)
+    if accept_nominal and scene.drawn is not None:
+        nominal = builds_last(scene.drawn.wires.tension, 1, scene.drawn.batch, rows)
+        now = replace(now, tension=np.broadcast_to(nominal, (len(nominal), count)))
     builds = _Builds.of(
         np.arange(count),
-        Configuration.of(arrays, start, scene.batch, rows),
+        now,
         _goal(target, rows, numbering),
         residual_scale(arrays),
         _unit(arrays, numbering),
-        curved=False,
+        curved=scene.drawn is not None,  # else most are balanced as they are
     )
     free = [6 * body + dof for body in spinning_bodies(scene) for dof in (-3, -2, -1)]
     scale = builds.scale
@@ -193,22 +197,15 @@ def search(
     balanced = builds.residual <= BALANCED
     if accept_nominal and balanced.any():
         moves = ~(balanced & _is_as_drawn(scene, rows, builds.now, builds.gradient))
-    factors = None
-    if accept_nominal and scene.drawn is not None and count:
-        # the first step of imperfect builds
-        nominal = SceneArrays.of(scene.drawn, numbering, slice(rows.start, rows.start + 1), 1)
-        as_drawn = builds.select(np.arange(count) == 0)
-        at = replace(as_drawn.now, arrays=nominal)
-        factors = replace(as_drawn, now=at).tangent_factors(free)
     predicts = bool(scene.batch)
-    reached.follow(builds.select(moves), factors, free, limit, predicts=predicts)
+    reached.follow(builds.select(moves), free, limit, predicts=predicts)
     final = Configuration(arrays, *reached.poses)
     soft = derivatives(final, stretching=False)
     residual = _residual(soft.gradient[6:-1] - goal, scale)
     missed = (reached.steps > 0) & (reached.steps < limit) & (residual > CONVERGED)
     if predicts and missed.any():
         builds = builds.moved(final, missed)
-        reached.follow(builds, None, free, limit, predicts=False)
+        reached.follow(builds, free, limit, predicts=False)
         some = final.select(np.flatnonzero(missed))
         some = replace(some, **{name: pose[..., missed] for name, pose in reached.moving.items()})
         again = derivatives(some, stretching=False)
@@ -236,13 +233,12 @@ class _Reached:
     def follow(
         self,
         builds: _Builds,
-        factors: Factors | None,
         free: list[int],
         limit: int,
         *,
         predicts: bool,
     ) -> None:
-        """Take steps until all `builds` have converged, the first one with the `factors` if given.
+        """Take steps until all `builds` have converged.
 
         If this `predicts` errors, builds may end without a look at the forces in their last pose.
         """
@@ -254,13 +250,12 @@ class _Reached:
             builds = builds.select(moves)
             if not len(builds.number):
                 break
-            factors = factors or builds.tangent_factors(free)
+            factors = builds.tangent_factors(free)
             now, size = _take_step(builds.now, factors, builds.gradient, builds.unit)
             for name, pose in self.moving.items():
                 pose[..., builds.number] = getattr(now, name)
             self.steps[builds.number] += 1
             self.pivot[builds.number] = factors.least
-            factors = None
             longest = np.maximum(longest[moves], size)
             last = previous[moves]
             open = np.ones(len(size), dtype=bool)

@@ -30,7 +30,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspension_cli.elimination import by_body, connected_groups, solve_each
+from suspension_cli.elimination import (
+    Positions,
+    as_slice,
+    by_body,
+    connected_groups,
+    solve_each,
+)
 from suspension_cli.linear.structure import Structure
 from suspension_cli.linear.system import LinearSystem
 from suspension_cli.scene.arrays import Index
@@ -135,6 +141,7 @@ def _select(model: LinearSystem, members: slice) -> LinearSystem:
 
 def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
     parts: list[tuple[np.ndarray, ...]] = []
+    is_named = np.array_equal(model.basis, np.eye(model.size))  # each coordinate of the system
     for number, block in enumerate(blocks):
         heavy = block[~model.massless[block]]
         if not len(heavy):
@@ -144,7 +151,9 @@ def _solve_blocks(model: LinearSystem, blocks: tuple[Index, ...]) -> Spectrum:
         motion = np.zeros((*squared.shape, model.size))
         shape[..., heavy] = np.swapaxes(vectors, -1, -2)
         motion[..., block] = np.swapaxes(own, -1, -2)
-        parts.append((squared, shape @ model.basis.T, motion, np.full(squared.shape, number)))
+        if not is_named:
+            shape = shape @ model.basis.T
+        parts.append((squared, shape, motion, np.full(squared.shape, number)))
     if len(parts) == 1:
         [(squared, shape, motion, number)] = parts
     else:
@@ -197,25 +206,21 @@ def solve_plainly(model: LinearSystem, block: Index) -> tuple[Block, Bool[np.nda
     Also returns which results are good: exact to `PLAIN`, of modes that are apart.
     """
     light = model.massless[block]
-    heavy = block[~light]
-    stiffness = model.stiffness[..., block[:, None], block]
-    mass = np.broadcast_to(
-        model.mass[..., heavy[:, None], heavy], (len(stiffness), len(heavy), len(heavy))
-    )
-    known = np.isfinite(stiffness).all((-2, -1)) & np.isfinite(mass).all((-2, -1))
-    finite = np.asarray(known)
+    heavy, tips = (as_slice(block[kind]) for kind in (~light, light))
+    whole = _part(model.stiffness, heavy, heavy)
+    mass = np.broadcast_to(_part(model.mass, heavy, heavy), whole.shape)
+    coupling = _part(model.stiffness, tips, heavy)
+    soft = _part(model.stiffness, tips, tips)
+    known = (np.isfinite(part).all((-2, -1)) for part in (whole, mass, coupling, soft))
+    finite = np.asarray(np.logical_and.reduce([*known]))
     if not finite.all():
-        stiffness[~finite] = np.eye(len(block))
-        mass = np.where(finite[:, None, None], mass, np.eye(len(heavy)))
-    whole = stiffness[..., ~light, :][..., ~light]
-    condensed = whole
-    follow = np.zeros((len(stiffness), 0, len(heavy)))
-    if light.any():
-        coupling = stiffness[..., light, :][..., ~light]
-        follow = -solve_each(stiffness[..., light, :][..., light], coupling)
-        condensed = whole + np.swapaxes(coupling, -1, -2) @ follow
-    root = np.linalg.cholesky(mass)
-    inverse = np.linalg.inv(root)
+        whole, mass, coupling, soft = (
+            np.where(finite[:, None, None], part, np.eye(*part.shape[-2:]))
+            for part in (whole, mass, coupling, soft)
+        )
+    follow = -solve_each(soft, coupling)
+    condensed = whole + np.swapaxes(coupling, -1, -2) @ follow if light.any() else whole
+    inverse = _inverse_root(mass)
     transposed = np.swapaxes(inverse, -1, -2)
     matrix = inverse @ condensed @ transposed
     squared, vectors = np.linalg.eigh((matrix + np.swapaxes(matrix, -1, -2)) / 2)
@@ -224,9 +229,32 @@ def solve_plainly(model: LinearSystem, block: Index) -> tuple[Block, Bool[np.nda
     apart = np.diff(squared, axis=-1) > DEGENERATE * np.abs(squared[..., 1:])
     good = finite & apart.all(-1) & (np.abs(squared).min(-1) * PLAIN > error)
     shape = np.zeros((*squared.shape[:-1], len(block), squared.shape[-1]))
-    shape[..., ~light, :] = transposed @ vectors
-    shape[..., light, :] = follow @ shape[..., ~light, :]
+    moved = transposed @ vectors
+    shape[..., ~light, :] = moved
+    shape[..., light, :] = follow @ moved
     return (squared, vectors, shape), good
+
+
+def _part(
+    matrix: Float[np.ndarray, "*build row column"], rows: Positions, columns: Positions
+) -> Float[np.ndarray, "*build some other"]:
+    """Some rows and columns of matrices; a view if both are slices."""
+    return matrix[..., rows, :][..., columns]
+
+
+def _inverse_root(
+    mass: Float[np.ndarray, "build heavy heavy"],
+) -> Float[np.ndarray, "build heavy heavy"]:
+    """L^-1 of mass matrices L L^T, of which most elements are 0."""
+    result = np.zeros_like(mass)
+    groups = connected_groups((mass != 0).any(0))
+    alone = np.array([group[0] for group in groups if len(group) == 1], dtype=int)
+    result[:, alone, alone] = 1 / np.sqrt(mass[:, alone, alone])
+    for size in {len(group) for group in groups} - {1}:
+        own = np.array([group for group in groups if len(group) == size])
+        here = slice(None), own[:, :, None], own[:, None, :]
+        result[here] = np.linalg.inv(np.linalg.cholesky(mass[here]))
+    return result
 
 
 def solve_block(

@@ -189,12 +189,30 @@ class Block:
     @cached_property
     def pieces(self) -> list[Piece]:
         """Pieces of `elements`."""
+        if self.pencil.many:  # without terms in frequency
+            return [self._piece_of_builds(), *self._pieces_of_tensions()]
         constant = len(self.pencil.matrices)
         return [
             *self._pieces_of_matrices(),
             *self._pieces_of_tensions(),
             *self._pieces_of_terms(constant),
         ]
+
+    def _piece_of_builds(self) -> Piece:
+        """Elements of the dynamic stiffness of many builds without the stretching of wires."""
+        pencil = self.pencil
+        assert pencil.omega is not None
+        columns = self._columns[self._number[self._columns] >= 0]
+        i, j = np.nonzero(pencil.coupled[np.ix_(self.keep, columns)])
+        model = pencil.model
+        soft, damping, mass = (
+            np.moveaxis(as_builds(matrix), 0, -1)[self.keep[i], columns[j]]
+            for matrix in (model.soft, model.damping, model.mass)
+        )
+        values = soft - pencil.omega**2 * mass
+        if damping.any():
+            values = values + 1j * pencil.omega * damping
+        return i, self._number[columns[j]], 0, values
 
     def _pieces_of_matrices(self) -> Iterator[Piece]:
         """Elements of the matrices of the system."""
@@ -511,16 +529,13 @@ class Pencil:
 
     @cached_property
     def matrices(self) -> list[Inexact[np.ndarray, "#build coordinate coordinate"]]:
-        """Re K and Im K without the stretching of wires, C and M; of many builds Z."""
+        """Re K and Im K without the stretching of wires, C and M, of one design."""
         soft, damping, mass = map(as_builds, (self.model.soft, self.model.damping, self.model.mass))
-        if self.omega is None:
-            return [np.real(soft), np.imag(soft), damping, mass]
-        w = self.omega[:, None, None]
-        return [soft - w**2 * mass + (1j * w * damping if damping.any() else 0.0)]
+        return [np.real(soft), np.imag(soft), damping, mass]
 
     @cached_property
     def used(self) -> list[Bool[np.ndarray, "coordinate coordinate"]]:
-        """Elements of `matrices` that are not 0 in all builds."""
+        """Elements of `matrices` that are not 0."""
         return [(matrix != 0).any(0) for matrix in self.matrices]
 
     @property

@@ -58,11 +58,12 @@ class Structure:
         together.
         """
         system = self.system
-        matrices = [system.mass, system.damping, np.real(system.soft), np.imag(system.soft)]
         if system.batch:
             moved = _is_nonzero(system.elongation)
+            matrices = (system.mass, system.damping, system.soft)
             used = np.any([_is_nonzero(matrix) for matrix in matrices], axis=0)
             return (system.allowed & (moved.T @ moved)) | used
+        matrices = [system.mass, system.damping, np.real(system.soft), np.imag(system.soft)]
         large = [np.abs(matrix) > rounding(matrix, self.place) for matrix in matrices]
         result = np.any(large, axis=0)
         for k in dict.fromkeys(system.k.tolist()):

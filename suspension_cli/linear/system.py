@@ -234,7 +234,9 @@ class LinearSystem:
         for term in self.terms:
             here = term.at(omega)
             at = term.columns[:, None], term.columns
-            soft[at] += self.allowed[at][..., None] * np.moveaxis(here.stiffness, 0, -1)
+            own = np.moveaxis(here.stiffness, 0, -1)
+            allowed = self.allowed[at]
+            soft[at] += own if allowed.all() else allowed[..., None] * own
             if isinstance(here, EvaluatedWires):
                 k[:, here.term.number] = np.atleast_2d(1 / here.compliance).T
         return replace(self, terms=(), soft=np.moveaxis(soft, -1, 0), k=k)
@@ -278,7 +280,9 @@ class LinearSystem:
         if not k.shape[-1]:
             return soft
         pulled = np.swapaxes(self.elongation, -1, -2) * k[..., None, :]
-        stretching = np.where(self.allowed, pulled @ self.elongation, 0.0)
+        stretching = pulled @ self.elongation
+        if not self.allowed.all():
+            stretching = np.where(self.allowed, stretching, 0.0)
         return soft + (stretching + np.swapaxes(stretching, -1, -2)) / 2
 
     @cached_property

@@ -284,20 +284,30 @@ class EvaluatedWires(EvaluatedTerm):
     @property
     def stiffness(self) -> Complex[np.ndarray, "build column column"]:
         """The sum of f_n A_n among `WireTerm.columns`, of many builds."""
-        rows: list[np.ndarray] = []
-        forces: list[np.ndarray] = []
-        for part, motions in self.term.resisted.items():
+        resisted = self.term.resisted
+        places = [
+            (part, i)
+            for part, motions in resisted.items()
+            for i in range(part == "stretch", len(motions))  # tensions cover the elongation
+        ]
+        count, wires, columns = resisted[PARTS[0]][0].shape
+        rows = np.empty((count, len(places), wires, columns))
+        forces = np.empty(rows.shape, dtype=complex)
+        for n, (part, i) in enumerate(places):
+            motions = resisted[part]
             # (..., wire, build) to (build, wire)
-            change = np.swapaxes(self.moving[part].change, -1, -2)[..., None]
-            for i, motion in enumerate(motions):
-                if _bends(part):
-                    rows.append(motion)
-                    forces.append(_bending_force(change[i], motions, i))
-                elif part == "twist" or i:
-                    rows.append(motion)
-                    forces.append(change[i] * motion)
-        pull = np.ascontiguousarray(np.concatenate(forces, axis=-2)).view(float)
-        return (np.concatenate(rows, axis=-2).swapaxes(-1, -2) @ pull).view(complex)
+            change = np.swapaxes(self.moving[part].change[i], -1, -2)[..., None]
+            rows[:, n] = motions[i]
+            if not _bends(part):
+                np.multiply(change, motions[i], out=forces[:, n])
+                continue
+            np.multiply(change[i], motions[i], out=forces[:, n])
+            for j, motion in enumerate(motions):
+                if j != i and change[j].any():
+                    forces[:, n] += change[j] * motion
+        rows = rows.reshape(count, -1, columns)
+        pull = forces.reshape(rows.shape).view(float)
+        return (rows.swapaxes(-1, -2) @ pull).view(complex)
 
     def dissipated(self, within: Ends, motion: Inexact[np.ndarray, "own frequency"]) -> Dissipation:
         """Compute the dissipation by part of a wire, `within` being that of `WireTerm.within`."""
@@ -308,16 +318,3 @@ class EvaluatedWires(EvaluatedTerm):
                 key = f"{self.term.stage}.{cause}", temperature
                 result[key] = result.get(key, 0.0) + count @ value
         return result
-
-
-def _bending_force(
-    change: Inexact[np.ndarray, "motion *build wire 1"],
-    motions: list[Float[np.ndarray, "*build wire column"]],
-    number: int,
-) -> Inexact[np.ndarray, "*build wire column"]:
-    """Force against one of the motions of bending wires, by all of them."""
-    total = change[number] * motions[number]
-    for other, motion in enumerate(motions):
-        if other != number and change[other].any():
-            total += change[other] * motion
-    return total

@@ -229,32 +229,33 @@ def wire_forms(now: Configuration) -> dict[str, Inexact[np.ndarray, "_ 15 wire b
     first = first - dot(first, e) * e
     first = first / np.sqrt(dot(first, first))
 
-    def moved(along: Vector) -> Inexact[np.ndarray, "15 wire build"]:
-        """Half the motion along a unit vector, of the upper and of the lower end."""
-        both = np.empty((15, *e.shape[1:]), dtype=e.dtype)
-        both[:3] = both[6:9] = along
-        both[3:6] = cross(lines.upper_arm, along)  # (t x arm) . n = t . (arm x n)
-        both[9:12] = cross(lines.lower_arm, along)
-        both[12:] = along + times(transposed(turn), along)
-        return both / 2
-
-    def turned(about: Vector) -> Inexact[np.ndarray, "15 wire build"]:
-        """Half the rotation about a unit vector, of the upper and of the lower end."""
-        both = np.zeros((15, *e.shape[1:]), dtype=e.dtype)
-        both[3:6] = both[9:12] = about / 2
-        return both
-
+    shape = e.shape[1:]
     # what the upper end adds to the mean of both it takes from their difference
     lower_less_upper = np.ones((15, 1, 1))
     lower_less_upper[:6] = lower_less_upper[12:] = -1.0
+
+    def move(mean: Vector, difference: Vector, along: Vector) -> None:
+        """Fill in half the motion of both ends along a unit vector."""
+        half = along / 2
+        mean[:3] = mean[6:9] = half
+        mean[3:6] = cross(lines.upper_arm, half)  # (t x arm) . n = t . (arm x n)
+        mean[9:12] = cross(lines.lower_arm, half)
+        mean[12:] = half + times(transposed(turn), half)
+        np.multiply(mean, lower_less_upper, out=difference)
+
+    def rotate(mean: Vector, difference: Vector, about: Vector) -> None:
+        """Fill in half the rotation of both ends about a unit vector."""
+        mean[3:6] = mean[9:12] = about / 2
+        np.multiply(mean, lower_less_upper, out=difference)
+
     result = {}
     for part, n in (("bend-1", first), ("bend-2", cross(e, first))):
-        even = moved(n)
-        mean_turn = turned(cross(e, n))  # (t x e) . n = t . (e x n)
-        rows = [even, mean_turn * lower_less_upper, even * lower_less_upper, mean_turn]
-        result[part] = np.stack(rows)
-    for part, even in (("stretch", moved(e)), ("twist", turned(e))):
-        result[part] = np.stack([even, even * lower_less_upper])
+        even, even_turn, odd, odd_turn = result[part] = np.zeros((4, 15, *shape), dtype=e.dtype)
+        move(even, odd, n)
+        rotate(odd_turn, even_turn, cross(e, n))  # (t x e) . n = t . (e x n)
+    for part, fill in (("stretch", move), ("twist", rotate)):
+        even, odd = result[part] = np.zeros((2, 15, *shape), dtype=e.dtype)
+        fill(even, odd, e)
     return result
 
 

@@ -59,7 +59,9 @@ def test_parts_of_a_map_are_those_of_the_whole():
     assert found is not None
     whole = found.compute(0, found.count)["ratio"]
     parts = [found.compute(start, min(start + 333, found.count)) for start in range(0, 2000, 333)]
-    np.testing.assert_array_equal(np.concatenate([one["ratio"] for one in parts]), whole)
+    mine = np.concatenate([one["ratio"] for one in parts])
+    # a product of few rows may be summed in another order
+    np.testing.assert_allclose(mine, whole, rtol=1e-14, atol=0)
 
 
 def test_maps_with_failures_and_small_ones_are_solved_point_by_point():
