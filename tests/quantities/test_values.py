@@ -94,6 +94,19 @@ def test_decay_of_a_mode_by_its_names_with_loops_closed(triple):
     assert values == pytest.approx([abs(pole) / (-2 * pole.real)] * len(names), rel=1e-6)
 
 
+def test_a_mode_that_grows_has_no_q_and_meets_no_limit_on_it(triple):
+    grows = triple.replace({"control.loop.yaw.gain": -1e3})
+    q, decay, settling = evaluate(grows, "Q of modes", "decay of modes", "settling of modes")
+    poles = sus.damp(grows, allow_unstable=True, fidelity="beam").closed.value
+    assert decay == pytest.approx(-np.real(poles).max(), rel=1e-6)
+    assert decay < 0
+    assert math.isnan(q)
+    assert settling == math.inf
+    wanted = vocabulary.parse("Q of modes", names_of(grows), "--result")
+    [(_, batch)] = solved.of_designs([grows.design], "beam", Needs.of([wanted]))
+    assert wanted.ends(batch, smooth=True)[1] == wanted.largest
+
+
 def test_slowest_mode_with_loops_closed_is_the_slowest_pole(triple):
     loops = sus.damp(triple)
     mechanical = np.array([not name.startswith("loop ") for name in loops.closed.state])

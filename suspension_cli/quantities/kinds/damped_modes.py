@@ -44,26 +44,41 @@ class Decay(Quantity):
     missing = "has no such mode that oscillates and decays"
 
     def read(self, solved: Solved) -> Float[np.ndarray, " design"]:
-        """Compute it of each design."""
+        """Compute it of each design; a mode that grows has no Q."""
+        return self._compute(solved, q_of_growing=np.nan)
+
+    def ends(
+        self, solved: Solved, *, smooth: bool
+    ) -> tuple[Float[np.ndarray, " design"], Float[np.ndarray, " design"]]:
+        """Smallest and largest value; a mode that grows counts as one without decay."""
+        del smooth
+        found = self._compute(solved, q_of_growing=np.inf)
+        value = np.where(solved.hangs, np.minimum(found, self.largest), np.nan)
+        return value, value
+
+    def _compute(self, solved: Solved, q_of_growing: float) -> Float[np.ndarray, " design"]:
+        def read(solved: Solved) -> Float[np.ndarray, " design"]:
+            result = np.full(solved.count, np.nan)
+            for n, modes in enumerate(solved.damped_modes):
+                if modes is not None and len(modes.decay_rate):
+                    result[n] = self._of_design(modes, solved, q_of_growing)
+            return result
+
         if registry.BEAM.unsuitable(solved.designs[0]):
-            return self._read(solved)
-        return solved.with_bending(self._read)
+            return read(solved)
+        return solved.with_bending(read)
 
-    def _read(self, solved: Solved) -> Float[np.ndarray, " design"]:
-        result = np.full(solved.count, np.nan)
-        for n, modes in enumerate(solved.damped_modes):
-            if modes is not None and len(modes.decay_rate):
-                result[n] = self._of_design(modes, solved)
-        return result
-
-    def _of_design(self, modes: DampedModes, solved: Solved) -> float:
+    def _of_design(self, modes: DampedModes, solved: Solved, q_of_growing: float) -> float:
         """Take the value of the mode of one design of a batch."""
         number = self._find(modes, solved)
         if number < 0:
             return np.nan
         rate = float(modes.decay_rate[number])
+        q = float(modes.q[number])
+        if q < -self.largest:  # grows by a rounding error
+            q = np.inf
         values: dict[What, float] = {
-            "Q": float(modes.q[number]),
+            "Q": q if q >= 0 else q_of_growing,
             "decay": rate,
             "settling": 1 / rate if rate > 0 else np.inf,
             "dilution": float(modes.dilution[number]),
