@@ -1,9 +1,9 @@
 """Tables of what is verified, measured and fitted, from one file into all pages that show them.
 
 A page marks the place of a table with `<!-- evidence: verified short -->`; the text from there to
-`<!-- end -->` is regenerated. `short` leaves out commands and remarks, `paper` all rows but those
-on Husman et al. (2000). `python -m tools.validation.evidence` renews the pages; with `--run` it
-runs every command and looks for the numbers in its output.
+`<!-- end -->` is regenerated. `short` leaves out commands and remarks. `python -m
+tools.validation.evidence` renews the pages; with `--run` it runs every command and looks for the
+numbers in its output.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ PAGES = tuple(
     for name in (
         "README.md",
         "docs/accuracy.md",
-        "docs/paper.md",
         "results/validation.md",
         "paper/paper.md",
     )
@@ -52,7 +51,6 @@ class Row:
     command: str
     prints: tuple[str, ...] = ()
     remark: str = ""
-    paper: bool = False
 
 
 def rows(kind: str) -> list[Row]:
@@ -63,11 +61,10 @@ def rows(kind: str) -> list[Row]:
 
 def table(kind: str, options: str) -> str:
     """Table of one kind in Markdown."""
-    kept = [row for row in rows(kind) if row.paper or "paper" not in options]
     short = "short" in options
     head = ["what", SECOND[kind], "result", *([] if short else ["printed by", "remark"])]
     lines = [head, ["---"] * len(head)]
-    for row in kept:
+    for row in rows(kind):
         more = [] if short else [f"`{row.command}`", row.remark]
         lines.append([row.what, row.against, row.result, *more])
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
