@@ -73,10 +73,9 @@ blades from a tenth to a ten-thousandth of the stiffness of their wires, silica 
 
 HEAD = f"""# Where methods fail
 
-Each row drives one parameter to where methods are known to fail, and compares each with closed forms or 50 digits and more. A method breaks
+Each row drives one parameter to where methods are known to fail, against closed forms or 50 digits and more. A method breaks
 where its error exceeds {100 * BROKEN:g} % and stays there. ε is the rounding of double precision, 1.1 × 10⁻¹⁶. Methods that fail are written as
-people write them (`tools/stability/naive.py`, `tools/stability/energy.py`); the program is called through its public functions. *Academic*: no
-method breaks within the range of built suspensions (REAL in `tools/atlas.py`; grey in the picture).
+people write them (`tools/stability/naive.py`). *Academic*: no method breaks within the range of built suspensions (grey in the picture).
 
 ![How far each trouble can be driven before a method breaks](stability.png)
 
@@ -135,7 +134,7 @@ def _describe_valid(row: Row, name: str) -> str:
     return (
         "right"
         if row.worst(name) <= BROKEN
-        else f"off by {compact(row.worst(name))} at {compact(float(row.value[worst]))}, right beyond"
+        else f"off by {compact(row.worst(name))} at {compact(float(row.value[worst]))}, correct above"
     )
 
 

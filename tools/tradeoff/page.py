@@ -110,11 +110,11 @@ def document(rows: Sequence[Measurement]) -> str:
         "",
         f"Largest error of up to {len(methods.ENDS)} responses of the mirror, {low:g} to {high:g}"
         " Hz, against 50 digits on the same matrices, and time of one at"
-        f" {methods.FEW} and at {methods.MANY:,} frequencies, from the matrices on. Each method"
-        " stops at its error, whatever time it is given. Body by body, as `pendsus` solves, takes"
-        " longest to begin. What that buys: the most digits, where a sum over modes keeps none of"
-        " a quadruple; many frequencies in a tenth of the time of a dense solve; losses and wires"
-        " with mass, which state space and zpk do not take; and zeros that are exactly 0.",
+        f" {methods.FEW} and at {methods.MANY:,} frequencies, from the matrices on. Body by"
+        " body, as `pendsus` solves, takes longest to begin. That buys the most digits,"
+        " where a sum over modes keeps none of a quadruple; many frequencies in a tenth of the time"
+        " of a dense solve; losses and wires with mass, which state space and zpk do not take; and"
+        " zeros that are exactly 0.",
         "",
         *tabulate_methods(rows),
         "## Other programs",
