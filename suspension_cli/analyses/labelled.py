@@ -19,11 +19,11 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from suspension_cli.files import whole_files
 from suspension_cli.files.declared import FINE, SI, TEXT, fill_in, items
 from suspension_cli.files.hdf5 import in_memory, open_results
 from suspension_cli.files.mapped_arrays import release
 from suspension_cli.files.stored import Variable, variables
-from suspension_cli.files.whole_files import replace_file, writing_to
 
 if TYPE_CHECKING:
     import xarray
@@ -93,8 +93,8 @@ def write_csv(result: Any, path: Path) -> list[Path]:
     with variables_of(result) as arrays:
         for n, (rows, texts) in enumerate(_tables(arrays)):
             paths.append(path.with_name(f"{path.stem}-{rows}.csv" if n else f"{path.stem}.csv"))
-            with writing_to(paths[-1]):
-                replace_file(paths[-1], partial(_write_texts, texts))
+            with whole_files.writing_to(paths[-1]):
+                whole_files.replace_file(paths[-1], partial(_write_texts, texts))
     return paths
 
 

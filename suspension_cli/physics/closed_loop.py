@@ -210,11 +210,11 @@ def find_poles(plant: Plant) -> Poles:
     """
     forward = _feed_forward(plant)
     every = range(len(plant.network.nodes))
-    forward_poles = _poles_of_filters([plant.network.nodes[n] for n in forward], plant.model.size)
+    forward_nodes = [plant.network.nodes[n] for n in forward]
     plant = _with_states(plant.select([n for n in every if n not in forward]))
     fixed = plant.with_model(with_constant_loss(plant.model))
     found = [_find_in_block(plant, fixed, *both) for both in _build_blocks(plant)]
-    found.append(forward_poles)
+    found.append(_poles_of_filters(forward_nodes, plant.model.size))
     value = np.concatenate([one.value for one in found])
     states = [state for one in found for state in one.state]
     motion = np.concatenate([one.motion for one in found if one.motion is not None])
