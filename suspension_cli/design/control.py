@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from msgspec import Meta
+from typing import TYPE_CHECKING, Literal
 
 from suspension_cli.design import foton, key_rules, loop_sensors, noise_spectra, units
-from suspension_cli.design.loop_filters import FOTON, DigitalFilter, make_response
+from suspension_cli.design.loop_filters import (
+    FOTON,
+    DigitalFilter,
+    Root,
+    expand_roots,
+    make_response,
+)
 from suspension_cli.design.loop_sensors import Sensor, check_filter
 from suspension_cli.design.noise_spectra import MotionNoise, Noise
-from suspension_cli.design.typed_tables import Problems, Table, doc, given, key
+from suspension_cli.design.typed_tables import Problems, Table, given, key
 
 if TYPE_CHECKING:
     import numpy as np
@@ -124,13 +127,6 @@ class Osem(Table, frozen=True):
         return np.hypot(noise_spectra.density(self.force_noise, frequency), driven)
 
 
-Hertz = Annotated[float, Meta(ge=-1e9, le=1e9)]
-Root = Annotated[
-    list[Hertz | Annotated[list[Hertz], doc(count=2)]],
-    doc("roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
-]
-
-
 class GainAt(Table, frozen=True):
     """Magnitude of a filter at one frequency, which sets its gain."""
 
@@ -235,12 +231,6 @@ class Loop(Table, frozen=True):
         """The filter from motion to force: controller and sensor, without the delay."""
         made = self.controller
         return made if self.sensor_response is None else made * make_response(self.sensor_response)
-
-
-def expand_roots(given: Sequence[float | list[float]]) -> tuple[complex, ...]:
-    """List roots in Hz as complex numbers; a pair [re, im] stands for both conjugates."""
-    pairs = ((one, [one[0], -one[1]]) if isinstance(one, list) else ([one],) for one in given)
-    return tuple(complex(*root) for pair in pairs for root in pair)
 
 
 class Control(Table, frozen=True):

@@ -6,15 +6,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
 from msgspec import Meta
 
 from suspension_cli.design import foton, key_rules
-from suspension_cli.design.typed_tables import Problems, Table, key
+from suspension_cli.design.typed_tables import Problems, Table, doc, key
 
 FOTON = 'a Foton string: zpk([z;z],[p;p],k,"n"), gain(k), pole(f,"n"), ... and products of these'
+Hertz = Annotated[float, doc("", "Hz", ge=-1e9, le=1e9)]
+Root = Annotated[
+    list[Hertz | Annotated[list[Hertz], doc(count=2)]],
+    doc("roots in Hz, positive for the left half plane, or [re, im] for a conjugate pair"),
+]
 
 
 class DigitalFilter(Table, frozen=True):
@@ -48,3 +54,9 @@ def make_response(given: str | DigitalFilter) -> foton.Filter:
         return foton.parse(given)
     made = foton.parse(given.design or "gain(1)", given.rate or 0.0)
     return replace(made, gain=made.gain * given.gain)
+
+
+def expand_roots(given: Sequence[float | list[float]]) -> tuple[complex, ...]:
+    """List roots in Hz as complex numbers; a pair [re, im] stands for both conjugates."""
+    pairs = ((one, [one[0], -one[1]]) if isinstance(one, list) else ([one],) for one in given)
+    return tuple(complex(*root) for pair in pairs for root in pair)

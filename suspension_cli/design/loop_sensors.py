@@ -19,7 +19,13 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta
 
 from suspension_cli.design import foton, key_rules, noise_spectra, units
-from suspension_cli.design.loop_filters import FOTON, DigitalFilter, make_response
+from suspension_cli.design.loop_filters import (
+    FOTON,
+    DigitalFilter,
+    Root,
+    expand_roots,
+    make_response,
+)
 from suspension_cli.design.noise_spectra import MotionNoise
 from suspension_cli.design.typed_tables import Problems, Table, given, key
 from suspension_cli.errors import suggest
@@ -51,9 +57,21 @@ class SensorInput(Table, frozen=True):
     filter: str | DigitalFilter | None = key(
         f'{FOTON}; or a digital filter; "rest" in a blend: what the others leave of 1'
     )
-    gain: float = key("factor on the filter", 1.0, ge=-1e12, le=1e12)
+    zeros: Root = []
+    poles: Root = []
+    gain: float = key(
+        "factor on the filter: with zeros z and poles p, on prod(1 + i f/z) / prod(1 + i f/p)",
+        1.0,
+        ge=-1e12,
+        le=1e12,
+    )
 
-    rules = (key_rules.exactly_one("sensor", "drive"),)
+    rules = (
+        key_rules.exactly_one("sensor", "drive"),
+        key_rules.excludes(
+            "filter", "zeros", "poles", problem="conflicts with filter, which has its own"
+        ),
+    )
 
     @property
     def is_rest(self) -> bool:
@@ -61,10 +79,20 @@ class SensorInput(Table, frozen=True):
         return self.filter == REST
 
     @property
+    def key_of_filter(self) -> str:
+        """Key that gives the filter; "" if there is a gain alone."""
+        return next(iter(given(self, "filter", "poles", "zeros")), "")
+
+    @property
     def made(self) -> foton.Filter:
-        """The filter with its gain; that of the rest is 1."""
+        """The filter with its gain; that of the rest is 1. A root at 0 Hz is a factor i f."""
         whole = foton.Filter(self.gain)
-        return whole if self.filter is None or self.is_rest else whole * make_response(self.filter)
+        if self.filter is not None:
+            return whole if self.is_rest else whole * make_response(self.filter)
+        zeros, poles = expand_roots(self.zeros), expand_roots(self.poles)
+        at_rest = math.prod(abs(root) or 1.0 for root in poles)
+        at_rest /= math.prod(abs(root) or 1.0 for root in zeros)
+        return foton.Filter(self.gain * at_rest, zeros, poles)
 
     def check(self) -> Problems:
         """Check that the filter can be built."""
@@ -72,6 +100,8 @@ class SensorInput(Table, frozen=True):
             yield "filter", '"rest" goes with a sensor, without gain', "give a filter"
         elif self.filter is not None and not self.is_rest:
             yield from check_filter(self, "filter")
+        elif self.key_of_filter:
+            yield from _check_growth(self.made, "zeros")
 
 
 class Sensor(Table, frozen=True):
@@ -171,6 +201,10 @@ def check_filter(table: Table, name: str) -> Problems:
     except foton.FotonError as error:
         yield name, error.problem, error.remedy
         return
+    yield from _check_growth(made, name)
+
+
+def _check_growth(made: foton.Filter, name: str) -> Problems:
     zeros = len(made.zeros)
     poles = len(made.poles)
     if zeros > poles:

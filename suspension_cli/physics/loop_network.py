@@ -172,10 +172,10 @@ class _Builder:
                 continue
             whole = self.source(one, named)
             difference = _add(whole, rest, -1.0)
-            if one.filter is None:
+            if not one.key_of_filter:
                 total = _add(total, difference, one.gain)
             else:
-                key = f"control.sensor.{sensor.name}.inputs.{number}.filter"
+                key = f"control.sensor.{sensor.name}.inputs.{number}.{one.key_of_filter}"
                 node = Node(f"sensor {sensor.name}.{number}", one.made, key=key)
                 total = _add(total, self.add(node, difference), 1.0)
         return total

@@ -92,7 +92,7 @@ DEPENDS = {
     "FrameDamping": "x y z roll pitch yaw",
     "GainAt": "magnitude",
     "Link": "stiffness damping preload",
-    "Loop": "damper gain zeros poles sensor_noise actuator_noise",
+    "Loop": "damper gain sensor_noise actuator_noise",
     "MotionSpectrum": "asd",
     "NoiseSpectrum": "asd",
     "Osem": "sensor_noise force_noise driver_noise range sensing driving",

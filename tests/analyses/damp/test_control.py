@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from suspension_cli.conventions import DOFS
-from suspension_cli.design.control import expand_roots
 from suspension_cli.design.derive import com_positions
+from suspension_cli.design.loop_filters import expand_roots
 from suspension_cli.errors import InputError
 from suspension_cli.linear import statespace
 from suspension_cli.models import registry

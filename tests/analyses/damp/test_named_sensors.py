@@ -9,6 +9,7 @@ import tomli_w
 import suspension_cli as sus
 from suspension_cli.analyses.damp import solve as damp
 from suspension_cli.design import foton
+from suspension_cli.design.loop_sensors import SensorInput
 from suspension_cli.errors import InputError
 from suspension_cli.linear import response
 from suspension_cli.models import registry
@@ -113,6 +114,29 @@ def test_an_estimator_by_hand():
         closed, GRID, plants.drives(model, "support.x"), plants.motions(model, "test.x")
     )
     np.testing.assert_allclose(found[:, 0, 0], moved + push * u, rtol=1e-9)
+
+
+def test_zeros_and_poles_of_an_input_are_those_of_a_foton_string():
+    numbers = SensorInput(sensor="a", zeros=[0.0, 2.0], poles=[[0.1, 0.6], 8.0], gain=3.0)
+    text = 'zpk([0;2],[0.1+i*0.6;0.1-i*0.6;8],3,"n")'
+    np.testing.assert_allclose(numbers.made.at(GRID), at(text), rtol=1e-12)
+
+
+def test_an_estimator_by_numbers_is_that_by_strings():
+    shadow, platform, estimate = ESTIMATOR["sensor"]
+    inputs = [
+        {"sensor": "shadow", "poles": [8.0, 15.0]},
+        {"sensor": "platform", "poles": [0.7], "gain": -0.4},
+        {"drive": "length", "poles": [[0.1, 0.6]], "gain": 0.001},
+    ]
+    numbers = ESTIMATOR | {"sensor": [shadow, platform, estimate | {"inputs": inputs}]}
+    found = []
+    for control in (ESTIMATOR, numbers):
+        closed = plant(control, loss=True)
+        drives = plants.drives(closed.model, "support.x")
+        outputs = plants.motions(closed.model, "test.x")
+        found.append(local_control.solve_responses(closed, GRID, drives, outputs))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-10)
 
 
 def test_noise_of_an_estimator_by_hand():
@@ -324,6 +348,8 @@ def test_loops_that_cannot_read_a_sensor(change, message):
         ([{"sensor": "shadow", "filter": 'zpk([0;0],[1],1,"n")'}], "more zeros"),
         ([{"sensor": "shadow", "filter": "rest"}], "for one input of a blend"),
         ([{"filter": LOW}], "give exactly one: sensor or drive"),
+        ([{"sensor": "shadow", "zeros": [1.0]}], "more zeros"),
+        ([{"sensor": "shadow", "filter": LOW, "poles": [3.0]}], "conflicts with filter"),
     ],
 )
 def test_computed_sensors_that_make_no_sense(inputs, message):
