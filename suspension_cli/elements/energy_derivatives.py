@@ -37,11 +37,11 @@ from suspension_cli.elements.vectors import (
     cross,
     dot,
     outer,
-    sum_of_turning,
     symmetric,
     times,
     times_cross,
     transposed,
+    turning,
 )
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ def _blocks(
     minus = _of(np.negative, terms.x_l)
     s = summed(terms.s)
     rotating_a, rotating_b = summed(a), summed(b)
-    turned, turned_below = (_of(sum_of_turning, summed(_of(outer, force, w))) for w in (arm, below))
+    turned, turned_below = (_of(turning, summed(_of(outer, force, w))) for w in (arm, below))
     mixed = summed(terms.y_lu, _of(cross, a, -below))
     across = _of(transposed, summed(_of(cross, terms.x_l, arm)))
     minus_a, minus_b = (_of(np.negative, rate) for rate in (rotating_a, rotating_b))

@@ -88,17 +88,12 @@ def plus_unit(m: Matrix, value: Scalar) -> Matrix:
     return m
 
 
-def turning(force: Vector, arm: Vector) -> Matrix:
+def turning(products: Matrix) -> Matrix:
     """Second derivative of F . w with respect to rotations of w: (F w^T + w F^T)/2 - F . w.
 
-    A point at the arm w of a body moves to w + t x w + t x (t x w)/2 when the body rotates by a
-    vector t, so the gradient F of an energy with respect to the point's place adds F . (t x (t x
-    w))/2 to second order: geometric stiffness (compare Goldstein, Classical Mechanics, section
-    4.8).
+    From the products F w^T, or their sum over some points. A point at the arm w of a body moves to
+    w + t x w + t x (t x w)/2 when the body rotates by a vector t, so the gradient F of an energy
+    with respect to the point's place adds F . (t x (t x w))/2 to second order: geometric stiffness
+    (compare Goldstein, Classical Mechanics, section 4.8).
     """
-    return sum_of_turning(outer(force, arm))
-
-
-def sum_of_turning(products: Matrix) -> Matrix:
-    """Sum of `turning` over some points, from that of the products F w^T."""
     return plus_unit(symmetric(products), -(products[0, 0] + products[1, 1] + products[2, 2]))

@@ -121,10 +121,6 @@ class Limits:
         tolerance = [EQUAL if sense == "equals" else 0.0 for sense in self.sense]
         return self.margin >= -np.array(tolerance)
 
-    def sense_is(self, sense: str) -> Bool[np.ndarray, " limit"]:
-        """Whether each limit has this sense."""
-        return np.array(self.sense, dtype=str) == sense
-
     @property
     def room(self) -> Float[np.ndarray, " limit"]:
         """Relative distance of each value from its limit, negative if not met."""

@@ -245,9 +245,11 @@ def _check_stability(run: Run, plant: Plant, sampled: Sampled, growth: float) ->
     numbers = time_domain.find_growing_loops(sampled, len(plant.loops))
     names = [plant.loops[n].name for n in numbers]
     key = f"control.loop.{names[0]}" if len(names) == 1 else "control"
-    which = f"without any of {', '.join(names)} they would not be: " if len(names) > 1 else ""
+    which = f", and are stable without {' or '.join(names)}" if len(names) > 1 else ""
     time = 1 / (rate * np.log(growth))
-    problem = f"the sampled loops are unstable at {rate:g} Hz ({which}factor e in {time:.3g} s)"
+    problem = (
+        f"the sampled loops are unstable at {rate:g} Hz: they grow by e in {time:.3g} s{which}"
+    )
     remedy = "check the sign, lower gain, delay or phase lag, or give a higher --rate"
     if not run.setting["allow_unstable"]:
         raise InputError.of(key, problem, f"{remedy}, or --allow-unstable")
