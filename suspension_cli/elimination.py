@@ -412,24 +412,20 @@ class Elements:
         """
         dense = np.zeros((self.weights.shape[1], *error.shape))
         dense[:, self.row, self.column] = self.weights.T
-        alike: dict[bytes, list[int]] = {}  # functions that act on the same rows and columns
-        has_row = np.asarray(np.any(dense != 0, axis=2))
-        has_column = np.asarray(np.any(dense != 0, axis=1))
-        for n in range(len(dense)):
-            key = has_row[n].tobytes() + has_column[n].tobytes()
-            alike.setdefault(key, []).append(n)
         result = np.zeros_like(dense)
-        for members in alike.values():
-            rows = np.flatnonzero(has_row[members[0]])
-            columns = np.flatnonzero(has_column[members[0]])
+        for start in range(0, len(dense), TOGETHER):
+            members = slice(start, start + TOGETHER)
+            used = (dense[members] != 0).any(0)
+            rows = np.flatnonzero(used.any(1))
+            columns = np.flatnonzero(used.any(0))
             if not len(rows):
                 continue
-            matrix = np.asarray(dense[np.ix_(np.array(members), rows, columns)])
+            matrix = dense[members][:, rows[:, None], columns]
             left = to_absolute[6 + rows, 6:]
             right = to_absolute[columns]
             terms = np.abs(left).T @ sizes(matrix, place[6 + rows], place[columns]) @ np.abs(right)
             bound = ROUNDING * terms
-            if members[0] == 0:
+            if start == 0:
                 bound[0] += error
             changed = left.T @ matrix @ right
             result[members] = np.where(np.abs(changed) > bound, changed, 0.0)
@@ -515,9 +511,10 @@ def sizes(
     result = np.abs(matrix)
     for axis, place in ((-2, of_row), (-1, of_column)):
         if place is not None:
-            starts = np.flatnonzero(np.diff(place, prepend=-1))
-            result = np.maximum.reduceat(result, starts, axis)
-            result = np.repeat(result, np.diff(np.append(starts, len(place))), axis)
+            is_first = np.ones(len(place), dtype=bool)
+            is_first[1:] = place[1:] != place[:-1]
+            number = is_first.cumsum() - 1
+            result = np.maximum.reduceat(result, is_first.nonzero()[0], axis).take(number, axis)
     return result
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -215,20 +216,33 @@ def relaxation(phase: Frequencies, order: float) -> Spectrum:
     return (above - below) / 2j  # as Im g = (g(i p) - g(-i p))/2i for real p
 
 
-FAST = 1e4
+FAST = 700.0
 """|x^2| beyond which the asymptotic series has all digits, and is quicker."""
-TERMS = 9
+TERMS = 24
 """Terms of that series: the next is below 1e-16."""
 MIDDLE = 2.0
 """|x| below which g, and above which g - 1, is free of cancellation."""
+
+
+@cache
+def _asymptotic(order: float) -> tuple[float, ...]:
+    """Coefficients of the series r = sum a_k/x^k of r = x q, see `_moment`, for large x.
+
+    They follow from r' = 1 - r^2 - (2 n + 3) r/x.
+    """
+    a = [1.0]
+    for k in range(1, TERMS):
+        mixed = sum(a[i] * a[k - i] for i in range(1, k))
+        a.append(-(mixed + (2 * order + 4 - k) * a[-1]) / 2)
+    return tuple(a)
 
 
 def _moment(x2: Spectrum, order: float) -> Spectrum:
     """g = v/(v + c) up to |x| = `MIDDLE`, g - 1 = -c/(v + c) beyond, with c = 2 (n + 1).
 
     v = x^2 (1 + q_(n+1)), by the continued fraction of the Bessel functions,
-    q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)); for large x with the series r = sum
-    a_k/x^k of r = x q, whose coefficients follow from r' = 1 - r^2 - (2 n + 3) r/x.
+    q_m = I_(m+1)(x)/(x I_m(x)) = 1/(2 (m + 1) + x^2 q_(m+1)); for large x with the series of
+    `_asymptotic`.
     """
     import numpy as np
 
@@ -241,11 +255,7 @@ def _moment(x2: Spectrum, order: float) -> Spectrum:
         q = 1 / (2 * (order + 1 + n) + slow * q)
     v = np.asarray(x2 * (1 + q))
     if fast.any():
-        a = [1.0]
-        for k in range(1, TERMS):
-            mixed = sum(a[i] * a[k - i] for i in range(1, k))
-            a.append(-(mixed + (2 * order + 4 - k) * a[-1]) / 2)
         x = np.sqrt(x2[fast])
-        v[fast] = x2[fast] + x * np.polynomial.polynomial.polyval(1 / x, a)
+        v[fast] = x2[fast] + x * np.polynomial.polynomial.polyval(1 / x, _asymptotic(order))
     c = 2 * (order + 1)
     return np.where(np.abs(x2) < MIDDLE**2, v, -c) / (v + c)

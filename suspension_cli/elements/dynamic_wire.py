@@ -39,13 +39,20 @@ from suspension_cli.elements.joined_sections import ENDS, EPS, Joined
 from suspension_cli.scene.scene import Fibre, Section
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from jaxtyping import Float, Inexact, Int
+
+    Product = Callable[[np.ndarray, np.ndarray], np.ndarray]
+    """What is formed of motions: `product_of_each` of them, or `product_of_pairs`."""
 
 PARTS = ("bend-1", "bend-2", "stretch", "twist")
 COORDINATES = {"bend-1": 4, "bend-2": 4, "stretch": 2, "twist": 2}
 """Number of coordinates of each part."""
+TOTAL = ("", 0.0)
+"""Key of the dissipation by material and gas together, see `dissipation_forms`."""
+DAMPERS = "dampers"
+"""Cause of the dissipation in dampers on a wire."""
 EQUAL_WITHIN = 1e-12
 """Relative difference of lengths, stiffnesses and tensions below which wires count as equal."""
 
@@ -164,8 +171,12 @@ class WireAtFrequencies(dict[str, "PartAtFrequencies"]):
         """Make a part when it is first needed."""
         if part == "bend-2" and self.strand.round:
             return self["bend-1"]
-        self[part] = PartAtFrequencies(self.strand, self.omega, PARTS.index(part))
+        self[part] = self.make(PARTS.index(part))
         return self[part]
+
+    def make(self, number: int) -> PartAtFrequencies:
+        """Make a part, by its number in `PARTS`."""
+        return PartAtFrequencies(self.strand, self.omega, number)
 
 
 class _Piece(NamedTuple):
@@ -203,7 +214,7 @@ class PartAtFrequencies:
     @cached_property
     def stiffness(self) -> Inexact[np.ndarray, "end end *frequency"]:
         """Dynamic stiffness (c, c, f), N/m, N and N m."""
-        own = self._joined.stiffness
+        own = self.joined_stiffness
         if not self.bends:
             between, upper, lower = own
             odd = upper + lower + 4 * between
@@ -228,7 +239,7 @@ class PartAtFrequencies:
         of twisting as springs between the ends and from either end to the ground; of stretching F
         itself, as such springs.
         """
-        own = self._joined.stiffness
+        own = self.joined_stiffness
         if PARTS[self.number] == "stretch":
             return own
         whole = own.copy()
@@ -269,10 +280,48 @@ class PartAtFrequencies:
         or ``torsion``; or ``bending-upper`` and ``bending-lower``, split at the middle of the wire;
         causes of their own that losses of bending have; ``dampers``; and ``gas``.
         """
+        losses, drag = self._material_and_gas(motion)
+        result = self._by_cause(losses)
+        for cause, lost in self._damper_losses(motion, product_of_each).items():
+            result[cause] += np.maximum(lost, 0.0)
+        around = self.strand.surrounded
+        if drag is not None and around is not None and around.temperature is not None:
+            result["gas", around.temperature] += drag.sum(0)
+        return result
+
+    def dissipation_forms(self) -> dict[tuple[str, float], Inexact[np.ndarray, "pair frequency"]]:
+        """Hermitian forms G of dissipations x^H G x, by cause and temperature (K).
+
+        Their elements on and above the diagonal, row by row. With gas, those of the material in
+        vacuum and of the gas on a wire without losses, and their sum in truth, `TOTAL`. Near a
+        resonance of the clamped wire they keep fewer digits than `dissipated`, as the wire moves
+        much more than its ends there.
+        """
+        count = COORDINATES[PARTS[self.number]]
+        units = np.broadcast_to(np.eye(count)[..., None], (count, count, len(self.omega)))
+        losses = self._piece_losses(units, product_of_pairs)
+        around = self.strand.surrounded
+        if around is None or not self.strand.massive:
+            result = self._by_cause(losses)
+        else:
+            material, drag = (
+                own._piece_losses(units, product_of_pairs) for own in self.alone_and_elastic
+            )
+            result = self._by_cause(material)
+            if around.temperature is not None:
+                result["gas", around.temperature] = drag.sum(0)
+            result[TOTAL] = losses.sum(0)
+        for cause, lost in self._damper_losses(units, product_of_pairs).items():
+            result[cause] += lost
+        return result
+
+    def _by_cause(
+        self, losses: Inexact[np.ndarray, "piece motion frequency"]
+    ) -> defaultdict[tuple[str, float], Any]:
+        """Sum what `_pieces` dissipate by cause and temperature."""
         names = ("bending-upper", "bending-lower")
         if not self.bends:
             names = ("stretching" if PARTS[self.number] == "stretch" else "torsion",)
-        losses, drag = self._material_and_gas(motion)
         result: defaultdict[tuple[str, float], Any] = defaultdict(float)
         for piece, lost in zip(self._pieces, losses, strict=True):
             section = self.sections[piece.section]
@@ -281,14 +330,20 @@ class PartAtFrequencies:
                 result[cause, section.temperature] += fraction * lost
             rest = 1 - sum(causes.values())
             result[names[piece.end], section.temperature] += rest * lost
-        if self._dampers is not None:
-            lost = np.imag(self._dampers)[:, None] * np.abs(self._node_motions(motion)) ** 2
-            for section, own in zip(self.sections, lost, strict=False):
-                if section.damper is not None:
-                    result["dampers", section.temperature] += np.maximum(own, 0.0)
-        around = self.strand.surrounded
-        if drag is not None and around is not None and around.temperature is not None:
-            result["gas", around.temperature] += drag.sum(0)
+        return result
+
+    def _damper_losses(
+        self, motion: Inexact[np.ndarray, "end motion frequency"], product: Product
+    ) -> defaultdict[tuple[str, float], Any]:
+        """Sum what dampers between the sections dissipate, by temperature."""
+        result: defaultdict[tuple[str, float], Any] = defaultdict(float)
+        if self._dampers is None:
+            return result
+        moved = self._node_motions(motion)
+        lost = np.imag(self._dampers)[:, None] * product(moved, moved)
+        for section, own in zip(self.sections, lost, strict=False):
+            if section.damper is not None:
+                result[DAMPERS, section.temperature] += own
         return result
 
     def _separate_causes(self, section: Section) -> dict[str, Float[np.ndarray, " frequency"]]:
@@ -311,15 +366,20 @@ class PartAtFrequencies:
         In proportion to that of either alone: exact to first order in the losses, except within the
         width of a resonance of the clamped wire.
         """
-        total = self._piece_losses(motion)
+        total = self._nonnegative_losses(motion)
         if self.strand.surrounded is None or not self.strand.massive:
             return total, None
-        alone = replace(self, strand=replace(self.strand, surrounded=None))
-        elastic = self._with_sections(replace(section, losses=()) for section in self.sections)
-        material, drag = (own._piece_losses(motion) for own in (alone, elastic))
+        material, drag = (own._nonnegative_losses(motion) for own in self.alone_and_elastic)
         both = material + drag
         drag = total * drag / np.where(both == 0, 1.0, both)
         return total - drag, drag
+
+    @property
+    def alone_and_elastic(self) -> tuple[PartAtFrequencies, PartAtFrequencies]:
+        """The same part of the wire without gas, and of one whose material has no losses."""
+        alone = replace(self, strand=replace(self.strand, surrounded=None))
+        elastic = self._with_sections(replace(section, losses=()) for section in self.sections)
+        return alone, elastic
 
     def _with_sections(self, sections: Iterable[Section]) -> PartAtFrequencies:
         """The same part of a wire of other sections."""
@@ -341,9 +401,15 @@ class PartAtFrequencies:
             left -= length
         return result
 
-    def _piece_losses(
+    def _nonnegative_losses(
         self, motion: Inexact[np.ndarray, "end motion frequency"]
     ) -> Float[np.ndarray, "piece motion frequency"]:
+        """Dissipation x^H Im(F) x of each of `_pieces`; rounding errors below 0 become 0."""
+        return np.maximum(self._piece_losses(motion, product_of_each), 0.0)
+
+    def _piece_losses(
+        self, motion: Inexact[np.ndarray, "end motion frequency"], product: Product
+    ) -> Inexact[np.ndarray, "piece product frequency"]:
         """Dissipation x^H Im(F) x of each of `_pieces`: the power its ends take in and keep.
 
         The imaginary parts keep their digits however small the loss, as in a complex step: on the
@@ -353,20 +419,20 @@ class PartAtFrequencies:
         if not self.bends:
             upper, lower = moved.swapaxes(0, 1)
             springs = np.array([lower - upper, upper, lower])
-            return _dissipate(((0, 0), (1, 1), (2, 2)), [*self._springs], springs)
+            return _dissipate(((0, 0), (1, 1), (2, 2)), [*self._springs], springs, product)
         beams = self._uniform_beams
         if not self._cut:
-            return _dissipate(self._places, beams, moved.swapaxes(0, 1))
+            return _dissipate(self._places, beams, moved.swapaxes(0, 1), product)
         middle = self._cut[0].section
         whole_sections = np.arange(len(moved)) != middle
-        result = np.empty((len(self._pieces), *moved.shape[2:]))
-        result[np.insert(whole_sections, middle, False)] = _dissipate(
+        in_whole = _dissipate(
             self._places,
             [own[whole_sections] for own in beams],
             moved[whole_sections].swapaxes(0, 1),
+            product,
         )
-        result[middle : middle + 2] = self._cut_losses(moved[middle])
-        return result
+        in_cut = self._cut_losses(moved[middle], product)
+        return np.concatenate([in_whole[:middle], in_cut, in_whole[middle:]])
 
     @cached_property
     def _cut(self) -> list[_Piece]:
@@ -384,13 +450,18 @@ class PartAtFrequencies:
         return [np.broadcast_to(own, (2, own.shape[-1])) for own in parts._uniform_beams]
 
     def _cut_losses(
-        self, motion: Inexact[np.ndarray, "coordinate motion frequency"]
-    ) -> Float[np.ndarray, "2 motion frequency"]:
+        self, motion: Inexact[np.ndarray, "coordinate motion frequency"], product: Product
+    ) -> Inexact[np.ndarray, "2 product frequency"]:
         """Dissipation of the two pieces of the section in the middle, in motions of its ends."""
         tension = float(self.strand.tension_of(self.sections[self._cut[0].section]))
         lengths = [piece.length for piece in self._cut]
         moved = joined_sections.cut(self._places, self._cut_beams, tension, lengths, motion)
-        return _dissipate(self._places, self._cut_beams, moved.swapaxes(0, 1))
+        return _dissipate(self._places, self._cut_beams, moved.swapaxes(0, 1), product)
+
+    @cached_property
+    def joined_stiffness(self) -> Inexact[np.ndarray, "*elements"]:
+        """Dynamic stiffness in the coordinates that join the sections, see `_joined`."""
+        return self._joined.stiffness
 
     @cached_property
     def _joined(self) -> Joined:
@@ -526,19 +597,37 @@ class PartAtFrequencies:
         return inertia - 1j * drag / np.where(self.omega == 0, np.inf, self.omega)
 
 
+def product_of_each(
+    a: Inexact[np.ndarray, "*section motion frequency"],
+    b: Inexact[np.ndarray, "*section motion frequency"],
+) -> Float[np.ndarray, "*section motion frequency"]:
+    """Re(a^* b) of each motion."""
+    return np.real(a) * np.real(b) + np.imag(a) * np.imag(b)
+
+
+def product_of_pairs(
+    a: Inexact[np.ndarray, "*section motion frequency"],
+    b: Inexact[np.ndarray, "*section motion frequency"],
+) -> Inexact[np.ndarray, "*section pair frequency"]:
+    """(a_m^* b_n + b_m^* a_n) / 2 of pairs of motions m <= n, by m first."""
+    m, n = np.triu_indices(a.shape[-2])
+    one = np.conj(a[..., m, :]) * b[..., n, :]
+    other = np.conj(b[..., m, :]) * a[..., n, :]
+    return (one + other) / 2
+
+
 def _dissipate(
     places: tuple[tuple[int, int], ...],
     elements: list[Inexact[np.ndarray, "section frequency"]],
     motion: Inexact[np.ndarray, "coordinate section motion frequency"],
-) -> Float[np.ndarray, "section motion frequency"]:
+    product: Product,
+) -> Inexact[np.ndarray, "section product frequency"]:
     """Dissipation x^H Im(F) x of sections with elements of F at `places`, in motions x."""
-    real = np.real(motion)
-    imaginary = np.imag(motion)
-    total = np.zeros(motion.shape[1:])
+    total: Any = 0.0
     for (i, j), value in zip(places, elements, strict=True):
-        product = real[i] * real[j] + imaginary[i] * imaginary[j]
-        total += (1 if i == j else 2) * np.imag(value)[:, None] * product
-    return np.maximum(total, 0.0)
+        weight = (1 if i == j else 2) * np.imag(value)
+        total = total + weight[:, None] * product(motion[i], motion[j])
+    return total
 
 
 def _twisting(

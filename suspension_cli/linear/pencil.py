@@ -60,7 +60,7 @@ Loss = Literal["all", "dampers", "none"]
 """Losses that act; loss angles, which are phase lags, act on oscillations alone."""
 ROUNDED = 1e-14
 """Fraction of the largest element of forms below which an element is a rounding error."""
-FREQUENCIES = 2048
+FREQUENCIES = 4096
 """Frequencies at which terms are evaluated at once."""
 UNKNOWNS = 1 << 16
 """Unknowns (coordinates and tensions, times inputs, times frequencies) solved at once."""
@@ -100,7 +100,7 @@ class Block:
             (n, term)
             for n, term in enumerate(self.pencil.model.terms)
             if self._weights_here(n).any()
-            or (isinstance(term, WireTerm) and np.isin(term.columns, self.keep).any())
+            or (isinstance(term, WireTerm) and self._contains[term.columns].any())
         ]
 
     @cached_property
@@ -110,8 +110,15 @@ class Block:
 
     def _weights_here(self, number: int) -> Float[np.ndarray, "function own column"]:
         """A_n of a term of the system, with its columns that are among these coordinates."""
-        here = np.isin(self.pencil.model.terms[number].columns, self.keep)
+        here = self._contains[self.pencil.model.terms[number].columns]
         return self.pencil.structure.weights[number][:, here]
+
+    @cached_property
+    def _contains(self) -> Bool[np.ndarray, " every"]:
+        """Whether each coordinate of the system is one of these."""
+        result = np.zeros(self.pencil.model.size, dtype=bool)
+        result[self.keep] = True
+        return result
 
     @cached_property
     def within(self) -> list[Any]:

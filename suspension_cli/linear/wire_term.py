@@ -22,6 +22,7 @@ import msgspec
 import numpy as np
 
 from suspension_cli.design.materials import Bulk
+from suspension_cli.elements import sampled_wire
 from suspension_cli.elements.dynamic_wire import PARTS, TautWire, WireAtFrequencies
 from suspension_cli.elements.tensioned_beam import ELEMENT_PLACES
 from suspension_cli.elimination import ROUNDING, multiply_real, sizes
@@ -166,7 +167,7 @@ class WireTerm(Term):
     def at(self, omega: Inexact[np.ndarray, " system"], *, lossy: bool = True) -> EvaluatedWires:
         """Evaluate at frequencies in rad/s; of many builds, at one each."""
         strand = self.strand if lossy else replace(self.strand, lossy=False)
-        return EvaluatedWires(self, strand.at(omega))
+        return EvaluatedWires(self, sampled_wire.at(strand, omega))
 
     def within(self, keep: Int[np.ndarray, " own"]) -> Ends:
         """Motions of the ends that differ by more than sign, of both planes if equal; how often."""
@@ -244,19 +245,19 @@ def distinct(
     >>> distinct(np.array([[1.0, 2.0], [-1.0, -2.0], [0.0, 0.0]]))
     (array([[1., 2.]]), [[0, 1]])
     """
-    rows: list[Float[np.ndarray, " coordinate"]] = []
+    size = np.abs(forms).max(1, initial=0.0)
+    difference = np.abs(forms[:, None] - forms).max(2, initial=0.0)
+    total = np.abs(forms[:, None] + forms).max(2, initial=0.0)
+    alike = np.minimum(difference, total) <= ALIKE * size[:, None]
     members: list[list[int]] = []
-    for n, form in enumerate(forms):
-        tolerance = ALIKE * np.abs(form).max(initial=0.0)
-        for row, group in zip(rows, members, strict=True):
-            if min(np.abs(row - form).max(), np.abs(row + form).max()) <= tolerance:
-                group.append(n)
+    for n in np.flatnonzero(size):
+        for group in members:
+            if alike[n, group[0]]:
+                group.append(int(n))
                 break
         else:
-            if tolerance:
-                rows.append(form)
-                members.append([n])
-    return np.array(rows).reshape(-1, forms.shape[1]), members
+            members.append([int(n)])
+    return forms[[group[0] for group in members]], members
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ from suspension_cli.models import registry
 from suspension_cli.models.spectrum_error import largest_error
 from suspension_cli.physics import model_choice
 from suspension_cli.scene.arrays import Array
+from suspension_cli.studies.freed_memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact
@@ -146,6 +147,7 @@ def compute_densities(
 
     With `weights`, those of sums of the forms.
     """
+    keep_freed_memory()
     solver = Solver.of(system)
     omega = 2 * np.pi * frequency
     found: list[dict[str, Array]] = [{} for _ in (rows if weights is None else weights[0])]
