@@ -160,11 +160,16 @@ class Pattern:
         right = rhs[self.order]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             factors, x, correction = self._first_solution(elements, right)
-            again = np.asarray(~(np.abs(correction) <= SMALL * np.abs(x)).all((0, 1)))
+            large = ~(np.abs(correction) <= SMALL * np.abs(x)).all((0, 1))
             x += correction
             result = np.empty_like(x)
             result[self.order] = x
-            if again.any():
+            again = np.flatnonzero(large)
+            if len(again):
+                some = as_slice(again)
+                exact = self._is_exact(elements[:, some], x[..., some], right[..., some], ROUNDING)
+                again = again[~exact]
+            if len(again):
                 result[..., again] = self._corrected(
                     factors.select(again), elements[:, again], x[..., again], rhs[..., again]
                 )
@@ -228,6 +233,7 @@ class Pattern:
         elements: Inexact[np.ndarray, "element system"],
         x: Inexact[np.ndarray, "step input system"],
         right: Inexact[np.ndarray, "step input system"],
+        limit: float = BACKWARD,
     ) -> Bool[np.ndarray, " system"]:
         """Whether solutions, in the order of steps, are those of equal equations but for rounding.
 
@@ -236,7 +242,7 @@ class Pattern:
         """
         residual = np.abs(self._residual(elements, x, right))
         terms = self._residual(-np.abs(elements), np.abs(x), np.abs(right))
-        return np.asarray((residual <= BACKWARD * terms).all((0, 1)))
+        return np.asarray((residual <= limit * terms).all((0, 1)))
 
     def _solve_pivoting(
         self,
@@ -310,7 +316,7 @@ class Factors:
     multipliers: list[Inexact[np.ndarray, "_ system"]]
     least: Inexact[np.ndarray, " system"]
 
-    def select(self, some: Bool[np.ndarray, " system"]) -> Factors:
+    def select(self, some: Bool[np.ndarray, " system"] | Int[np.ndarray, " _"]) -> Factors:
         """Select some of the systems."""
         pivots = [part[some] for part in self.pivots]
         multipliers = [part[:, some] for part in self.multipliers]
