@@ -19,7 +19,7 @@ resonance or a step in a table of loss angles, each frequency is solved.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -53,6 +53,8 @@ ROUNDING = 2e-15
 """Rounding errors of the stiffness between coordinates, over the geometric mean of their own."""
 LAST = 2
 """Number of last coefficients that must be small."""
+BESIDE = 1.1
+"""Ratio of frequencies around a piece in which no resonance may be."""
 PLACES = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 """Places of the nodes in a piece, from -1 to 1: zeros of a Chebyshev polynomial."""
 TO_COEFFICIENTS = (
@@ -84,7 +86,8 @@ class SampledWire(WireAtFrequencies):
 
     def make(self, number: int) -> SampledPart:
         """Make a part, by its number in `PARTS`."""
-        return SampledPart(self.strand, self.omega, number, pieces=self.pieces)
+        pieces = without_resonances(self.strand, number, self.pieces)
+        return SampledPart(self.strand, self.omega, number, pieces=pieces)
 
 
 @dataclass(frozen=True)
@@ -251,6 +254,18 @@ def divide(omega: Float[np.ndarray, " frequency"], resonance: float) -> list[_Pi
         if len(number) > FEW:
             pieces.append(_Piece(low, high, omega[number], number))
     return pieces
+
+
+def without_resonances(strand: TautWire, number: int, pieces: list[_Piece]) -> list[_Piece]:
+    """Choose the pieces in and beside which the part of this number has no resonance.
+
+    One that hardly moves the ends could else be between the nodes.
+    """
+    bounds = [(piece.low / BESIDE, piece.high * BESIDE) for piece in pieces]
+    lossless = replace(strand, lossy=False)
+    count = PartAtFrequencies(lossless, np.ravel(bounds), number).resonances_below()
+    same = count[::2] == count[1::2]
+    return [piece for piece, chosen in zip(pieces, same, strict=True) if chosen]
 
 
 def sample(

@@ -44,12 +44,14 @@ def warmer(wire):
 TAPERS = silica(STEPPED["tapers"])
 AIR = Gas(pressure=1.0, molar_mass=0.028, temperature=300.0)
 STEPS = Bulk(0.0, ((1.0, 30.0, 31.0, 1000.0), (1e-6, 1e-4, 1e-6, 1e-5)))
+THIN = [(1e-3, 0.05), (1e-3, 0.05), (2e-5, 0.1), (2e-5, 0.1), (1e-3, 0.05), (1e-3, 0.05)]
 WIRES = {
     "lossless": strand(TAPERS),
     "lossy": strand(TAPERS, angle=1e-3),
     "hardly lossy": strand(TAPERS, angle=1e-12),
     "in gas": strand(TAPERS, angle=1e-6, surrounded=AIR),
     "in gas alone": strand(TAPERS, angle=1e-15, surrounded=AIR),
+    "resonant between thick ends": strand(silica(THIN), angle=1e-6),
     "damped": with_damper(strand(TAPERS, angle=1e-6)),
     "warmer below": warmer(strand(TAPERS, angle=1e-4)),
     "angles from a table": with_sections(strand(TAPERS, angle=1e-4), losses=(STEPS,)),
@@ -92,7 +94,7 @@ def test_dissipation_is_that_of_each_frequency(wire, part):
 
 
 def test_few_frequencies_are_solved(monkeypatch):
-    """Of 2,000 below the first resonance, those at the nodes of nine pieces and one."""
+    """Of 2,000 below the first resonance, those at the nodes of nine pieces, both sides of these, and one."""
     solved = []
 
     def counted(part):
@@ -104,7 +106,7 @@ def test_few_frequencies_are_solved(monkeypatch):
     omega = 2 * np.pi * np.geomspace(0.5, 90, 2000)
     found = SampledWire(WIRES["lossy"], omega)["bend-1"].stiffness
     assert found.shape == (4, 4, 2000)
-    assert sorted(set(solved)) == [1, 9 * sampled_wire.NODES]
+    assert sorted(set(solved)) == [1, 2 * 9, 9 * sampled_wire.NODES]
 
 
 def test_responses_and_noise_of_pulled_fibres(monkeypatch):
