@@ -53,13 +53,14 @@ ROUNDING = 2e-15
 """Rounding errors of the stiffness between coordinates, over the geometric mean of their own."""
 LAST = 2
 """Number of last coefficients that must be small."""
+SLOWEST = 1e-3
+"""First resonance over the highest frequency below which resonances are too many."""
 BESIDE = 1.1
 """Ratio of frequencies around a piece in which no resonance may be."""
 PLACES = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 """Places of the nodes in a piece, from -1 to 1: zeros of a Chebyshev polynomial."""
-TO_COEFFICIENTS = (
-    2 / NODES * chebyshev.chebvander(PLACES, NODES - 1) / (1 + (np.arange(NODES) == 0))
-)
+TO_COEFFICIENTS = 2 / NODES * chebyshev.chebvander(PLACES, NODES - 1)
+TO_COEFFICIENTS[:, 0] /= 2
 """Chebyshev coefficients of values at the nodes."""
 
 
@@ -240,8 +241,10 @@ def divide(omega: Float[np.ndarray, " frequency"], resonance: float) -> list[_Pi
     `resonance` (rad/s) is the first of the wire; the distance of others is about as much. Pieces of
     few frequencies are left out.
     """
+    highest = omega.max(initial=0.0)
+    if highest <= 0 or resonance < SLOWEST * highest:
+        return []
     lowest = omega[omega > 0].min()
-    highest = omega.max()
     octaves = lowest * 2.0 ** np.arange(np.log2(resonance / lowest) - 1)
     quarters = resonance * np.arange(0.5, highest / resonance, 0.25)
     inner = np.concatenate([octaves, quarters])
@@ -261,6 +264,8 @@ def without_resonances(strand: TautWire, number: int, pieces: list[_Piece]) -> l
 
     One that hardly moves the ends could else be between the nodes.
     """
+    if not pieces:
+        return []
     bounds = [(piece.low / BESIDE, piece.high * BESIDE) for piece in pieces]
     lossless = replace(strand, lossy=False)
     count = PartAtFrequencies(lossless, np.ravel(bounds), number).resonances_below()
