@@ -10,9 +10,10 @@ import itertools
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
+from functools import cache, partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import click
@@ -359,13 +360,14 @@ WRITING = (OVERRIDES, TIES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUI
 """Options of every analysis that writes a results file and a picture."""
 
 
-def default_values(parameters: Sequence[click.Parameter]) -> Settings:
-    """Default values of options."""
+@cache
+def default_values(parameters: tuple[click.Parameter, ...]) -> Mapping[str, Any]:
+    """Default values of options, which click finds once for each command."""
     command = click.Command("", params=list(parameters))
-    return command.make_context("", [], resilient_parsing=True).params
+    return MappingProxyType(command.make_context("", [], resilient_parsing=True).params)
 
 
-def from_arguments(command: str, parameters: Sequence[Option], arguments: Settings) -> Settings:
+def from_arguments(command: str, parameters: tuple[Option, ...], arguments: Settings) -> Settings:
     """Convert arguments of a Python function; one at its default value counts as not given."""
     default, given = default_values(parameters), {}
     for param in parameters:

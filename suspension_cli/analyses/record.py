@@ -234,7 +234,7 @@ class Record:
             raise InputError.of(key, problem, suggest(key, list(known)))
         with python_names():
             given = options.from_arguments(analysis.command_name, analysis.drawn_with, setting)
-        drawn = analysis.figures(self, known | given)
+        drawn = analysis.figures(self, {**known, **given})
         if analysis.draws_neglected:
             from suspension_cli.drawing.style import name_neglected
 
