@@ -385,7 +385,7 @@ def _overlays(items: Sequence[Item], analyses: _Analyses) -> Iterator[Overlay]:
         grid = [item.curves[what][0].frequency for item in stored.values()]
         if all(item.kind == "measurement" for item in stored.values()):  # on curves in between
             grid.append(np.array(parse_frequencies(setting["frequency"])))
-        points = ",".join(repr(float(x)) for x in np.unique(np.concatenate(grid)))
+        points = tuple(np.unique(np.concatenate(grid)).tolist())
         given = {"outputs": (what.output,), "frequency": points}
         try:
             if what.kind == "response":
