@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from suspension_cli.analyses import known_analyses, settings
-from suspension_cli.analyses.analysis import Analysis, RelayedLog, Run
+from suspension_cli.analyses.analysis import Analysis, Run
 from suspension_cli.analyses.compare import compared_quantities
 from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
 from suspension_cli.analyses.compare.items import Curve, CurveName, Item, curves_of
+from suspension_cli.analyses.logs import RelayedLog
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOF_BY_NAME, DOF_NAMES
 from suspension_cli.design.derive import mirror
