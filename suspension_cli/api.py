@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses import known_analyses, options, settings
-from suspension_cli.analyses.analysis import Analysis, Log, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Run, Settings
+from suspension_cli.analyses.logs import Log
 from suspension_cli.analyses.python_functions import demand_known_arguments, describe, python_names
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import ANALYSES

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
+Grid = str | tuple[float, ...]
+"""A grid as its text, or as its numbers."""
 HIGHEST = 1e9
 """Highest frequency of a result, Hz; numbers of far higher ones overflow."""
 FEW = 12
@@ -20,41 +22,58 @@ MAX_POINTS = 10_000_000
 
 
 def parse_grid(
-    text: str,
+    grid: Grid,
     option: str,
     default: str = "lin",
     *,
     lowest: float = -math.inf,
     highest: float = math.inf,
 ) -> list[float]:
-    """Parse a grid that `option` gave; `default` is the spacing if it names none.
+    """List the numbers of a grid that `option` gave; `default` is the spacing if it names none.
 
     Raises `InputError` if it is none, or not all numbers are above `lowest` and at most `highest`.
 
     >>> parse_grid("1:4:3:log", "--frequency")
     [1.0, 2.0, 4.0]
+    >>> parse_grid((1.0, 3.0), "--frequency")
+    [1.0, 3.0]
     """
     remedy = "write start:stop:count[:log|lin], numbers with commas, or one number"
     try:
-        values = _range(text, default) if ":" in text else [_number(p) for p in text.split(",")]
+        values = _parse_text(grid, default) if isinstance(grid, str) else [*grid]
     except (ValueError, OverflowError) as error:
-        raise InputError.of(
-            option, f"is not a grid ({error})", remedy, format_value(text)
-        ) from None
-    if not all(math.isfinite(value) and lowest < value <= highest for value in values):
+        problem = f"is not a grid ({error})"
+        raise InputError.of(option, problem, remedy, format_value(grid)) from None
+    is_finite = all(map(math.isfinite, values))
+    if not is_finite or not lowest < min(values) or max(values) > highest:
         bounds = [f"above {lowest:g}"] * (lowest > -math.inf)
         bounds += [f"at most {highest:g}"] * (highest < math.inf)
         problem = f"must contain finite numbers {' and '.join(bounds)}".rstrip()
-        raise InputError.of(option, problem, remedy, format_value(text))
+        raise InputError.of(option, problem, remedy, format_value(write_grid(grid)))
     return values
 
 
-def parse_frequencies(text: str, option: str = "--frequency") -> list[float]:
+def write_grid(grid: Grid) -> str:
+    """Write a grid as its text; every number keeps all its digits.
+
+    >>> write_grid((0.1, 2.0))
+    '0.1,2.0'
+    """
+    return grid if isinstance(grid, str) else ",".join(map(repr, grid))
+
+
+def is_numbers(value: object) -> bool:
+    """Whether the value of an option is a grid given as its numbers."""
+    return isinstance(value, tuple) and bool(value) and isinstance(value[0], float)
+
+
+def parse_frequencies(grid: Grid, option: str = "--frequency") -> list[float]:
     """Parse a grid of frequencies, Hz, above 0 and at most `HIGHEST`; see `parse_grid`."""
-    values = parse_grid(text, option, "log", lowest=0.0)
+    values = parse_grid(grid, option, "log", lowest=0.0)
     if max(values) > HIGHEST:
         problem = f"contains a frequency above {HIGHEST:g} Hz, where no suspension moves"
-        raise InputError.of(option, problem, "give frequencies in Hz", format_value(text))
+        remedy = "give frequencies in Hz"
+        raise InputError.of(option, problem, remedy, format_value(write_grid(grid)))
     return values
 
 
@@ -89,6 +108,11 @@ def parse_place(text: str, count: int) -> int | None:
     """
     is_number = text.isascii() and text.isdigit() and len(text) <= len(str(count))
     return int(text) - 1 if is_number and 1 <= int(text) <= count else None
+
+
+def _parse_text(text: str, default: str) -> list[float]:
+    """Numbers of the text of a grid."""
+    return _range(text, default) if ":" in text else [_number(part) for part in text.split(",")]
 
 
 def _range(text: str, default: str) -> list[float]:

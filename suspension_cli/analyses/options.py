@@ -10,9 +10,10 @@ import itertools
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
+from functools import cache, partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import click
@@ -20,7 +21,7 @@ from click.shell_completion import CompletionItem
 
 from suspension_cli.conventions import BUILDS_AT_ONCE
 from suspension_cli.errors import InputError, format_value, text_of
-from suspension_cli.grids import MAX_POINTS
+from suspension_cli.grids import MAX_POINTS, Grid, write_grid
 from suspension_cli.models.registry import AUTO, LEVELS
 
 Settings = dict[str, Any]
@@ -359,13 +360,14 @@ WRITING = (OVERRIDES, TIES, OUT, NAME, FIDELITY, AS_JSON, CSV, PLOT, FORMAT, QUI
 """Options of every analysis that writes a results file and a picture."""
 
 
-def default_values(parameters: Sequence[click.Parameter]) -> Settings:
-    """Default values of options."""
+@cache
+def default_values(parameters: tuple[click.Parameter, ...]) -> Mapping[str, Any]:
+    """Default values of options, which click finds once for each command."""
     command = click.Command("", params=list(parameters))
-    return command.make_context("", [], resilient_parsing=True).params
+    return MappingProxyType(command.make_context("", [], resilient_parsing=True).params)
 
 
-def from_arguments(command: str, parameters: Sequence[Option], arguments: Settings) -> Settings:
+def from_arguments(command: str, parameters: tuple[Option, ...], arguments: Settings) -> Settings:
     """Convert arguments of a Python function; one at its default value counts as not given."""
     default, given = default_values(parameters), {}
     for param in parameters:
@@ -388,7 +390,10 @@ def convert(command: str, param: Option, value: Any, *, in_file: bool = False) -
     if in_file and kind != "bool" and _holds_texts(value):
         texts = (value,) if is_text else tuple(value)
     elif kind == "Grid":
-        texts = (grid(value, name),)
+        found = grid(value, name)
+        if not isinstance(found, str):
+            return found
+        texts = (found,)
     elif "Mapping" in kind and (param.multiple or not is_text):
         texts = _grids(value, name)
     elif kind in ("Names", "Paths") and (param.multiple or not is_text):
@@ -436,8 +441,8 @@ def _single(param: Option, value: Any, remedy: str) -> Any:
     raise InputError.of(str(param.name), wanted, remedy, shown(value))
 
 
-def grid(values: Any, name: str) -> str:
-    """Write a grid as its text; every number keeps all its digits."""
+def grid(values: Any, name: str) -> Grid:
+    """Return the text of a grid, or its numbers."""
     import numpy as np
 
     if isinstance(values, (str, bool)):
@@ -450,14 +455,14 @@ def grid(values: Any, name: str) -> str:
             values = members(values, name, MAX_POINTS)
         if np.iscomplexobj(values):
             raise TypeError
-        numbers = [float(value) for value in np.ravel(values)]
+        numbers = tuple(map(float, np.ravel(values)))
     except InputError:
         raise
     except Exception:  # whatever the values cannot do, they are no numbers
         raise InputError.of(name, wanted, remedy, shown(values)) from None
     if not numbers:
         raise InputError.of(name, "is empty", remedy)
-    return ",".join(map(repr, numbers))
+    return numbers
 
 
 def _grids(values: Any, name: str) -> tuple[str, ...]:
@@ -465,7 +470,8 @@ def _grids(values: Any, name: str) -> tuple[str, ...]:
     if not isinstance(values, Mapping):
         remedy = f'write for example {name}={{"stage.test.wires.d": [1e-3, 2e-3]}}'
         raise InputError.of(name, "must be a dictionary", remedy, shown(values))
-    return tuple(f"{key}={grid(own, f'{name} {key}')}" for key, own in values.items())
+    grids = {key: grid(own, f"{name} {key}") for key, own in values.items()}
+    return tuple(f"{key}={write_grid(own)}" for key, own in grids.items())
 
 
 def items(values: Any, name: str) -> tuple[str, ...]:

@@ -37,6 +37,7 @@ from suspension_cli.analyses.options import Option, Settings
 from suspension_cli.errors import Fault, InputError, suggest
 from suspension_cli.files.declared import NOT_STORED
 from suspension_cli.files.documents import Document, as_json
+from suspension_cli.grids import is_numbers, write_grid
 
 if TYPE_CHECKING:
     import xarray
@@ -95,8 +96,8 @@ class Origin:
         The command line, or the function, that computed it.
     warnings : tuple of str
         What was warned of.
-    options : dict
-        Values of all options; empty if the result was read from a file.
+    setting : dict
+        Values of all options, grids as texts or numbers; empty if the result was read from a file.
     file : Path or None
         The results file that the analysis filled while it ran, or that the result was read from.
     stamp : tuple of int
@@ -110,13 +111,21 @@ class Origin:
     choice: Choice
     command: str = ""
     warnings: tuple[str, ...] = ()
-    options: Settings = dataclasses.field(default_factory=dict)
+    setting: Settings = dataclasses.field(default_factory=dict)
     file: Path | None = None
     stamp: tuple[int, ...] = dataclasses.field(init=False, default=())
     holder: object = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp", _stamp(self.file))
+
+    @property
+    def options(self) -> Settings:
+        """Values of all options, grids as texts; empty if the result was read from a file."""
+        return {
+            name: write_grid(value) if is_numbers(value) else value
+            for name, value in self.setting.items()
+        }
 
     @property
     def name(self) -> str:
@@ -234,7 +243,7 @@ class Record:
             raise InputError.of(key, problem, suggest(key, list(known)))
         with python_names():
             given = options.from_arguments(analysis.command_name, analysis.drawn_with, setting)
-        drawn = analysis.figures(self, known | given)
+        drawn = analysis.figures(self, {**known, **given})
         if analysis.draws_neglected:
             from suspension_cli.drawing.style import name_neglected
 

@@ -25,7 +25,7 @@ NAMES_OF_RESULTS = ("SIGNAL", "QUANTITY", "STAGE", "STAGE.N", "STAGE@X,Y,Z")
 
 def defaults(analysis: Analysis, given: Settings) -> Settings:
     """Settings of an analysis that another one runs: its defaults and those `given`."""
-    return default_values(analysis.parameters) | given
+    return {**default_values(analysis.parameters), **given}
 
 
 def merge(analysis: Analysis, source: Source, given: Settings) -> Settings:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Run, RunLog
+from suspension_cli.analyses.analysis import Analysis, Run
+from suspension_cli.analyses.logs import RunLog
 from suspension_cli.analyses.replaced_results import replacing
 from suspension_cli.errors import Interrupted, escape_unprintable
 from suspension_cli.files.hdf5 import Provenance, open_results, write_warnings

@@ -267,7 +267,8 @@ def plot(
 
 def _compared(files: tuple[str, ...]) -> Record:
     """Compare stored results."""
-    from suspension_cli.analyses.analysis import Log, Run
+    from suspension_cli.analyses.analysis import Run
+    from suspension_cli.analyses.logs import Log
 
     analysis = known_analyses.get("compare")
 

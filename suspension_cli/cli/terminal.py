@@ -19,7 +19,7 @@ from typing import Any
 
 import click
 
-from suspension_cli.analyses.analysis import Log
+from suspension_cli.analyses.logs import Log
 from suspension_cli.errors import Interrupted, PendsusError, Signalled, escape_unprintable
 
 PATIENCE = 1.0

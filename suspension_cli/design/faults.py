@@ -96,7 +96,7 @@ def tables(node: Any, path: str = "", known: Collection[int] = ()) -> Iterator[t
         members = [(f"{path}.{key}" if path else key, getattr(node, key)) for key in keys]
     elif isinstance(node, dict):
         members = [(step(path, key), value) for key, value in node.items()]
-    elif isinstance(node, list):
+    elif isinstance(node, list) and node:
         names = [name if isinstance(name := paths.name_of(value), str) else "" for value in node]
         counts = Counter(names)
         single = [

@@ -493,7 +493,7 @@ def replaced(source: Source, changes: Mapping[str, object]) -> Source:
         remedy = '{"stage.test.wires.d": 0.002}'
         shown = format_value(changes)
         raise InputError.of("changes", problem, f"write for example {remedy}", shown)
-    raw = tomllib.loads(source.text)
+    raw = _parse(source.text)
     for path, value in changes.items():
         if not isinstance(path, str):
             remedy = "write it as a text: stage.test.wires.d"

@@ -64,10 +64,11 @@ class _Slot:
 
 
 class _Layout:
-    """Places of the values, lines and tables of a valid TOML text."""
+    """What a valid TOML text reads as, and the places of its values, lines and tables."""
 
     def __init__(self, text: str) -> None:
         self.text = text
+        self.document = tomllib.loads(text)
         self.spans: dict[Path, tuple[int, int]] = {}  # of values, not of tables with headers
         self.lines: list[_Line] = []
         self.slots: dict[Path, _Slot] = {}
@@ -323,7 +324,7 @@ def rewritten(text: str, document: Raw) -> str:
     count = 4
     """
     edits = _Edits(_layout(text))
-    edits.change((), tomllib.loads(text), document)
+    edits.change((), edits.layout.document, document)
     return edits.applied()
 
 
@@ -343,7 +344,7 @@ def same(one: object, other: object) -> bool:
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(same, one, other))
-    return repr(one) == repr(other)
+    return one is other or repr(one) == repr(other)
 
 
 def _is_tables(value: object) -> bool:

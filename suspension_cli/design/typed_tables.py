@@ -7,6 +7,7 @@ declares its rules beside its keys: ``rules = (key_rules.exactly_one("k", "radiu
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -105,24 +106,24 @@ class _Declared(msgspec.StructMeta):
     def __new__(
         cls, name: str, bases: tuple[type, ...], namespace: Raw, **options: Any
     ) -> _Declared:
-        described: dict[str, Meta] = {}
-        for field, hint in namespace.get("__annotations__", {}).items():
-            if isinstance(namespace.get(field), _Key):
-                default, described[field] = namespace.pop(field)
-                if default is _REQUIRED and str(hint).endswith("| None"):
-                    default = None
-                if isinstance(default, list) and default:
-                    default = msgspec.field(default_factory=default.copy)
-                if default is not _REQUIRED:
-                    namespace[field] = default
-        made = super().__new__(cls, name, bases, namespace, kw_only=True, **options)
-        hints = get_type_hints(made, include_extras=True) if described else {}
-        for field, meta in described.items():
-            members = [one for one in get_args(hints[field]) if one is not type(None)]
-            optional = type(None) in get_args(hints[field])
-            kind = Annotated[Union[tuple(members)] if optional else hints[field], meta]  # noqa: UP007
-            made.__annotations__[field] = Optional[kind] if optional else kind  # noqa: UP045
-        return made
+        hints = namespace.get("__annotations__", {})
+        home = vars(sys.modules[namespace["__module__"]])
+        for field, hint in hints.items():
+            if not isinstance(namespace.get(field), _Key):
+                continue
+            default, meta = namespace.pop(field)
+            kind = eval(hint, home) if isinstance(hint, str) else hint
+            members = [one for one in get_args(kind) if one is not type(None)]
+            optional = type(None) in get_args(kind)
+            described = Annotated[Union[tuple(members)] if optional else kind, meta]  # noqa: UP007
+            hints[field] = Optional[described] if optional else described  # noqa: UP045
+            if default is _REQUIRED and optional:
+                default = None
+            if isinstance(default, list) and default:
+                default = msgspec.field(default_factory=default.copy)
+            if default is not _REQUIRED:
+                namespace[field] = default
+        return super().__new__(cls, name, bases, namespace, kw_only=True, **options)
 
 
 class Table(
@@ -139,9 +140,14 @@ class Table(
 
     def faults(self) -> list[tuple[str, str, str]]:
         """Find what breaks the rules, else what is wrong otherwise."""
-        kinds = reversed(type(self).__mro__)
-        rules = (rule for kind in kinds for rule in vars(kind).get("rules", ()))
+        rules = _rules(type(self))
         return [fault for rule in rules for fault in rule(self)] or [*self.check()]
+
+
+@cache
+def _rules(kind: type[Table]) -> list[Rule]:
+    """Rules of a kind of table, those of its bases first."""
+    return [rule for one in reversed(kind.__mro__) for rule in vars(one).get("rules", ())]
 
 
 def extend_table(base: type[Table], keys: Mapping[str, object]) -> Any:

@@ -24,7 +24,7 @@ from suspension_cli.design.derive import mirror
 from suspension_cli.errors import InputError, attribute_faults_to, format_value
 from suspension_cli.files.declared import ADDED, ATTRIBUTE, along, derived, in_unit
 from suspension_cli.files.documents import Layout
-from suspension_cli.grids import decade_points, parse_frequencies
+from suspension_cli.grids import decade_points, parse_frequencies, write_grid
 from suspension_cli.linear import signals
 from suspension_cli.linear.solver import Solver
 from suspension_cli.models import registry
@@ -239,7 +239,8 @@ def _ground(setting: Settings, folder: Path) -> tuple[dict[str, Spectrum], Array
     if not len(within):
         problem = f"has no frequency from {low:g} to {high:g} Hz, where the ground is known"
         remedy = "move it, or give a table of the ground there"
-        raise InputError.of("--frequency", problem, remedy, format_value(setting["frequency"]))
+        shown = format_value(write_grid(setting["frequency"]))
+        raise InputError.of("--frequency", problem, remedy, shown)
     if ":" in setting["frequency"]:
         within = np.union1d(within, [end for end in (low, high) if grid[0] < end < grid[-1]])
     cause = next(

@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from suspension_cli.analyses import known_analyses, settings
-from suspension_cli.analyses.analysis import Analysis, RelayedLog, Run
+from suspension_cli.analyses.analysis import Analysis, Run
 from suspension_cli.analyses.compare import compared_quantities
 from suspension_cli.analyses.compare.compared_quantities import ComparedQuantities
 from suspension_cli.analyses.compare.items import Curve, CurveName, Item, curves_of
+from suspension_cli.analyses.logs import RelayedLog
 from suspension_cli.analyses.record import Record
 from suspension_cli.conventions import DOF_BY_NAME, DOF_NAMES
 from suspension_cli.design.derive import mirror
@@ -385,7 +386,7 @@ def _overlays(items: Sequence[Item], analyses: _Analyses) -> Iterator[Overlay]:
         grid = [item.curves[what][0].frequency for item in stored.values()]
         if all(item.kind == "measurement" for item in stored.values()):  # on curves in between
             grid.append(np.array(parse_frequencies(setting["frequency"])))
-        points = ",".join(repr(float(x)) for x in np.unique(np.concatenate(grid)))
+        points = tuple(np.unique(np.concatenate(grid)).tolist())
         given = {"outputs": (what.output,), "frequency": points}
         try:
             if what.kind == "response":

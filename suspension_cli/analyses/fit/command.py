@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from suspension_cli.analyses import options
-from suspension_cli.analyses.analysis import Analysis, Document, Log, Run, Settings
+from suspension_cli.analyses.analysis import Analysis, Document, Run, Settings
+from suspension_cli.analyses.logs import Log
 from suspension_cli.analyses.options import argument, option
 from suspension_cli.errors import Fault, InputError, attribute_faults_to, format_value, join_errors
 

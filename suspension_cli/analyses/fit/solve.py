@@ -28,7 +28,6 @@ import msgspec
 import numpy as np
 
 from suspension_cli.analyses import readings
-from suspension_cli.analyses.analysis import Progress
 from suspension_cli.analyses.fit import determined, missing_links, next_measurements, start
 from suspension_cli.analyses.fit.changes import single_changes
 from suspension_cli.analyses.fit.chi_squared_search import Search, search
@@ -39,6 +38,7 @@ from suspension_cli.analyses.fit.problem import Problem
 from suspension_cli.analyses.fit.response_fit import ResponseFit
 from suspension_cli.analyses.fit.result import Fitted, is_unlikely
 from suspension_cli.analyses.fit.solution import Solution, best_of
+from suspension_cli.analyses.logs import Progress
 from suspension_cli.conventions import GROUND
 from suspension_cli.design import reader
 from suspension_cli.design.measured import Measured

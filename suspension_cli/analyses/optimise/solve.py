@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from suspension_cli.analyses.analysis import Progress
+from suspension_cli.analyses.logs import Progress
 from suspension_cli.analyses.optimise import velocity_damping
 from suspension_cli.analyses.optimise.evaluator import Evaluator, Report
 from suspension_cli.analyses.optimise.found_digits import round_numbers

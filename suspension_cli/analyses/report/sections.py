@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from suspension_cli.analyses import known_analyses, options, settings, tables, verdicts
-from suspension_cli.analyses.analysis import RelayedLog, Run
+from suspension_cli.analyses.analysis import Run
+from suspension_cli.analyses.logs import RelayedLog
 from suspension_cli.analyses.options import default_values
 from suspension_cli.analyses.report import page
 from suspension_cli.analyses.report.page import Block, Paragraph

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from suspension_cli.analyses.analysis import RelayedLog
+from suspension_cli.analyses.logs import RelayedLog
 from suspension_cli.analyses.record import Record
 from suspension_cli.analyses.report import page
 from suspension_cli.analyses.report.page import Block, Paragraph
