@@ -17,6 +17,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import derive
 from suspension_cli.design.bodies import Body, body_inertia, body_mass
+from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
@@ -132,6 +133,12 @@ class Members:
         )
 
 
+@keep_last
+def members_of(design: Design) -> Members:
+    """List the members of a design, as its scene and the composition of its wires need them."""
+    return Members.of(design)
+
+
 def expand_as_drawn(design: Design) -> Scene:
     """Expand a design into its nominal scene, without its imperfections.
 
@@ -139,7 +146,7 @@ def expand_as_drawn(design: Design) -> Scene:
     pose is solved for. Raises `InputError` if a stage cannot balance in its nominal pose, or a wire
     would be slack in it.
     """
-    scene, faults = balance_as_drawn([Members.of(design)])
+    scene, faults = balance_as_drawn([members_of(design)])
     if faults:
         raise InputError(faults[0])
     return select_scenes(scene, 0)

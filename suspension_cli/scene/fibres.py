@@ -36,7 +36,7 @@ from suspension_cli.design.wires import (
 )
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, Row
-from suspension_cli.scene.expand import Members
+from suspension_cli.scene.expand import members_of
 from suspension_cli.scene.scene import BladeLoss, Fibre, Fibres, Section
 
 POISSON = 0.3
@@ -65,7 +65,7 @@ def compose(design: Design) -> Fibres:
     Without imperfections. `explain_unsuitable` must return "" for the design.
     """
     ambient = design.constants.temperature
-    members = Members.of(design)
+    members = members_of(design)
     wires: list[Fibre] = []
     blades: list[BladeLoss] = []
     springs: list[BladeLoss] = []
