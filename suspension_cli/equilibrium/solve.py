@@ -323,12 +323,13 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
 def _as_drawn(scene: Scene, rows: slice, numbering: Layout, nominal: Pose) -> Found | None:
     """Builds of a scene without imperfections that all balance in their nominal pose, else None.
 
-    What `search` finds for these, but their forces and stiffness are computed together.
+    What `search` finds for these, but their forces and stiffness are computed together. Wires that
+    bend have `flex` at their nominal tensions and lengths, which are those in this pose.
     """
     if scene.drawn is not None or scene.solves_pose:
         return None
     count = rows.stop - rows.start
-    arrays = replace(SceneArrays.of(scene, numbering, rows, count), follows=True)
+    arrays = SceneArrays.of(scene, numbering, rows, count)
     now = Configuration.of(arrays, nominal, scene.batch, rows)
     soft = derivatives(now, stretching=False)
     residual = np.abs(soft.gradient[6:-1] / residual_scale(arrays)).max(0)
