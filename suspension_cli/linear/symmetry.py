@@ -73,13 +73,12 @@ class Symmetry:
         own = matrix[..., rows[:, None], rows]
         if not self.trivial:
             columns = np.flatnonzero(self.basis[rows].any(0))
-            basis = self.basis[np.ix_(rows, columns)]
+            basis = self.basis[rows[:, None], columns]
             own = basis.T @ own @ basis
             own = (own + np.swapaxes(own, -1, -2)) / 2
         result = np.zeros(matrix.shape, dtype=matrix.dtype)  # takes no memory where it stays 0
-        result[..., columns[:, None], columns] = np.where(
-            self.allowed[np.ix_(columns, columns)], own, 0.0
-        )
+        place = columns[:, None], columns
+        result[..., *place] = np.where(self.allowed[place], own, 0.0)
         return result
 
     def forms(

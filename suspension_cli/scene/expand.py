@@ -46,7 +46,7 @@ TORQUES = 1e-3
 SUPPORTED = 1e-12
 """Fraction of the stiffest direction of springs below which a direction counts as not supported."""
 ROUNDING = 1e-12
-"""Relative difference of tensions that are equal but for rounding."""
+"""Relative difference of tensions or loads that are equal but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -534,9 +534,14 @@ def least_energy(
         inverse = np.linalg.pinv(weight[:, None] * (act @ root), rcond=1e-10)
         return _product(root, _product(inverse, -weight * rest) - start)
 
-    # where not all can be balanced, forces are balanced first: what is left over reads better
-    forces_first = fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))
-    return fit(np.ones(6)), _product(act, forces_first) + load
+    tension = fit(np.ones(6))
+    left_over = load + _product(act, tension)
+    lost = np.abs(left_over).max(-1) > ROUNDING * np.abs(load).max(-1)
+    if lost.any():
+        # where not all can be balanced, forces are balanced first: what is left over reads better
+        forces_first = fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))
+        left_over = np.where(lost[..., None], load + _product(act, forces_first), left_over)
+    return tension, left_over
 
 
 def rest_on(
