@@ -459,12 +459,13 @@ def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
+    least = BALANCE * np.abs(loads[:, 1]).max(-1)
+    wrong = (np.abs(left_over).max(-1) > least) | ~(force > 0).all(-1)
+    found: dict[int, list[Fault]] = {}
+    if not wrong.any():
+        return found
     advice = _advice_for(stage)
     path = f"stage.{stage.name}"
-    sizes = np.abs(left_over)
-    least = BALANCE * np.abs(loads[:, 1]).max(-1)
-    wrong = (sizes.max(-1) > least) | ~(force > 0).all(-1)
-    found: dict[int, list[Fault]] = {}
     for k in np.flatnonzero(wrong).tolist():
         rest = _describe_wrench(left_over[k], least[k])
         if rest:
@@ -618,17 +619,39 @@ def carry(
     direction = lines.span[..., own, :] / lines.length[..., own, None]
     wrenches = wire_wrenches(direction, lines.lower_point[..., own, :])
     tension = np.where(free, 0.0, lines.tension[..., own])
+    if not free.any():
+        return tension, load + _product(wrenches.swapaxes(-1, -2), tension)
+    strain = strains(
+        lines.stiffness[..., own], direction, lines.blade[own], blades.axes, blades.stiffness
+    )
+    # those of a symmetric set are equal, and so are exact
+    equal = (load[..., 2] / direction[..., 2].sum(-1))[..., None] + np.zeros(tension.shape)
+    if free.all() and _are_least(equal, wrenches, load, strain):
+        return equal, load + _product(wrenches.swapaxes(-1, -2), equal)
     left_over = load + _product(wrenches.swapaxes(-1, -2), tension)
-    if free.any():
-        strain = strains(
-            lines.stiffness[..., own], direction, lines.blade[own], blades.axes, blades.stiffness
-        )
-        given = _product(strain, tension)
-        tension[..., free], left_over = least_energy(
-            wrenches[..., free, :], left_over, strain[..., free], given
-        )
-        # those of a symmetric set are equal, and so are exact
-        equal = (load[..., 2] / direction[..., 2].sum(-1))[..., None]
-        even = np.abs(tension - equal).max(-1, keepdims=True) <= ROUNDING * np.abs(equal)
-        tension = np.where(even, equal, tension)
-    return tension, left_over
+    given = _product(strain, tension)
+    tension[..., free], left_over = least_energy(
+        wrenches[..., free, :], left_over, strain[..., free], given
+    )
+    even = np.abs(tension - equal).max(-1, keepdims=True) <= ROUNDING * np.abs(equal[..., :1])
+    return np.where(even, equal, tension), left_over
+
+
+def _are_least(
+    equal: Inexact[np.ndarray, "*batch wire"],
+    wrenches: Inexact[np.ndarray, "*batch wire 6"],
+    load: Inexact[np.ndarray, "*batch 6"],
+    strain: Inexact[np.ndarray, "*batch part wire"],
+) -> bool:
+    """Whether equal tensions are those of `least_energy`, but for rounding, in each of a batch.
+
+    They are if they balance the load, all wires pull up alike, and the energy grows alike with
+    their tensions: the Lagrange multiplier of the vertical force then does for all.
+    """
+    pull = equal[..., None] * wrenches
+    left_over = load + pull.sum(-2)
+    if not (np.abs(left_over) <= ROUNDING * np.abs(pull).sum(-2)).all():
+        return False
+    slope = _product(strain.swapaxes(-1, -2), _product(strain, equal))
+    each = np.stack([wrenches[..., 2], slope])
+    return bool((np.abs(each - each[..., :1]) <= ROUNDING * np.abs(each)).all())
