@@ -360,7 +360,8 @@ def is_clearly_stable(
     Less a `softening` of each coordinate (N/m, N m/rad), the stiffness scaled to a unit diagonal
     then has no eigenvalue below `CLEAR`: the Cholesky factorisation of that less `CLEAR` exists,
     whose rounding errors are far smaller (Higham, Accuracy and Stability of Numerical Algorithms,
-    theorem 10.7). The terms do not count. Rigid modes are not clearly stable.
+    theorem 10.7). The mass has to have one, too. The terms do not count. Rigid modes are not
+    clearly stable.
     """
     stiffness = (model.stiffness - np.diag(softening + np.zeros(model.size)))[6:, 6:]
     own = np.diag(model.stiffness)[6:]
@@ -368,8 +369,10 @@ def is_clearly_stable(
         return False
     root = np.sqrt(own)
     scaled = stiffness / (root[:, None] * root)
+    heavy = 6 + np.flatnonzero(~model.massless[6:])
     try:
         np.linalg.cholesky(scaled - CLEAR * np.eye(len(own)))
+        np.linalg.cholesky(model.mass[heavy[:, None], heavy])
     except np.linalg.LinAlgError:
         return False
     return True
