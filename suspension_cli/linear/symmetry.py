@@ -114,7 +114,7 @@ def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
             operators.append(_operator(scene, numbering, axis, whole))
             within.append(allowed)
             continue
-        for chain in _chains(scene):
+        for chain in members.chains:
             own = None
             if np.all(_has_mirror(scene, axis, chain)):
                 own = _tip_operator(_Members(_seen_from(scene, chain[0])), axis, chain)
@@ -416,6 +416,11 @@ class _Members:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
+
+    @cached_property
+    def chains(self) -> list[Int[np.ndarray, " _"]]:
+        """Bodies of chains that have mirrors of their own, see `_chains`."""
+        return _chains(self.scene)
 
     @cached_property
     def _parts(self) -> dict[str, tuple[Bool[np.ndarray, "*#batch member member"], list[_Numbers]]]:
