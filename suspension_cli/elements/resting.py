@@ -17,6 +17,7 @@ planes of a wire are fixed in its bodies, across its clamps.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -44,27 +45,54 @@ def resistance(
     tension, N) has the stiffness of one without tension. `torsion` is the torsional stiffness that
     the design gives, N m/rad; 0 where it gives none.
     """
-    tension = np.where(np.real(tension) >= 0, tension, 0.0)
-    planes = 1 if all(section.round for section in sections) else 2
     shape = np.broadcast_shapes(np.shape(length), np.shape(tension), np.shape(torsion))
-    stretch = length / sum(section.length for section in sections)
-    rigidity = np.array([section.rigidity[:planes] for section in sections])
-    lengths = np.stack([section.length * stretch + np.zeros((1, *shape)) for section in sections])
-    rigidity = rigidity.reshape(*rigidity.shape, *(1,) * len(shape))
-    if len(sections) == 1:
-        even, odd = uniform_stiffness(rigidity[0], tension, lengths[0] / 2)
+    own = _numbers([sections])[..., 0]
+    own = own.reshape(*own.shape, *(1,) * len(shape))
+    bend, twist = _resist(own, length, tension, torsion)
+    return np.broadcast_to(bend, (2, 3, *shape)), twist
+
+
+def _is_round(sections: tuple[Section, ...]) -> bool:
+    return all(section.round for section in sections)
+
+
+def _numbers(
+    each: Sequence[tuple[Section, ...]],
+) -> Inexact[np.ndarray, "number section wire"]:
+    """Numbers of wires with equally many sections, all round or all not, as `_resist` takes them.
+
+    Length, G J, I_p/A, and E I in the first plane, of wires that are not round in the second, too.
+    """
+    planes = 1 if _is_round(each[0]) else 2
+    numbers = [
+        [(one.length, one.twisting, one.polar_area, *one.rigidity[:planes]) for one in sections]
+        for sections in each
+    ]
+    return np.array(numbers).transpose(2, 1, 0)
+
+
+def _resist(
+    numbers: Inexact[np.ndarray, "number section *#shape"],
+    length: Inexact[np.ndarray, "*#shape"] | complex,
+    tension: Inexact[np.ndarray, "*#shape"] | complex,
+    torsion: Inexact[np.ndarray, "*#shape"] | complex,
+) -> tuple[Inexact[np.ndarray, "plane 3 *shape"], Inexact[np.ndarray, "*shape"]]:
+    """Compute `resistance` from the numbers of sections, of round wires in one plane."""
+    whole, twisting, polar_area, *rigidity = numbers
+    tension = np.where(np.real(tension) >= 0, tension, 0.0)
+    lengths = whole * (length / whole.sum(0) + np.zeros(np.shape(tension)))
+    rigidities = np.stack(rigidity, axis=1)
+    if len(whole) == 1:
+        even, odd = uniform_stiffness(rigidities[0], tension, lengths / 2)
         alike = odd + even
         bend = np.stack([alike, odd - even, alike], axis=1) / 4
     else:
-        (even, mixed), (_, odd) = slope_stiffness(rigidity, tension, lengths).stiffness
+        found = slope_stiffness(rigidities, tension, lengths[:, None])
+        (even, mixed), (_, odd) = found.stiffness
         bend = np.stack([odd + even - 2 * mixed, odd - even, odd + even + 2 * mixed], axis=1) / 4
-    compliance = sum(
-        section.length * stretch / (section.twisting + tension * section.polar_area)
-        for section in sections
-    )
-    given = np.real(torsion) > 0
-    twist = np.where(given, torsion, 1 / compliance)
-    return np.broadcast_to(bend, (2, 3, *shape)), twist
+    compliance = (lengths / (twisting + tension * polar_area)).sum(0)
+    twist = np.where(np.real(torsion) > 0, torsion, 1 / compliance)
+    return bend, twist
 
 
 def slope_stiffness(
@@ -153,8 +181,10 @@ def resistance_of_wires(
     bend = np.empty((2, 3, *shape), dtype=dtype)
     twist = np.empty(shape, dtype=dtype)
     each = [fibre.sections for fibre in fibres]
-    for sections in dict.fromkeys(each):
-        which = [n for n, other in enumerate(each) if other == sections]
+    kinds = [(len(sections), _is_round(sections)) for sections in each]
+    for kind in dict.fromkeys(kinds):
+        which = [n for n, other in enumerate(kinds) if other == kind]
+        alike = _numbers([each[n] for n in which])[..., None]
         own = (number[which] for number in (length, tension, torsion))
-        bend[:, :, which], twist[which] = resistance(sections, *own)
+        bend[:, :, which], twist[which] = _resist(alike, *own)
     return bend, twist

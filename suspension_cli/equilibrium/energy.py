@@ -51,12 +51,19 @@ def sum_forms(
     scene: Scene, numbering: Layout, pose: Pose, parts: Sequence[Contribution | None]
 ) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
     """Sum quadratic forms of elements, exactly symmetric; without batch axes if all are 0."""
-    now = configuration(scene, numbering, pose)
+    return sum_in_pose(configuration(scene, numbering, pose), batch_of(scene, pose), parts)
+
+
+def sum_in_pose(
+    now: Configuration, batch: tuple[int, ...], parts: Sequence[Contribution | None]
+) -> Inexact[np.ndarray, "*batch coordinate coordinate"]:
+    """Sum quadratic forms of elements as `sum_forms`, of builds with the axes `batch`."""
     result = Derivatives(now)
     for part in parts:
         if part is not None:
             part(now, result)
     result.finish()
+    size = now.arrays.numbering.size
     if not result.linked.any():
-        return np.zeros((numbering.size, numbering.size))
-    return result.symmetric().reshape(*batch_of(scene, pose), numbering.size, numbering.size)
+        return np.zeros((size, size))
+    return result.symmetric().reshape(*batch, size, size)

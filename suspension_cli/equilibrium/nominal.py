@@ -66,6 +66,7 @@ def expand_geometry(design: Design) -> Scene:
     return scene
 
 
+@keep_last
 def expand_nominal(design: Design) -> Scene:
     """Expand a design into its scene, without imperfections.
 

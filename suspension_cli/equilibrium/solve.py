@@ -23,7 +23,14 @@ import numpy as np
 from suspension_cli.elements import taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, batch_first
 from suspension_cli.equilibrium.energy import derivatives, gradient_and_stiffness
-from suspension_cli.equilibrium.newton import CONVERGED, chunks, factorise, search
+from suspension_cli.equilibrium.newton import (
+    BALANCED,
+    CONVERGED,
+    Found,
+    chunks,
+    factorise,
+    search,
+)
 from suspension_cli.equilibrium.tree import residual_scale
 from suspension_cli.errors import Fault, InputError
 from suspension_cli.scene.arrays import inner_axes
@@ -312,6 +319,26 @@ def _continue(scene: Scene, numbering: Layout, pose: Pose, steps: int) -> Equili
         return _newton(scene, numbering, pose, 0.0, ITERATIONS)
 
 
+@np.errstate(all="ignore")
+def _as_drawn(scene: Scene, rows: slice, numbering: Layout, nominal: Pose) -> Found | None:
+    """Builds of a scene without imperfections that all balance in their nominal pose, else None.
+
+    What `search` finds for these, but their forces and stiffness are computed together. Wires that
+    bend have `flex` at their nominal tensions and lengths, which are those in this pose.
+    """
+    if scene.drawn is not None or scene.solves_pose:
+        return None
+    count = rows.stop - rows.start
+    arrays = SceneArrays.of(scene, numbering, rows, count)
+    now = Configuration.of(arrays, nominal, scene.batch, rows)
+    soft = derivatives(now, stretching=False)
+    residual = np.abs(soft.gradient[6:-1] / residual_scale(arrays)).max(0)
+    if not (residual <= BALANCED).all():
+        return None
+    none = np.zeros(count)
+    return Found(now, soft, residual, none, np.full(count, np.nan), np.zeros(count, dtype=int))
+
+
 def _newton(
     scene: Scene,
     numbering: Layout,
@@ -330,7 +357,11 @@ def _newton(
     parts = []
     steps = 0
     for rows in chunks(count, size):
-        found = search(scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal)
+        found = _as_drawn(scene, rows, numbering, pose) if accept_nominal else None
+        if found is None:
+            found = search(
+                scene, rows, numbering, pose, target, limit, accept_nominal=accept_nominal
+            )
         now = found.now
         steps = max(steps, int(found.steps.max(initial=0)))
         found.soft.symmetric(soft[..., rows])

@@ -45,7 +45,7 @@ class Structure:
         result = []
         for term in self.system.terms:
             small = term.rounding(self.place[term.columns])
-            allowed = self.system.allowed[np.ix_(term.columns, term.columns)]
+            allowed = self.system.allowed[term.columns[:, None], term.columns]
             kept = (np.abs(term.compact) > small) & allowed
             result.append(np.where(kept, term.compact, 0.0))
         return result
@@ -63,18 +63,19 @@ class Structure:
             matrices = (system.mass, system.damping, system.soft)
             used = np.any([_is_nonzero(matrix) for matrix in matrices], axis=0)
             return (system.allowed & (moved.T @ moved)) | used
-        matrices = [system.mass, system.damping, np.real(system.soft), np.imag(system.soft)]
-        large = [np.abs(matrix) > rounding(matrix, self.place) for matrix in matrices]
-        result = np.any(large, axis=0)
+        result = np.zeros((system.size, system.size), dtype=bool)
+        for matrix in (system.mass, system.damping, np.real(system.soft), np.imag(system.soft)):
+            if matrix.any():
+                result |= np.abs(matrix) > rounding(matrix, self.place)
         for k in dict.fromkeys(system.k.tolist()):
             equal = system.elongation[system.k == k]
             moved = np.flatnonzero(equal.any(0))
-            here = np.ix_(moved, moved)
+            here = moved[:, None], moved
             squares = np.where(system.allowed[here], equal[:, moved].T @ equal[:, moved], 0.0)
             result[here] |= np.abs(squares) > rounding(squares, self.place[moved])
         for term, weights in zip(system.terms, self.weights, strict=True):
-            result[np.ix_(term.columns, term.columns)] |= (weights != 0).any(0)
-        return np.asarray(result)
+            result[term.columns[:, None], term.columns] |= (weights != 0).any(0)
+        return result
 
     @cached_property
     def blocks(self) -> tuple[Index, ...]:

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -73,13 +73,12 @@ class Symmetry:
         own = matrix[..., rows[:, None], rows]
         if not self.trivial:
             columns = np.flatnonzero(self.basis[rows].any(0))
-            basis = self.basis[np.ix_(rows, columns)]
+            basis = self.basis[rows[:, None], columns]
             own = basis.T @ own @ basis
             own = (own + np.swapaxes(own, -1, -2)) / 2
         result = np.zeros(matrix.shape, dtype=matrix.dtype)  # takes no memory where it stays 0
-        result[..., columns[:, None], columns] = np.where(
-            self.allowed[np.ix_(columns, columns)], own, 0.0
-        )
+        place = columns[:, None], columns
+        result[..., *place] = np.where(self.allowed[place], own, 0.0)
         return result
 
     def forms(
@@ -107,17 +106,18 @@ def find_symmetry(scene: Scene, numbering: Layout) -> Symmetry:
     size = numbering.size
     allowed = np.ones((size, size), dtype=bool)
     within: list[Bool[np.ndarray, "coordinate coordinate"]] = []
+    members = _Members(scene)
     for axis in (0, 1):
-        whole = _tip_operator(scene, axis)
+        whole = _tip_operator(members, axis)
         if whole is not None:
             mirrors.append(axis)
             operators.append(_operator(scene, numbering, axis, whole))
             within.append(allowed)
             continue
-        for chain in _chains(scene):
+        for chain in members.chains:
             own = None
             if np.all(_has_mirror(scene, axis, chain)):
-                own = _tip_operator(_seen_from(scene, chain[0]), axis, chain)
+                own = _tip_operator(_Members(_seen_from(scene, chain[0])), axis, chain)
             if own is not None:
                 operators.append(_operator(scene, numbering, axis, own))
                 within.append(_within_chain(scene, numbering, chain, axis))
@@ -201,8 +201,9 @@ def _operator(
     )
     for direction, sign in enumerate(np.where(np.arange(3) == axis, -1.0, 1.0)):
         moves = np.flatnonzero(scene.blades.axes[:, direction])
-        rows = numbering.blade[moves, direction]
-        result[rows[:, None], rows] = sign * image[np.ix_(moves, moves)]
+        if len(moves):
+            rows = numbering.blade[moves, direction]
+            result[rows[:, None], rows] = sign * image[moves[:, None], moves]
     return result
 
 
@@ -222,13 +223,18 @@ def _adapted_basis(
         is_own_image &= np.abs(parities[:, n]) == 1
     others = np.flatnonzero(~is_own_image)
     place = 0
-    within = [operator[np.ix_(others, others)] for operator in operators]
+    within = [operator[others[:, None], others] for operator in operators]
+    combinations = [*itertools.product((1.0, -1.0), repeat=len(operators))]
+    projections = [np.eye(len(others))] * len(combinations)
+    for n, combination in enumerate(combinations):
+        for sign, operator in zip(combination, within, strict=True):
+            projections[n] = (projections[n] + sign * (operator @ projections[n])) / 2
     adapted = np.zeros((len(others),) * 2)
-    for start in np.eye(len(others)):
-        for combination in itertools.product((1.0, -1.0), repeat=len(operators)):
-            vector = start
-            for sign, operator in zip(combination, within, strict=True):
-                vector = (vector + sign * (operator @ vector)) / 2
+    for start in range(len(others)):
+        for combination, projection in zip(combinations, projections, strict=True):
+            vector = projection[:, start]
+            if not vector.any():
+                continue
             known = adapted[:, :place]
             vector = vector - known @ (known.T @ vector)
             vector = np.where(np.abs(vector) > ROUNDING, vector, 0.0)
@@ -236,7 +242,7 @@ def _adapted_basis(
                 adapted[:, place] = vector / np.sqrt((vector**2).sum())
                 parities[others[place]] = combination
                 place += 1
-    basis[np.ix_(others, others)] = adapted
+    basis[others[:, None], others] = adapted
     return basis, parities.T
 
 
@@ -251,21 +257,22 @@ def is_symmetric_in(scene: Scene, axis: int) -> Bool[np.ndarray, "*batch"]:
     result = np.zeros(scene.batch, dtype=bool)
     if possible.any():
         some = scene if possible.all() else select_scenes(scene, possible)
-        result[possible] = _mirror(some, axis)[0]
+        result[possible] = _mirror(_Members(some), axis)[0]
     return result
 
 
 def _tip_operator(
-    scene: Scene, axis: int, chain: Int[np.ndarray, " body"] | None = None
+    members: _Members, axis: int, chain: Int[np.ndarray, " body"] | None = None
 ) -> Float[np.ndarray, "blade blade"] | None:
     """Matrix of a mirror of x (axis 0) or y (1) for the blades, without the sign of directions.
 
     None unless all scenes of a batch have that symmetry (those bodies of a `chain` alone).
     """
-    symmetric, images = _mirror(scene, axis, chain)
+    symmetric, images = _mirror(members, axis, chain)
     if not np.all(symmetric):
         return None
-    count = len(scene.blades.label)
+    blades = members.scene.blades
+    count = len(blades.label)
     if not count:
         return np.zeros((0, 0))
     mirrored = images["blades"].reshape(-1, count, count)
@@ -275,7 +282,7 @@ def _tip_operator(
     if "turned blades" not in images:
         return result
     after = images["turned blades"].reshape(-1, count, count).all(0).argmax(1)
-    tip = np.real(scene.blades.tip.reshape(-1, count, 3)[0])
+    tip = np.real(blades.tip.reshape(-1, count, 3)[0])
     for first in range(count):
         if images["turned blades"][..., first, :].any() and not result[first].any():
             ring = [first]
@@ -301,7 +308,7 @@ def _mirrored_harmonics(
 
 
 def _mirror(
-    scene: Scene, axis: int, chain: Int[np.ndarray, " body"] | None = None
+    members: _Members, axis: int, chain: Int[np.ndarray, " body"] | None = None
 ) -> tuple[Bool[np.ndarray, "*batch"], Pairs]:
     """Whether each scene is symmetric in x (axis 0) or y (1), and its members that are images.
 
@@ -309,6 +316,7 @@ def _mirror(
     is one of the scene. `Pairs` has their next ones under "turned blades". With a `chain`, only its
     bodies and what is attached to them count.
     """
+    scene = members.scene
     symmetric = _has_mirror(scene, axis, chain)
     if not np.any(symmetric):
         return symmetric, {}
@@ -319,16 +327,18 @@ def _mirror(
             for name, own in pairs.items()
         }
 
-    pairs = _images(scene, np.diag((PARITY_X, PARITY_Y)[axis]))
+    pairs = members.images(np.diag((PARITY_X, PARITY_Y)[axis]))
     lacking = lack_images(pairs)
+    if not any(none.any() for none in lacking.values()):
+        return symmetric, pairs
     orders = _orders(scene, lacking)
     other = _has_mirror(scene, 1 - axis, chain)
     if orders and other.any() and not scene.blades.axes[:, :2].any():
-        images = _images(scene, np.diag((PARITY_X, PARITY_Y)[1 - axis]))
+        images = members.images(np.diag((PARITY_X, PARITY_Y)[1 - axis]))
         for none in lack_images(images).values():
             other = other & ~none.any(-1)
         for order in orders:
-            turned = _images(scene, rotation_about_z(2 * np.pi / order), exact=False)
+            turned = members.images(rotation_about_z(2 * np.pi / order), exact=False)
             for name, own in turned.items():
                 found = lacking[name] & _has_one_image(own) & other[..., None]
                 lacking[name] = lacking[name] & ~found
@@ -395,11 +405,31 @@ def rotation_about_z(angle: float) -> Float[np.ndarray, "6 6"]:
     return np.kron(np.eye(2), once)
 
 
-def _images(scene: Scene, operation: Real[np.ndarray, "6 6"], *, exact: bool = True) -> Pairs:
-    """Pair the members of all parts but bodies that a mirror or rotation maps onto each other."""
-    parts = {name: part for name, part in scene.parts.items() if name != "bodies" and part.label}
-    pairs = {name: _alike(part, operation, exact=exact) for name, part in parts.items()}
-    if scene.fibres is not None:
+class _Members:
+    """Members of all parts of a scene but bodies, which mirrors or rotations may map onto others.
+
+    Attributes
+    ----------
+    scene
+        Any batch axes.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    @cached_property
+    def chains(self) -> list[Int[np.ndarray, " _"]]:
+        """Bodies of chains that have mirrors of their own, see `_chains`."""
+        return _chains(self.scene)
+
+    @cached_property
+    def _parts(self) -> dict[str, tuple[Bool[np.ndarray, "*#batch member member"], list[_Numbers]]]:
+        """Pairs of members of each part that are equal but for their vectors, and these."""
+        scene = self.scene
+        parts = {name: part for name, part in scene.parts.items() if name != "bodies"}
+        found = {name: _compare(part) for name, part in parts.items() if part.label}
+        if scene.fibres is None:
+            return found
         blades, springs = (
             {row.label: replace(row, label="") for row in rows}
             for rows in (scene.fibres.blade, scene.fibres.spring)
@@ -409,69 +439,74 @@ def _images(scene: Scene, operation: Real[np.ndarray, "6 6"], *, exact: bool = T
             "blades": [blades[label] for label in scene.blades.label],
             "springs": [springs.get(label) for label in scene.springs.label],
         }
-        for name in pairs.keys() & composition.keys():
-            pairs[name] = pairs[name] & _equal_items(composition[name])
-        if "wires" in pairs:
-            pairs["wires"] = pairs["wires"] & _wire_images(scene.fibres.wire, operation[:3, :3])
-    if "blades" in pairs:
-        blade = scene.wires.blade
-        carried = np.where(blade[:, None] >= 0, pairs["blades"][..., blade[:, None], blade], True)
-        pairs["wires"] = pairs["wires"] & _equal_items(blade < 0) & carried
-    return pairs
+        for name in found.keys() & composition.keys():
+            pairs, vectors = found[name]
+            if name == "wires":
+                vectors = [*vectors, *_directions(scene.fibres.wire)]
+            found[name] = pairs & _equal_items(composition[name]), vectors
+        return found
+
+    def images(self, operation: Real[np.ndarray, "6 6"], *, exact: bool = True) -> Pairs:
+        """Pair the members that a mirror or rotation maps onto each other.
+
+        Computed numbers, and all vectors unless `exact`, may differ by rounding.
+        """
+        pairs = {}
+        for name, (alike, vectors) in self._parts.items():
+            turned = [
+                own._replace(images=_turned(own, operation), rounded=own.rounded or not exact)
+                for own in vectors
+            ]
+            pairs[name] = _still_equal(alike, turned)
+        if "blades" in pairs:
+            blade = self.scene.wires.blade
+            carried = pairs["blades"][..., blade[:, None], blade]
+            carried = np.where(blade[:, None] >= 0, carried, True)
+            pairs["wires"] = pairs["wires"] & _equal_items(blade < 0) & carried
+        return pairs
 
 
-def _alike(
-    part: DataclassInstance, operation: Real[np.ndarray, "6 6"], *, exact: bool
-) -> Bool[np.ndarray, "*#batch member member"]:
-    """Pair members of a part that are equal, and whose vectors are images in a mirror or rotation.
+class _Numbers(NamedTuple):
+    """Numbers of members, and those of their images, which may differ by rounding if `rounded`."""
 
-    Computed numbers, and all vectors unless `exact`, may differ by rounding.
-    """
+    values: Inexact[np.ndarray, "*#batch member *inner"]
+    images: Inexact[np.ndarray, "*#batch member *inner"]
+    inner: int  # number of axes of each member
+    rounded: bool
+
+
+def _compare(
+    part: DataclassInstance,
+) -> tuple[Bool[np.ndarray, "*#batch member member"], list[_Numbers]]:
+    """Pair members of a part that are equal but for their vectors; also returns these."""
     kind = type(part)
     pairs = np.ones((len(_bodies_of(part)),) * 2, dtype=bool)
-    compared = []
+    scalars = []
+    vectors = []
     for name, (is_vector, is_computed) in signed(kind).items():
         values = getattr(part, name)
-        own = inner_axes(kind).get(name)
         if name in APART:
             continue
-        if own is None:
+        if not isinstance(values, np.ndarray):
             pairs = pairs & _equal_items(values)
             continue
-        shape = values.shape[values.ndim - own + 1 :]
-        flat = values.reshape(*values.shape[: values.ndim - len(shape)], math.prod(shape))
-        images = flat @ _on_components(shape, operation).T if is_vector else flat
-        rounded = is_computed or (is_vector and not exact)
-        compared.append((flat, images, ROUNDING if rounded else 0.0))
-    # those that all builds share first: few pairs are left for the others
-    for flat, images, tolerance in sorted(compared, key=lambda one: one[0].size):
-        pairs = _still_equal(pairs, flat, images, tolerance)
-    return pairs
+        own = _Numbers(values, values, inner_axes(kind).get(name, values.ndim) - 1, is_computed)
+        (vectors if is_vector else scalars).append(own)
+    return _still_equal(pairs, scalars), vectors
 
 
-def _on_components(
-    shape: tuple[int, ...], operation: Real[np.ndarray, "6 6"]
-) -> Float[np.ndarray, "component component"]:
-    """Matrix of a mirror or rotation for the components of a vector or tensor of a shape."""
-    result = np.ones((1, 1))
-    for size in shape:
-        result = np.kron(result, operation[:size, :size] if size in (3, 6) else np.eye(size))
-    return result
+def _directions(fibres: tuple[Fibre, ...]) -> Iterator[_Numbers]:
+    """List the directions of the clamps of wires, and of the bending planes of wires not round.
 
-
-def _wire_images(
-    fibres: tuple[Fibre, ...], operation: Real[np.ndarray, "3 3"]
-) -> Bool[np.ndarray, "wire wire"]:
-    """Pair wires whose clamps and bending planes are images."""
-    pairs = np.ones((len(fibres), len(fibres)), dtype=bool)
-    for end in (0, 1):
-        clamps = np.array([fibre.clamp[end] for fibre in fibres]).reshape(-1, 3)
-        pairs = pairs & _equal(clamps, clamps @ operation.T, ROUNDING)
-    planes = np.array([fibre.plane for fibre in fibres]).reshape(-1, 3)
-    turned = planes @ operation.T
-    is_round = [all(section.round for section in fibre.sections) for fibre in fibres]
-    either = _equal(planes, turned, ROUNDING) | _equal(planes, -turned, ROUNDING)
-    return pairs & (either | np.array(is_round, dtype=bool))
+    A plane is that of a unit vector p of either sign, and so of p p^T.
+    """
+    clamps = np.array([fibre.clamp for fibre in fibres]).reshape(-1, 2, 3)
+    yield _Numbers(clamps, clamps, 2, rounded=True)
+    is_round = np.array([all(own.round for own in fibre.sections) for fibre in fibres], dtype=bool)
+    if not is_round.all():
+        first = np.array([fibre.plane for fibre in fibres]).reshape(-1, 3)
+        planes = np.where(is_round[:, None, None], 0.0, first[:, :, None] * first[:, None])
+        yield _Numbers(planes, planes, 2, rounded=True)
 
 
 def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item item"]:
@@ -482,28 +517,49 @@ def _equal_items(items: Sequence[object] | np.ndarray) -> Bool[np.ndarray, "item
     return (rows[:, None] == rows).all(-1)
 
 
-def _equal(
-    values: Inexact[np.ndarray, "item component"],
-    images: Inexact[np.ndarray, "item component"],
-    tolerance: float,
-) -> Bool[np.ndarray, "item item"]:
-    """Pair items that equal the image of another, but for a fraction of the largest component."""
-    return _still_equal(np.ones((len(values),) * 2, dtype=bool), values, images, tolerance)
+def _turned(
+    own: _Numbers, operation: Real[np.ndarray, "6 6"]
+) -> Inexact[np.ndarray, "*#batch member *inner"]:
+    """Images of vectors and tensors in a mirror or rotation."""
+    result = own.values
+    for axis in range(-own.inner, 0):
+        size = result.shape[axis]
+        if size in (3, 6):
+            rotation = operation[:size, :size].T
+            result = (result.swapaxes(axis, -1) @ rotation).swapaxes(axis, -1)
+    return result
 
 
 def _still_equal(
-    pairs: Bool[np.ndarray, "*#batch item item"],
-    values: Inexact[np.ndarray, "*#batch item component"],
-    images: Inexact[np.ndarray, "*#batch item component"],
-    tolerance: float,
-) -> Bool[np.ndarray, "*batch item item"]:
-    """Keep those of some pairs of items that also equal in these values, see `_equal`."""
-    one, other = np.nonzero(pairs.any(tuple(range(pairs.ndim - 2))))
-    limit = tolerance * np.abs(values).max((-2, -1), initial=0.0)[..., None]
-    equal = np.ones((*values.shape[:-2], len(one)), dtype=bool)
-    for component in range(values.shape[-1]):
-        own = values[..., component]
-        equal &= np.abs(own[..., one] - images[..., other, component]) <= limit
-    result = np.zeros(np.broadcast_shapes(pairs.shape, (*equal.shape[:-1], 1, 1)), dtype=bool)
-    result[..., one, other] = pairs[..., one, other] & equal
-    return result
+    pairs: Bool[np.ndarray, "*#batch member member"], compared: Sequence[_Numbers]
+) -> Bool[np.ndarray, "*batch member member"]:
+    """Keep those of some pairs of members of which one has the numbers of the other's image.
+
+    Numbers may differ by nothing, or by a fraction of the largest of their kind.
+    """
+    each = []
+    for own in compared:
+        count = own.values.ndim - own.inner
+        shape = (*own.values.shape[:count], math.prod(own.values.shape[count:]))
+        values = own.values.reshape(shape)
+        limit = ROUNDING * np.abs(values).max((-2, -1), initial=0.0) if own.rounded else 0.0
+        each.append((values, own.images.reshape(shape), limit))
+    alone = [one for one in each if one[0].ndim == 2]
+    if alone:
+        values = np.concatenate([one[0] for one in alone], axis=1)
+        images = np.concatenate([one[1] for one in alone], axis=1)
+        limit = np.concatenate([np.full(one[0].shape[1], one[2]) for one in alone])
+        pairs = pairs & (np.abs(values[:, None] - images) <= limit).all(-1)
+    # those that all builds share came first: few pairs are left for the others
+    others = [one for one in each if one[0].ndim > 2]
+    for values, images, limit in sorted(others, key=lambda one: one[0].size):
+        one, other = np.nonzero(pairs.any(tuple(range(pairs.ndim - 2))))
+        equal = np.ones((*values.shape[:-2], len(one)), dtype=bool)
+        for component in range(values.shape[-1]):
+            own = values[..., component]
+            difference = np.abs(own[..., one] - images[..., other, component])
+            equal &= difference <= np.asarray(limit)[..., None]
+        result = np.zeros(np.broadcast_shapes(pairs.shape, (*equal.shape[:-1], 1, 1)), dtype=bool)
+        result[..., one, other] = pairs[..., one, other] & equal
+        pairs = result
+    return pairs

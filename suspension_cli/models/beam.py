@@ -15,7 +15,7 @@ import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss
-from suspension_cli.elements.configuration import Configuration, batch_first, configuration
+from suspension_cli.elements.configuration import Configuration, batch_first
 from suspension_cli.elements.dynamic_wire import EQUAL_WITHIN, TautWire, fit_to_equilibrium
 from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.elements.vectors import Vector, cross, dot, times, transposed
@@ -55,14 +55,14 @@ def linear_model(
     if not scene.batch:
         balanced.demand(scene)
     adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
-    model = string_model.linear_model(
-        lossless(scene), balanced, wire_inertia=not massive, adapted=adapted
-    )
-    assembly = Assembly(scene, numbering, balanced.pose, adapted)
+    # `terms` have the losses
+    bare = Assembly(lossless(scene), numbering, balanced.pose, adapted)
+    model = string_model.assemble(bare, balanced, wire_inertia=not massive)
+    assembly = replace(bare, scene=scene)
     of_springs, of_ground = string_model.spring_terms(assembly)
     terms = (
         *of_springs[: len(of_ground)],
-        *_wire_terms(assembly, balanced, massive=massive),
+        *_wire_terms(bare, balanced, massive=massive),
         *_blade_terms(assembly),
         *of_springs[len(of_ground) :],
         *_gas_terms(assembly, design),
@@ -141,10 +141,9 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
     assert fibres is not None
     if not wires.label:
         return []
-    now = configuration(scene, numbering, balanced.pose)
     place = _coordinates_at_ends(scene, numbering)
-    forms = wire_forms(now)
-    length = batch_first(now.wires.length, scene.batch)
+    forms = wire_forms(assembly.now)
+    length = batch_first(assembly.now.wires.length, scene.batch)
     geometry = np.stack(
         np.broadcast_arrays(length, wires.stiffness, balanced.tension, wires.torsion)
     )
@@ -160,8 +159,9 @@ def _wire_terms(assembly: Assembly, balanced: Equilibrium, *, massive: bool) -> 
         strand = TautWire(fibre, own[2], massive, lossy=True, surrounded=fibres.gas)
         columns = np.unique(place[alike])
         columns = columns[columns < numbering.size]
+        at = np.searchsorted(columns, place[alike])
         motion = {
-            part: _per_column(rows[:, :, alike], place[alike], columns, scene.batch)
+            part: _per_column(rows[:, :, alike], at, len(columns), scene.batch)
             for part, rows in forms.items()
         }
         stage = scene.bodies.name[wires.lower[alike[0]] - 1]
@@ -180,7 +180,7 @@ def _alike(scene: Scene, geometry: Float[np.ndarray, "4 *build wire"]) -> list[l
             here = geometry[..., n]
             there = geometry[..., group[0]]
             if known == kind and (
-                scene.batch or np.allclose(here, there, rtol=EQUAL_WITHIN, atol=0.0)
+                scene.batch or (np.abs(here - there) <= EQUAL_WITHIN * np.abs(there)).all()
             ):
                 group.append(n)
                 break
@@ -199,16 +199,17 @@ def _coordinates_at_ends(scene: Scene, numbering: Layout) -> Int[np.ndarray, "wi
 
 def _per_column(
     rows: Inexact[np.ndarray, "row 15 wire build"],
-    place: Int[np.ndarray, "wire 15"],
-    columns: Int[np.ndarray, " column"],
+    at: Int[np.ndarray, "wire 15"],
+    count: int,
     batch: tuple[int, ...],
 ) -> Inexact[np.ndarray, "*batch wire row column"]:
-    """Spread forms per coordinate at the ends of wires over some columns; batch axes in front."""
-    spread = np.zeros((len(rows), len(columns), *rows.shape[2:]), dtype=rows.dtype)
-    for wire, own in enumerate(place):
-        here, column = np.nonzero(own[:, None] == columns)
-        spread[:, column, wire] = rows[:, here, wire]
-    return np.ascontiguousarray(batch_first(spread, batch))
+    """Spread forms per coordinate at the ends of wires over columns; batch axes in front.
+
+    `at` are the columns, of which there are `count`; that number stands for none.
+    """
+    spread = np.zeros((len(rows), count + 1, *rows.shape[2:]), dtype=rows.dtype)
+    spread[:, at.T, np.arange(len(at))] = rows
+    return np.ascontiguousarray(batch_first(spread[:, :-1], batch))
 
 
 def wire_forms(now: Configuration) -> dict[str, Inexact[np.ndarray, "_ 15 wire build"]]:

@@ -8,17 +8,22 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspension_cli.design.schema import Design
 from suspension_cli.elements import loss, spring
-from suspension_cli.elements.configuration import builds_last
+from suspension_cli.elements.configuration import (
+    Configuration,
+    batch_of,
+    builds_last,
+    configuration,
+)
 from suspension_cli.elements.known_elements import elements_of
 from suspension_cli.equilibrium.clamps import hinge_rigidities, to_hinges
-from suspension_cli.equilibrium.energy import sum_forms
+from suspension_cli.equilibrium.energy import sum_in_pose
 from suspension_cli.equilibrium.nominal import expand
 from suspension_cli.equilibrium.solve import Equilibrium, solve_once
 from suspension_cli.equilibrium.tree import chain_tops
@@ -49,25 +54,24 @@ class Assembly:
     pose: Pose
     adapted: Symmetry
 
+    @cached_property
+    def now(self) -> Configuration:
+        """The scene in its pose, builds last."""
+        return configuration(self.scene, self.numbering, self.pose)
+
     def sum(self, parts: Iterable[Contribution | None]) -> np.ndarray:
         """Sum quadratic forms of elements: (..., N, N), or (N, N) without any."""
-        own = sum_forms(self.scene, self.numbering, self.pose, [*parts])
+        own = sum_in_pose(self.now, batch_of(self.scene, self.pose), [*parts])
         return self.adapted.apply(own)
 
 
 def linear_model(
-    scene: Scene,
-    balanced: Equilibrium | None = None,
-    *,
-    split: bool = True,
-    wire_inertia: bool = True,
-    adapted: Symmetry | None = None,
+    scene: Scene, balanced: Equilibrium | None = None, *, split: bool = True
 ) -> LinearSystem:
     """Linear model of small motions about the equilibrium of a scene on strings, any batch axes.
 
     If `split`, couplings that a mirror symmetry forbids are exactly 0; otherwise a scene's result
-    is independent of others in a batch. With `wire_inertia`, wires that have weight also have mass,
-    moving as straight lines between their ends. The equilibrium and the symmetry may be given.
+    is independent of others in a batch. The equilibrium may be given.
 
     Raises `InputError` if there is no equilibrium, or a wire is slack in it.
     """
@@ -75,11 +79,23 @@ def linear_model(
     if balanced is None:
         balanced = solve_once(scene, numbering)
         balanced.demand(scene)
-    if adapted is None:
-        adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
-    pose = balanced.pose
+    adapted = find_symmetry(scene, numbering) if split else no_symmetry(numbering)
+    return assemble(Assembly(scene, numbering, balanced.pose, adapted), balanced)
+
+
+def assemble(
+    assembly: Assembly, balanced: Equilibrium, *, wire_inertia: bool = True
+) -> LinearSystem:
+    """Linear model of small motions about an equilibrium, see `linear_model`.
+
+    With `wire_inertia`, wires that have weight also have mass, moving as straight lines between
+    their ends.
+    """
+    scene = assembly.scene
+    numbering = assembly.numbering
+    adapted = assembly.adapted
+    pose = assembly.pose
     kinds = elements_of(scene)
-    assembly = Assembly(scene, numbering, pose, adapted)
     tips = np.zeros(numbering.size, dtype=bool)
     weightless = scene.blades.tip_mass == 0
     light = weightless.all(tuple(range(weightless.ndim - 1)))
@@ -94,10 +110,10 @@ def linear_model(
         # geometric stiffness (tension) is not lossy
         soft = soft + 1j * assembly.sum(item.add_loss for item in kinds)
         k = k * (1 + 1j * scene.wires.loss)
-    heavy = scene
-    if not wire_inertia:
+    heavy = assembly
+    if not wire_inertia and scene.wires.mass.any():
         wires = replace(scene.wires, mass=np.zeros_like(scene.wires.mass))
-        heavy = replace(scene, wires=wires)
+        heavy = replace(assembly, scene=replace(scene, wires=wires))
     terms, of_ground = spring_terms(assembly, tables=True)
     is_turned = np.abs(pose.turn).max() > 1e-13  # not only by a rounding error of Newton's method
     model = LinearSystem(
@@ -107,7 +123,7 @@ def linear_model(
         momentum_unit=momentum_units(numbering.unit),
         basis=adapted.basis,
         massless=adapted.adapt_flags(tips),
-        mass=replace(assembly, scene=heavy).sum(item.add_mass for item in kinds),
+        mass=heavy.sum(item.add_mass for item in kinds),
         damping=assembly.sum(item.add_damping for item in kinds),
         soft=soft,
         elongation=elongation,

@@ -132,7 +132,8 @@ def stable_system(
             way += ", or give --allow-unstable"
             raise InputError([dataclasses.replace(fault, remedy=way)])
         log.warn(f"{name} is unstable: {grows.worst}; {fault.remedy}")
-    near_limits.warn(source.design, solver.constant.modes, log)
+    is_far = near_limits.is_far_from_tipping(source.design, solver.system)
+    near_limits.warn(source.design, None if is_far else solver.constant.modes, log)
     return solver.system
 
 

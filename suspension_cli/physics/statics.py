@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,7 +67,7 @@ def solve(design: Design) -> Statics:
     pose = balanced.pose
     (ends, top) = _end_heights(scene, balanced)
     wires = tuple(wire_loads(design, scene, balanced))
-    turns = [rotation_vector(rotation - np.eye(3)) for rotation in pose.rotation]
+    turns = rotation_vector(pose.turn)
     bodies_heat, conducted = _heat(design)
     names = enumerate(scene.bodies.name, 1)
     stages = enumerate(design.stage, 1)
@@ -125,25 +125,46 @@ def list_wire_tables(stage: Stage) -> list[WireSet] | list[Wire]:
     return [stage.wires] * stage.wires.count if stage.wires is not None else stage.wire
 
 
+class _Section(NamedTuple):
+    """Where a wire or blade is stressed: its load over an area (m^2), of a material."""
+
+    area: float
+    material: str | None
+    strength: float | None  # Pa
+
+    @staticmethod
+    def of(design: Design, area: float, material: str | None) -> _Section:
+        """The section with the strength of its material, if that is known."""
+        strength = materials.resolve(design, material).tensile_strength if material else None
+        return _Section(area, material, strength)
+
+
 def wire_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[WireLoad]:
     """Loads of wires; their own weight adds to the tension at their upper ends."""
-    tables = [table for stage in design.stage for table in list_wire_tables(stage)]
+    parts: list[tuple[WireSet | Wire, list[_Section]]] = []
+    for stage in design.stage:
+        own = [(table, _wire_sections(design, table)) for table in stage.wire_tables]
+        parts += own if stage.wires is None else own * stage.wires.count
     wires = scene.wires
     tension = balanced.tension
     weight = scene.gravity * (wires.mass[:, 0] + wires.mass[:, 1])
     above = tension + weight * -wires.span[:, 2] / wires.length
     stretch = tension / wires.stiffness
-    for n, table in enumerate(tables):
-        pieces = given_sections(table) or [table]
-        areas = [(thinnest(piece), piece.material or table.material) for piece in pieces]
-        stresses = [(float(above[n]) / area, name) for area, name in areas if area is not None]
+    for n, (table, sections) in enumerate(parts):
         yield WireLoad(
             label=wires.label[n],
             tension=float(tension[n]),
             stretch=float(stretch[n]),
             strain=float(stretch[n] / wires.length[n]),
-            **_largest_stress(design, stresses, table.material),
+            **_largest_stress(sections, float(above[n]), table.material),
         )
+
+
+def _wire_sections(design: Design, table: WireSet | Wire) -> list[_Section]:
+    """List the thinnest section of each piece of a wire."""
+    pieces = given_sections(table) or [table]
+    areas = [(thinnest(piece), piece.material or table.material) for piece in pieces]
+    return [_Section.of(design, area, name) for area, name in areas if area is not None]
 
 
 def blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator[BladeLoad]:
@@ -152,33 +173,43 @@ def blade_loads(design: Design, scene: Scene, balanced: Equilibrium) -> Iterator
     The largest stress under F, at the base, is moment F L over section modulus b h^2 / 6:
     6 F L / (b h^2).
     """
-    tables: list[BladeSet | Blade] = []
+    parts: list[tuple[BladeSet | Blade, list[_Section]]] = []
     for stage in design.stage:
-        tables += stage.blade if stage.blades is None else [stage.blades] * stage.blades.count
+        own = [(table, _blade_sections(design, table)) for table in stage.blade_tables]
+        parts += own if stage.blades is None else own * stage.blades.count
     stiffness = scene.blades.stiffness[:, 2]
     loads = scene.blades.load[:, 2] - stiffness * balanced.pose.deflection[:, 2]
-    for n, table in enumerate(tables):
-        shape = table.geometry
+    for n, (table, sections) in enumerate(parts):
         load = float(loads[n])
-        stresses = []
-        if shape is not None:
-            stress = 6 * load * shape.length / (shape.base_width * shape.thickness**2)
-            stresses = [(stress, shape.material)]
-        stressed = _largest_stress(design, stresses, table.made_of)
+        stressed = _largest_stress(sections, load, table.made_of)
         sag = load / float(stiffness[n])
         yield BladeLoad(label=scene.blades.label[n], load=load, sag=sag, **stressed)
 
 
+def _blade_sections(design: Design, table: BladeSet | Blade) -> list[_Section]:
+    """The base of a blade, if its shape is known."""
+    shape = table.geometry
+    if shape is None:
+        return []
+    area = shape.base_width * shape.thickness**2 / (6 * shape.length)
+    return [_Section.of(design, area, shape.material)]
+
+
 def _largest_stress(
-    design: Design, stresses: Sequence[tuple[float, str | None]], material: str | None
+    sections: Sequence[_Section], load: float, material: str | None
 ) -> dict[str, Any]:
-    """Largest stress (Pa) of sections with their materials, and that nearest to breaking."""
-    known = []
-    for stress, name in stresses:
-        strength = materials.resolve(design, name).tensile_strength if name else None
-        if strength is not None:
-            known.append((stress / strength, strength, name))
-    largest, name = max(stresses, key=lambda pair: pair[0], default=(None, material))
+    """Largest stress (Pa) of sections under a load (N), and that nearest to breaking.
+
+    The `material` is that where no section is known.
+    """
+    stresses = [(load / own.area, own) for own in sections]
+    largest, where = max(stresses, key=lambda pair: pair[0], default=(None, None))
+    name = material if where is None else where.material
+    known = [
+        (stress / own.strength, own.strength, own.material)
+        for stress, own in stresses
+        if own.strength is not None
+    ]
     fraction, strength, name = max(known, default=(None, None, name or ""))
     return {"stress": largest, "strength": strength, "fraction": fraction, "material": name}
 
@@ -235,11 +266,15 @@ def _weigh_wires(design: Design, scene: Scene, loads: Sequence[WireLoad]) -> Wir
     total = ratio = sag = softening = 0.0
     worst = ""
     tables = [table for stage in design.stage for table in list_wire_tables(stage)]
+    known: dict[tuple[int, float], float] = {}  # masses of equal wires
     for n, (table, load) in enumerate(zip(tables, loads, strict=True)):
         length = float(wires.length[n])
-        pieces = wire_line_densities(design, table, length)
-        mass = sum(piece * density for piece, density in pieces)
-        weight = gravity * (mass + sum(damper.mass for damper in table.dampers))
+        kind = id(table), length
+        if kind not in known:
+            pieces = wire_line_densities(design, table, length)
+            mass = sum(piece * density for piece, density in pieces)
+            known[kind] = mass + sum(damper.mass for damper in table.dampers)
+        weight = gravity * known[kind]
         total += weight
         if weight / load.tension > ratio:
             ratio = weight / load.tension
@@ -268,6 +303,8 @@ def _profiles(design: Design) -> Iterator[ReducedProfile]:
 
 def _links(design: Design) -> Iterator[LinkLoad]:
     """Links and dampers between bodies, in the order of the file."""
+    if not (design.link or design.damper):
+        return
     places = Places.of(design)
     for link in design.link:
         first, second = (places.position[places.number[name]] for name in link.between)

@@ -79,12 +79,18 @@ def gather(kind: type[Part], lists: Sequence[Sequence[Row]]) -> Part:
         if axes is None:
             made[name] = tuple(row.get(name) for row in lists[0])
             continue
-        blank = np.full(axes.shape, axes.default, axes.dtype)
+        blank = _blank(axes)
         each = lists[:1] if axes.shared else lists
         values = [[row.get(name, blank) for row in rows] for rows in each]
         packed = np.array(values, axes.dtype).reshape(len(each), -1, *axes.shape)
         made[name] = packed[0] if axes.shared else packed
     return kind(**made)
+
+
+@cache
+def _blank(axes: Axes) -> np.ndarray:
+    """Numbers of a member that gives none."""
+    return np.full(axes.shape, axes.default, axes.dtype)
 
 
 def topology(kind: type[DataclassInstance], rows: Sequence[Row]) -> tuple[Hashable, ...]:

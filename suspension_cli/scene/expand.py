@@ -17,6 +17,7 @@ import numpy as np
 from suspension_cli.conventions import DOFS
 from suspension_cli.design import derive
 from suspension_cli.design.bodies import Body, body_inertia, body_mass
+from suspension_cli.design.kept_results import keep_last
 from suspension_cli.design.schema import Design, Stage
 from suspension_cli.design.wires import Wire, WireSet
 from suspension_cli.errors import Fault, InputError
@@ -45,7 +46,7 @@ TORQUES = 1e-3
 SUPPORTED = 1e-12
 """Fraction of the stiffest direction of springs below which a direction counts as not supported."""
 ROUNDING = 1e-12
-"""Relative difference of tensions that are equal but for rounding."""
+"""Relative difference of tensions or loads that are equal but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,12 @@ class Members:
         )
 
 
+@keep_last
+def members_of(design: Design) -> Members:
+    """List the members of a design, as its scene and the composition of its wires need them."""
+    return Members.of(design)
+
+
 def expand_as_drawn(design: Design) -> Scene:
     """Expand a design into its nominal scene, without its imperfections.
 
@@ -139,7 +146,7 @@ def expand_as_drawn(design: Design) -> Scene:
     pose is solved for. Raises `InputError` if a stage cannot balance in its nominal pose, or a wire
     would be slack in it.
     """
-    scene, faults = balance_as_drawn([Members.of(design)])
+    scene, faults = balance_as_drawn([members_of(design)])
     if faults:
         raise InputError(faults[0])
     return select_scenes(scene, 0)
@@ -452,12 +459,13 @@ def _find_unbalanced(
     stage: Stage, loads: Array, left_over: Array, lines: Wires, own: Index, force: Array
 ) -> dict[int, list[Fault]]:
     """Find designs with a load left over on a stage, or with slack wires or pulled legs."""
+    least = BALANCE * np.abs(loads[:, 1]).max(-1)
+    wrong = (np.abs(left_over).max(-1) > least) | ~(force > 0).all(-1)
+    found: dict[int, list[Fault]] = {}
+    if not wrong.any():
+        return found
     advice = _advice_for(stage)
     path = f"stage.{stage.name}"
-    sizes = np.abs(left_over)
-    least = BALANCE * np.abs(loads[:, 1]).max(-1)
-    wrong = (sizes.max(-1) > least) | ~(force > 0).all(-1)
-    found: dict[int, list[Fault]] = {}
     for k in np.flatnonzero(wrong).tolist():
         rest = _describe_wrench(left_over[k], least[k])
         if rest:
@@ -527,9 +535,14 @@ def least_energy(
         inverse = np.linalg.pinv(weight[:, None] * (act @ root), rcond=1e-10)
         return _product(root, _product(inverse, -weight * rest) - start)
 
-    # where not all can be balanced, forces are balanced first: what is left over reads better
-    forces_first = fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))
-    return fit(np.ones(6)), _product(act, forces_first) + load
+    tension = fit(np.ones(6))
+    left_over = load + _product(act, tension)
+    lost = np.abs(left_over).max(-1) > ROUNDING * np.abs(load).max(-1)
+    if lost.any():
+        # where not all can be balanced, forces are balanced first: what is left over reads better
+        forces_first = fit(np.array([1.0, 1.0, 1.0, TORQUES, TORQUES, TORQUES]))
+        left_over = np.where(lost[..., None], load + _product(act, forces_first), left_over)
+    return tension, left_over
 
 
 def rest_on(
@@ -606,17 +619,39 @@ def carry(
     direction = lines.span[..., own, :] / lines.length[..., own, None]
     wrenches = wire_wrenches(direction, lines.lower_point[..., own, :])
     tension = np.where(free, 0.0, lines.tension[..., own])
+    if not free.any():
+        return tension, load + _product(wrenches.swapaxes(-1, -2), tension)
+    strain = strains(
+        lines.stiffness[..., own], direction, lines.blade[own], blades.axes, blades.stiffness
+    )
+    # those of a symmetric set are equal, and so are exact
+    equal = (load[..., 2] / direction[..., 2].sum(-1))[..., None] + np.zeros(tension.shape)
+    if free.all() and _are_least(equal, wrenches, load, strain):
+        return equal, load + _product(wrenches.swapaxes(-1, -2), equal)
     left_over = load + _product(wrenches.swapaxes(-1, -2), tension)
-    if free.any():
-        strain = strains(
-            lines.stiffness[..., own], direction, lines.blade[own], blades.axes, blades.stiffness
-        )
-        given = _product(strain, tension)
-        tension[..., free], left_over = least_energy(
-            wrenches[..., free, :], left_over, strain[..., free], given
-        )
-        # those of a symmetric set are equal, and so are exact
-        equal = (load[..., 2] / direction[..., 2].sum(-1))[..., None]
-        even = np.abs(tension - equal).max(-1, keepdims=True) <= ROUNDING * np.abs(equal)
-        tension = np.where(even, equal, tension)
-    return tension, left_over
+    given = _product(strain, tension)
+    tension[..., free], left_over = least_energy(
+        wrenches[..., free, :], left_over, strain[..., free], given
+    )
+    even = np.abs(tension - equal).max(-1, keepdims=True) <= ROUNDING * np.abs(equal[..., :1])
+    return np.where(even, equal, tension), left_over
+
+
+def _are_least(
+    equal: Inexact[np.ndarray, "*batch wire"],
+    wrenches: Inexact[np.ndarray, "*batch wire 6"],
+    load: Inexact[np.ndarray, "*batch 6"],
+    strain: Inexact[np.ndarray, "*batch part wire"],
+) -> bool:
+    """Whether equal tensions are those of `least_energy`, but for rounding, in each of a batch.
+
+    They are if they balance the load, all wires pull up alike, and the energy grows alike with
+    their tensions: the Lagrange multiplier of the vertical force then does for all.
+    """
+    pull = equal[..., None] * wrenches
+    left_over = load + pull.sum(-2)
+    if not (np.abs(left_over) <= ROUNDING * np.abs(pull).sum(-2)).all():
+        return False
+    slope = _product(strain.swapaxes(-1, -2), _product(strain, equal))
+    each = np.stack([wrenches[..., 2], slope])
+    return bool((np.abs(each - each[..., :1]) <= ROUNDING * np.abs(each)).all())

@@ -36,7 +36,7 @@ from suspension_cli.design.wires import (
 )
 from suspension_cli.rotations import rotation_matrix
 from suspension_cli.scene.arrays import Array, Row
-from suspension_cli.scene.expand import Members
+from suspension_cli.scene.expand import members_of
 from suspension_cli.scene.scene import BladeLoss, Fibre, Fibres, Section
 
 POISSON = 0.3
@@ -65,7 +65,7 @@ def compose(design: Design) -> Fibres:
     Without imperfections. `explain_unsuitable` must return "" for the design.
     """
     ambient = design.constants.temperature
-    members = Members.of(design)
+    members = members_of(design)
     wires: list[Fibre] = []
     blades: list[BladeLoss] = []
     springs: list[BladeLoss] = []
@@ -119,9 +119,9 @@ def _sections(design: Design, table: WireSet | Wire, length: float) -> tuple[Sec
         temperature = piece.temperature or design.constants.temperature
         sections.append(_section(piece, *made[name], temperature))
     sections = _with_dampers(sections, table.dampers)
-    along = 1.0
-    if table.k is not None:
-        along = table.k * sum(own.length / own.stretching for own in sections)
+    if table.k is None:
+        return tuple(sections)
+    along = table.k * sum(own.length / own.stretching for own in sections)
     return tuple(replace(own, stretching=along * own.stretching) for own in sections)
 
 
@@ -192,10 +192,10 @@ def _section(
 
 def _plane(direction: Array) -> Array:
     """Find the unit vector across a wire nearest to x (to y for a wire along x)."""
-    across = np.eye(3) - np.outer(direction, direction)
-    size = np.sqrt((across**2).sum(-1))
-    axis = 0 if size[0] > 1e-3 else 1
-    return across[axis] / size[axis]
+    across, along_y = np.eye(3)[:2] - direction[:2, None] * direction
+    if (across**2).sum() <= 1e-6:
+        across = along_y
+    return across / np.sqrt((across**2).sum())
 
 
 def _clamp(number: int, table: WireSet | Wire, along: Array) -> tuple[Array, Array]:
@@ -203,7 +203,9 @@ def _clamp(number: int, table: WireSet | Wire, along: Array) -> tuple[Array, Arr
 
     A symmetric set gives those of its first wire, mirrored (on a ring: turned) for the others.
     """
-    clamp = table.clamp if isinstance(table.clamp, Clamp) else Clamp()
+    clamp = table.clamp
+    if not isinstance(clamp, Clamp):
+        return along, along
     turn = np.eye(3)
     if isinstance(table, WireSet) and is_ring(table):
         angle = 2 * np.pi * number / table.count

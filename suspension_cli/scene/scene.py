@@ -327,8 +327,11 @@ def select_scenes(
     """Select scenes of a batch, along one axis: by a bool array of its shape, or by numbers."""
 
     def selected(axes: int, value: np.ndarray) -> np.ndarray:
-        if scene.batch and value.ndim == axes:  # the same for all
+        own = value.shape[: value.ndim - axes]
+        if scene.batch and not own:  # the same for all
             return value
+        if own == scene.batch:
+            return value[which]
         return np.broadcast_to(value, scene.batch + value.shape[value.ndim - axes :])[which]
 
     drawn = scene.drawn

@@ -14,7 +14,7 @@ import suspension_cli as sus
 from suspension_cli.design import reader
 from suspension_cli.design.reader import convert
 from suspension_cli.equilibrium.nominal import expand
-from suspension_cli.linear import eigenmodes
+from suspension_cli.linear import batch_modes, eigenmodes
 from suspension_cli.models import registry
 from suspension_cli.physics import near_limits, statics
 from suspension_cli.scene.scene import stack_scenes
@@ -57,12 +57,28 @@ def test_reported_height_is_where_it_tips(above):
     design = convert(document(s=geometry.CLOSE, d=d))
     model = registry.STRING.system(design)
     reported = near_limits.describe_tipping(design, eigenmodes.solve(model))
+    assert near_limits.is_far_from_tipping(design, model) == (above > near_limits.TIPPING)
     if above > near_limits.TIPPING:
         assert reported == ""
     else:  # the mode's x goes along a little
         assert reported.startswith("test pitch is close to unstable")
         height = float(re.search(r"the wires ([\d.]+) mm", reported)[1])
         assert height == pytest.approx(1e3 * above, rel=0.05)
+
+
+@pytest.mark.parametrize("above", [-1e-3, -1e-7, 1e-7, 1e-3])
+def test_a_factorisation_tells_what_the_modes_tell(above):
+    d = float(geometry.tipping_height()) + above
+    model = registry.STRING.system(convert(document(s=geometry.CLOSE, d=d)))
+    assert batch_modes.is_clearly_stable(model) == eigenmodes.solve(model).stable == (above > 0)
+
+
+@pytest.mark.parametrize("config", configs(), ids=lambda path: path.stem)
+def test_shipped_designs_without_rigid_modes_are_clearly_stable(config):
+    design = reader.read(config).design
+    model = registry.most_complete(design, massless=True).system(design)
+    all_oscillate = (batch_modes.solve(model).omega_squared > 0).all()
+    assert batch_modes.is_clearly_stable(model) == all_oscillate
 
 
 def longer(left):
