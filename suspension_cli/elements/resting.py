@@ -18,7 +18,7 @@ planes of a wire are fixed in its bodies, across its clamps.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,9 @@ from suspension_cli.rotations import cross
 from suspension_cli.scene.scene import Fibre, Flex, Scene, Section
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from collections.abc import Sequence
+
+    from jaxtyping import Float, Inexact
 
 
 def resistance(
@@ -44,24 +46,58 @@ def resistance(
     tension, N) has the stiffness of one without tension. `torsion` is the torsional stiffness that
     the design gives, N m/rad; 0 where it gives none.
     """
-    tension = np.where(np.real(tension) >= 0, tension, 0.0)
-    planes = 1 if all(section.round for section in sections) else 2
     shape = np.broadcast_shapes(np.shape(length), np.shape(tension), np.shape(torsion))
-    stretch = length / sum(section.length for section in sections)
-    rigidity = np.array([section.rigidity[:planes] for section in sections])
-    lengths = np.stack([section.length * stretch + np.zeros((1, *shape)) for section in sections])
-    rigidity = rigidity.reshape(*rigidity.shape, *(1,) * len(shape))
-    if len(sections) == 1:
-        even, odd = uniform_stiffness(rigidity[0], tension, lengths[0] / 2)
+    return _resistance(_Sections.of([sections], (1,) * len(shape)), length, tension, torsion)
+
+
+class _Sections(NamedTuple):
+    """Numbers of the sections of wires, from the top, that do not depend on tension."""
+
+    length: Float[np.ndarray, "section *#shape"]  # m
+    rigidity: Float[np.ndarray, "section plane *#shape"]  # N m^2; one plane if all are round
+    twisting: Float[np.ndarray, "section *#shape"]  # N m^2
+    polar_area: Float[np.ndarray, "section *#shape"]  # m^2
+
+    @staticmethod
+    def of(wires: Sequence[tuple[Section, ...]], shape: tuple[int, ...]) -> _Sections:
+        """Take the sections of wires that have equally many, as arrays (section, *shape)."""
+        planes = 1 if all(own.round for wire in wires for own in wire) else 2
+        columns = [*zip(*wires, strict=True)]
+        count = len(columns)
+
+        def numbers(name: str) -> np.ndarray:
+            return np.array([[getattr(own, name) for own in column] for column in columns])
+
+        rigidity = np.moveaxis(numbers("rigidity")[..., :planes], -1, 1)
+        return _Sections(
+            numbers("length").reshape(count, *shape),
+            rigidity.reshape(count, planes, *shape),
+            numbers("twisting").reshape(count, *shape),
+            numbers("polar_area").reshape(count, *shape),
+        )
+
+
+def _resistance(
+    sections: _Sections,
+    length: Inexact[np.ndarray, "*#shape"] | complex,
+    tension: Inexact[np.ndarray, "*#shape"] | complex,
+    torsion: Inexact[np.ndarray, "*#shape"] | complex,
+) -> tuple[Inexact[np.ndarray, "2 3 *shape"], Inexact[np.ndarray, "*shape"]]:
+    """Compute the static stiffness of wires, as `resistance` does."""
+    tension = np.where(np.real(tension) >= 0, tension, 0.0)
+    shape = np.broadcast_shapes(np.shape(length), np.shape(tension), np.shape(torsion))
+    lengths = sections.length * (length / sections.length.sum(0))
+    lengths = np.broadcast_to(lengths, (len(lengths), *shape))
+    if len(lengths) == 1:
+        even, odd = uniform_stiffness(sections.rigidity[0], tension, lengths / 2)
         alike = odd + even
         bend = np.stack([alike, odd - even, alike], axis=1) / 4
     else:
-        (even, mixed), (_, odd) = slope_stiffness(rigidity, tension, lengths).stiffness
+        (even, mixed), (_, odd) = slope_stiffness(
+            sections.rigidity, tension, lengths[:, None]
+        ).stiffness
         bend = np.stack([odd + even - 2 * mixed, odd - even, odd + even + 2 * mixed], axis=1) / 4
-    compliance = sum(
-        section.length * stretch / (section.twisting + tension * section.polar_area)
-        for section in sections
-    )
+    compliance = (lengths / (sections.twisting + tension * sections.polar_area)).sum(0)
     given = np.real(torsion) > 0
     twist = np.where(given, torsion, 1 / compliance)
     return np.broadcast_to(bend, (2, 3, *shape)), twist
@@ -148,13 +184,17 @@ def resistance_of_wires(
     torsion: Inexact[np.ndarray, "wire build"],
 ) -> tuple[Inexact[np.ndarray, "2 3 wire build"], Inexact[np.ndarray, "wire build"]]:
     """Stiffness of wires against slopes in both planes, and against twist, see `resistance`."""
+    each = [fibre.sections for fibre in fibres]
+    kinds = [(len(own), all(section.round for section in own)) for own in each]
+    if len(set(kinds)) == 1:
+        return _resistance(_Sections.of(each, (-1, 1)), length, tension, torsion)
     shape = length.shape
     dtype = np.result_type(length, tension, torsion)
     bend = np.empty((2, 3, *shape), dtype=dtype)
     twist = np.empty(shape, dtype=dtype)
-    each = [fibre.sections for fibre in fibres]
-    for sections in dict.fromkeys(each):
-        which = [n for n, other in enumerate(each) if other == sections]
+    for kind in dict.fromkeys(kinds):
+        which = [n for n, other in enumerate(kinds) if other == kind]
         own = (number[which] for number in (length, tension, torsion))
-        bend[:, :, which], twist[which] = resistance(sections, *own)
+        sections = _Sections.of([each[n] for n in which], (-1, 1))
+        bend[:, :, which], twist[which] = _resistance(sections, *own)
     return bend, twist
