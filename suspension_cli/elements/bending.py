@@ -64,6 +64,11 @@ if TYPE_CHECKING:
     from jaxtyping import Inexact
 
 
+SLACK = 7.5
+"""S over the length times dS/dT of a uniform wire without tension, where S_uu = 4 EI / L + 2 T L /
+15 to first order (`resting.uniform_stiffness`)."""
+
+
 def with_bending(
     scene: Scene,
     tension: Inexact[np.ndarray, "*batch wire"] | None = None,
@@ -119,7 +124,10 @@ def add_derivatives(now: Configuration, derivatives: Derivatives) -> None:
     upper, lower = _normals(now)
     terms = _twisting(flex.twist, upper, lower, curved=derivatives.curved)
     if flex.bend is not None:
-        terms = terms + _bending(now, flex.bend, upper, lower, curved=derivatives.curved)
+        bent = _bending(now, flex.bend, upper, lower, curved=derivatives.curved)
+        forces = (bent.force, bent.upper_torque, bent.lower_torque)
+        derivatives.bent = tuple(part for part in forces if part is not None)
+        terms = terms + bent
     derivatives.add(now.wires, terms)
 
 
@@ -189,6 +197,25 @@ def _twisting(stiffness: Scalar, upper: Vector, lower: Vector, *, curved: bool) 
     turned = outer(stiffness * row, row) + outer(half * u_2, l_1) - outer(half * u_1, l_2)
     turned = plus_unit(turned, -torque * twist)
     return Terms(None, -torque * row, torque * row, y_uu=turned, y_lu=-turned, y_ll=turned)
+
+
+def add_growth(
+    now: Configuration,
+    bent: tuple[Vector, ...],
+    tension: Scalar,
+    derivatives: Derivatives,
+) -> None:
+    """Add, to the gradient alone, the change of the forces `bent` as wires get another tension (N).
+
+    S of a long wire grows as sqrt(T), and that of a short one by 2 L / 15 per tension: in both
+    limits as the square root of 2 T + `SLACK` S / L, between them by up to 22 % more.
+    """
+    flex = now.flex
+    assert flex is not None and flex.bend is not None and now.tension is not None
+    of_slack = SLACK * flex.bend[0, 0] / now.wires.length
+    before, after = (2 * np.maximum(own, 0.0) + of_slack for own in (now.tension, tension))
+    growth = np.sqrt(after / before) - 1
+    derivatives.add(now.wires, Terms(*(growth * part for part in bent)))
 
 
 def add_loss(now: Configuration, derivatives: Derivatives) -> None:

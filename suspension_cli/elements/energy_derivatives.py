@@ -99,7 +99,8 @@ class Derivatives:
     The `gradient` is (N + 1, build), N and N m; the last row is for rigid directions of blades. The
     `hessian`, the tangent stiffness (N + 1, N + 1, build), has its lower triangle filled alone, N/m
     and so on, if second derivatives are wanted (`curved`); they may include the `stretching` of
-    wires. `linked` are its elements that may differ from 0.
+    wires. `linked` are its elements that may differ from 0. `bent` are the force and both torques
+    of `Terms` that the bending of wires alone adds; none if none bends.
     """
 
     def __init__(self, now: Configuration, *, curved: bool = True, stretching: bool = True) -> None:
@@ -112,6 +113,7 @@ class Derivatives:
         self.gradient = np.zeros((size, count), dtype=dtype)
         self.hessian = np.zeros((size, size, count) if curved else (0, 0, count), dtype=dtype)
         self.linked = np.zeros((size, size), dtype=bool)
+        self.bent: tuple[Vector, ...] = ()
         self._terms = dict[int, tuple[Attached, Terms]]()
 
     def add(self, attached: Attached, terms: Terms) -> None:

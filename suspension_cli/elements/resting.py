@@ -17,9 +17,8 @@ planes of a wire are fixed in its bodies, across its clamps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -29,7 +28,9 @@ from suspension_cli.rotations import cross
 from suspension_cli.scene.scene import Fibre, Flex, Scene, Section
 
 if TYPE_CHECKING:
-    from jaxtyping import Inexact
+    from collections.abc import Sequence
+
+    from jaxtyping import Float, Inexact
 
 
 def resistance(
@@ -46,53 +47,60 @@ def resistance(
     the design gives, N m/rad; 0 where it gives none.
     """
     shape = np.broadcast_shapes(np.shape(length), np.shape(tension), np.shape(torsion))
-    own = _numbers([sections])[..., 0]
-    own = own.reshape(*own.shape, *(1,) * len(shape))
-    bend, twist = _resist(own, length, tension, torsion)
-    return np.broadcast_to(bend, (2, 3, *shape)), twist
+    return _resistance(_Sections.of([sections], (1,) * len(shape)), length, tension, torsion)
 
 
-def _is_round(sections: tuple[Section, ...]) -> bool:
-    return all(section.round for section in sections)
+class _Sections(NamedTuple):
+    """Numbers of the sections of wires, from the top, that do not depend on tension."""
+
+    length: Float[np.ndarray, "section *#shape"]  # m
+    rigidity: Float[np.ndarray, "section plane *#shape"]  # N m^2; one plane if all are round
+    twisting: Float[np.ndarray, "section *#shape"]  # N m^2
+    polar_area: Float[np.ndarray, "section *#shape"]  # m^2
+
+    @staticmethod
+    def of(wires: Sequence[tuple[Section, ...]], shape: tuple[int, ...]) -> _Sections:
+        """Take the sections of wires that have equally many, as arrays (section, *shape)."""
+        planes = 1 if all(own.round for wire in wires for own in wire) else 2
+        columns = [*zip(*wires, strict=True)]
+        count = len(columns)
+
+        def numbers(name: str) -> np.ndarray:
+            return np.array([[getattr(own, name) for own in column] for column in columns])
+
+        rigidity = np.moveaxis(numbers("rigidity")[..., :planes], -1, 1)
+        return _Sections(
+            numbers("length").reshape(count, *shape),
+            rigidity.reshape(count, planes, *shape),
+            numbers("twisting").reshape(count, *shape),
+            numbers("polar_area").reshape(count, *shape),
+        )
 
 
-def _numbers(
-    each: Sequence[tuple[Section, ...]],
-) -> Inexact[np.ndarray, "number section wire"]:
-    """Numbers of wires with equally many sections, all round or all not, as `_resist` takes them.
-
-    Length, G J, I_p/A, and E I in the first plane, of wires that are not round in the second, too.
-    """
-    planes = 1 if _is_round(each[0]) else 2
-    numbers = [
-        [(one.length, one.twisting, one.polar_area, *one.rigidity[:planes]) for one in sections]
-        for sections in each
-    ]
-    return np.array(numbers).transpose(2, 1, 0)
-
-
-def _resist(
-    numbers: Inexact[np.ndarray, "number section *#shape"],
+def _resistance(
+    sections: _Sections,
     length: Inexact[np.ndarray, "*#shape"] | complex,
     tension: Inexact[np.ndarray, "*#shape"] | complex,
     torsion: Inexact[np.ndarray, "*#shape"] | complex,
-) -> tuple[Inexact[np.ndarray, "plane 3 *shape"], Inexact[np.ndarray, "*shape"]]:
-    """Compute `resistance` from the numbers of sections, of round wires in one plane."""
-    whole, twisting, polar_area, *rigidity = numbers
+) -> tuple[Inexact[np.ndarray, "2 3 *shape"], Inexact[np.ndarray, "*shape"]]:
+    """Compute the static stiffness of wires, as `resistance` does."""
     tension = np.where(np.real(tension) >= 0, tension, 0.0)
-    lengths = whole * (length / whole.sum(0) + np.zeros(np.shape(tension)))
-    rigidities = np.stack(rigidity, axis=1)
-    if len(whole) == 1:
-        even, odd = uniform_stiffness(rigidities[0], tension, lengths / 2)
+    shape = np.broadcast_shapes(np.shape(length), np.shape(tension), np.shape(torsion))
+    lengths = sections.length * (length / sections.length.sum(0))
+    lengths = np.broadcast_to(lengths, (len(lengths), *shape))
+    if len(lengths) == 1:
+        even, odd = uniform_stiffness(sections.rigidity[0], tension, lengths / 2)
         alike = odd + even
         bend = np.stack([alike, odd - even, alike], axis=1) / 4
     else:
-        found = slope_stiffness(rigidities, tension, lengths[:, None])
-        (even, mixed), (_, odd) = found.stiffness
+        (even, mixed), (_, odd) = slope_stiffness(
+            sections.rigidity, tension, lengths[:, None]
+        ).stiffness
         bend = np.stack([odd + even - 2 * mixed, odd - even, odd + even + 2 * mixed], axis=1) / 4
-    compliance = (lengths / (twisting + tension * polar_area)).sum(0)
-    twist = np.where(np.real(torsion) > 0, torsion, 1 / compliance)
-    return bend, twist
+    compliance = (lengths / (sections.twisting + tension * sections.polar_area)).sum(0)
+    given = np.real(torsion) > 0
+    twist = np.where(given, torsion, 1 / compliance)
+    return np.broadcast_to(bend, (2, 3, *shape)), twist
 
 
 def slope_stiffness(
@@ -176,15 +184,17 @@ def resistance_of_wires(
     torsion: Inexact[np.ndarray, "wire build"],
 ) -> tuple[Inexact[np.ndarray, "2 3 wire build"], Inexact[np.ndarray, "wire build"]]:
     """Stiffness of wires against slopes in both planes, and against twist, see `resistance`."""
+    each = [fibre.sections for fibre in fibres]
+    kinds = [(len(own), all(section.round for section in own)) for own in each]
+    if len(set(kinds)) == 1:
+        return _resistance(_Sections.of(each, (-1, 1)), length, tension, torsion)
     shape = length.shape
     dtype = np.result_type(length, tension, torsion)
     bend = np.empty((2, 3, *shape), dtype=dtype)
     twist = np.empty(shape, dtype=dtype)
-    each = [fibre.sections for fibre in fibres]
-    kinds = [(len(sections), _is_round(sections)) for sections in each]
     for kind in dict.fromkeys(kinds):
         which = [n for n, other in enumerate(kinds) if other == kind]
-        alike = _numbers([each[n] for n in which])[..., None]
         own = (number[which] for number in (length, tension, torsion))
-        bend[:, :, which], twist[which] = _resist(alike, *own)
+        sections = _Sections.of([each[n] for n in which], (-1, 1))
+        bend[:, :, which], twist[which] = _resistance(sections, *own)
     return bend, twist

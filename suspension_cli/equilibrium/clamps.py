@@ -62,7 +62,10 @@ def solve_bending(scene: Scene, numbering: Layout) -> tuple[Scene, Equilibrium]:
     scene, hanging = to_clamps(scene)
     at = () if hanging is None else (hanging.tension, hanging.length)
     drawn = scene.drawn and with_bending(scene.drawn, *at)
-    scene = replace(with_bending(scene, *at), drawn=drawn)
+    if drawn is None or not scene.batch:
+        scene = with_bending(scene, *at)
+    # else the search takes the stiffness of builds at their own tensions
+    scene = replace(scene, drawn=drawn)
     found = equilibrium.solve_once(scene, numbering, start=hanging and hanging.found.pose)
     if scene.batch and hanging is not None:
         # where the strings that define the clamps have no equilibrium, these are reported

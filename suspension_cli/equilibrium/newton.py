@@ -9,7 +9,9 @@ A step solves K x = -g. The geometric stiffness of a wire, and its resistance to
 at the tension that the step before predicted to first order: the tension in the pose contains its
 stiffness times squares of that step (Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech.
 Eng. 313, 986 (2017)). In the first step of imperfect builds they are those at the nominal tensions,
-which carry the weight: wires of other lengths may even push in the nominal pose.
+which carry the weight: wires of other lengths may even push in the nominal pose. K lacks the change
+of the resistance to bending with the tension, which would leave a fraction of 1e-3 of the error in
+each step. So the same factors give the correction for how the tensions change in the step.
 
 A body that hangs from one point turns about it freely. Its stiffness against that is a rounding
 error in the equilibrium, where one coordinate is held, and elsewhere as small as the torque that is
@@ -32,9 +34,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from suspension_cli.conventions import BUILDS_AT_ONCE
-from suspension_cli.elements import taut_string
+from suspension_cli.elements import bending, taut_string
 from suspension_cli.elements.configuration import Configuration, SceneArrays, builds_last
 from suspension_cli.elements.energy_derivatives import Derivatives
+from suspension_cli.elements.vectors import Vector
 from suspension_cli.elimination import Factors, Pattern, by_body
 from suspension_cli.equilibrium.energy import derivatives
 from suspension_cli.equilibrium.tree import largest_lever_arm, residual_scale, spinning_bodies
@@ -102,6 +105,7 @@ class _Builds:
     residual: Float[np.ndarray, " build"]  # its largest component over the scale
     pattern: Pattern | None = None  # of the tangent stiffness, if that is known
     elements: Float[np.ndarray, "element build"] | None = None  # of the tangent stiffness
+    bent: tuple[Vector, ...] = ()  # see `Derivatives`
 
     @staticmethod
     def of(
@@ -121,7 +125,7 @@ class _Builds:
             return known
         pattern = _pattern(made.linked[6:-1, 6:-1])
         elements = made.hessian[6:-1, 6:-1][pattern.row, pattern.column]
-        return replace(known, pattern=pattern, elements=elements)
+        return replace(known, pattern=pattern, elements=elements, bent=made.bent)
 
     def moved(self, now: Configuration, which: Bool[np.ndarray, " build"]) -> _Builds:
         """Change the poses of some of the builds, and keep these alone."""
@@ -142,7 +146,8 @@ class _Builds:
         now = self.now.select(kept)
         number = self.number[kept]
         pattern = self.pattern
-        return _Builds(number, now, goal, scale, unit, gradient, residual, pattern, elements)
+        bent = tuple(part[..., kept] for part in self.bent)
+        return _Builds(number, now, goal, scale, unit, gradient, residual, pattern, elements, bent)
 
     def tangent_factors(self, free: list[int]) -> Factors:
         """Factors of the stiffness, with the rotations of bodies that spin freely stiffened."""
@@ -245,13 +250,13 @@ class _Reached:
         count = len(builds.number)
         previous = longest = np.zeros(count)
         moves = np.ones(count, dtype=bool)
-        for _ in range(limit):
+        for n in range(limit):
             moves &= self.steps[builds.number] < limit
             builds = builds.select(moves)
             if not len(builds.number):
                 break
             factors = builds.tangent_factors(free)
-            now, size = _take_step(builds.now, factors, builds.gradient, builds.unit)
+            now, size = _take_step(builds, factors, first=n == 0)
             for name, pose in self.moving.items():
                 pose[..., builds.number] = getattr(now, name)
             self.steps[builds.number] += 1
@@ -308,19 +313,31 @@ def _is_done(
 
 
 def _take_step(
-    now: Configuration,
-    factors: Factors,
-    gradient: Float[np.ndarray, "moving build"],
-    unit: Float[np.ndarray, "moving build"],
+    builds: _Builds, factors: Factors, *, first: bool
 ) -> tuple[Configuration, Float[np.ndarray, " build"]]:
-    """Take a step, with the tensions predicted; also, its largest component."""
-    x = np.empty_like(gradient)
+    """Take a step, with the tensions predicted; also, its largest component.
+
+    All but the `first` include how wires resist bending at these tensions.
+    """
+    now = builds.now
+    step = _solve(factors, builds.gradient)
+    step /= np.maximum(np.abs(step[6:] / builds.unit).max(0) / CAP, 1.0)
+    tension = taut_string.predicted_tension(now, step)
+    if builds.bent and not first:
+        change = Derivatives(now, curved=False)
+        bending.add_growth(now, builds.bent, tension, change)
+        step += _solve(factors, change.finish().gradient[6:-1])
+    return replace(now.displaced(step), tension=tension), np.abs(step).max(0)
+
+
+def _solve(
+    factors: Factors, gradient: Float[np.ndarray, "moving build"]
+) -> Float[np.ndarray, "coordinate build"]:
+    """Solve K x = -g for steps in all coordinates."""
     order = factors.pattern.order
-    x[order] = factors.solve(-gradient[order, None])[:, 0]
-    x /= np.maximum(np.abs(x / unit).max(0) / CAP, 1.0)
-    whole = np.concatenate([np.zeros((6, x.shape[1])), x])
-    tension = taut_string.predicted_tension(now, whole)
-    return replace(now.displaced(whole), tension=tension), np.abs(x).max(0)
+    step = np.zeros((6 + len(gradient), gradient.shape[1]))
+    step[6 + order] = factors.solve(-gradient[order, None])[:, 0]
+    return step
 
 
 def factorise(

@@ -8,12 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from suspension_cli.design import reader
+from suspension_cli.equilibrium import clamps, nominal
 from suspension_cli.equilibrium import solve as equilibrium
 from suspension_cli.errors import InputError
 from suspension_cli.models import registry
 from suspension_cli.models import string as string_model
+from suspension_cli.scene.applied_imperfections import impose
 from suspension_cli.scene.pose import displace, layout, nominal_pose
 from tests.support import scenes
+from tests.support.golden import CONFIGS
 
 BODY = {"mass": 5.6, "inertia": [0.02, 0.018, 0.017]}
 
@@ -258,3 +262,22 @@ def test_a_light_stage_below_a_heavy_one_is_not_taken_for_rounding(mass):
         tilt.append(equilibrium.solve(scene).pose.turn[-1, 0, 2])
     assert tilt[0] != 0
     assert tilt[1] == pytest.approx(tilt[0], rel=2 * mass / 1e3 + 1e-9)
+
+
+def test_builds_whose_wires_bend_converge():
+    """To 1e-12 rad: the resistance to bending at the tension of each build is found with its pose.
+
+    A further search from the poses that were found converges to rounding.
+    """
+    design = reader.read(CONFIGS / "husman2000" / "table2.toml").design
+    factor = np.repeat(np.linspace(0.6, 1.4, 9), 9)
+    offset = np.zeros((81, 3))
+    offset[:, 0] = np.tile(np.linspace(-2e-3, 2e-3, 9), 9)
+    error = {"k_factor": factor, "upper_offset": offset}
+    scene = impose(nominal.expand(design), "wire", 6, error)
+    scene = registry.BEAM.completed(scene, design)
+    scene, found = clamps.solve_bending(scene, layout(scene))
+    again = equilibrium.solve(scene, layout(scene), start=found.pose)
+    assert np.abs(found.pose.turn).max() > 1e-4
+    np.testing.assert_allclose(found.pose.turn, again.pose.turn, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found.pose.shift, again.pose.shift, rtol=0.0, atol=1e-13)
