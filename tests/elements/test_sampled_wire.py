@@ -94,7 +94,7 @@ def test_dissipation_is_that_of_each_frequency(wire, part):
 
 
 def test_few_frequencies_are_solved(monkeypatch):
-    """Of 2,000 below the first resonance, those at the nodes of nine pieces, beside them, and one."""
+    """Of 2,000 below the first resonance, those at nodes of nine pieces, beside them, and one."""
     solved = []
 
     def counted(part):
