@@ -18,7 +18,6 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from suspension_cli.design.wires import names_on_tip
 from suspension_cli.linear.coordinates import AddedCoordinates, momentum_units
@@ -84,6 +83,8 @@ def with_tip_dampers(model: LinearSystem, design: Design, scene: Scene, pose: Po
     dampers = dampers_of(design)
     if not dampers:
         return model
+    from scipy.linalg import block_diag
+
     numbers = np.array([scene.blades.label.index(one.blade) for one in dampers])
     tips = layout(scene).blade[numbers, 2]
     place = np.array([one.number for one in dampers])

@@ -28,7 +28,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.optimize import elementwise
 
 from suspension_cli.files.declared import NOT_STORED, in_unit
 from suspension_cli.files.documents import Layout
@@ -372,6 +371,8 @@ def _search_crossings(
     loop: Int[np.ndarray, " crossing"],
 ) -> _Crossings:
     """Find the zeros of a measure of gains of loops, each above a point of the grid."""
+    from scipy.optimize import elementwise
+
     design = grid.design[at]
     if not len(at):
         return _Crossings(design, loop, np.zeros(0), np.zeros(0, dtype=complex))
@@ -423,6 +424,8 @@ def search_smallest(
     at = low[at]
     design = grid.design[at]
     if len(at):
+        from scipy.optimize import elementwise
+
         found = elementwise.find_minimum(
             lambda f, design, function: evaluate(design, f, function),
             (grid.frequency[at], grid.frequency[at + 1], grid.frequency[at + 2]),
