@@ -60,7 +60,7 @@ def run(ratio: Callable[..., None], absolute: Callable[..., None]) -> None:
         "sus.response of a quadruple, 1,000 frequencies / complex LU 24x24",
         whole_call(sus.response, frequency=np.geomspace(0.1, 100, 1000)),
         lambda: np.linalg.solve(matrices, np.ones((1000, 24, 1), dtype=complex)),
-        6.5,
+        4.5,
     )
     model = registry.FORCE.system(read(QUADRUPLE).design)
     known = signals.bodies_with_signals(model)
