@@ -266,6 +266,7 @@ def _random_points(count: int, seed: int) -> Int[np.ndarray, " point"]:
     return np.random.default_rng(seed).integers(count, size=CHECKED)
 
 
+@np.errstate(all="ignore")  # of builds that failed
 def determinants(model: LinearSystem, omega: float) -> Complex[np.ndarray, " build"]:
     """Determinant of the dynamic stiffness Z of builds over that of K + omega^2 M.
 
@@ -279,7 +280,6 @@ def determinants(model: LinearSystem, omega: float) -> Complex[np.ndarray, " bui
     dynamic = stiffness - omega**2 * mass + 1j * omega * np.broadcast_to(model.damping, own)
     static = np.real(stiffness) + omega**2 * mass
     moving = np.s_[:, 6:, 6:]
-    with np.errstate(all="ignore"):
-        turn, size = np.linalg.slogdet(dynamic[moving])
-        _, scale = np.linalg.slogdet(static[moving])
+    turn, size = np.linalg.slogdet(dynamic[moving])
+    _, scale = np.linalg.slogdet(static[moving])
     return turn * np.exp(size - scale)

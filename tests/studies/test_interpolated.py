@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,16 @@ def test_maps_with_failures_and_small_ones_are_solved_point_by_point():
     assert interpolated(job_of("husman2000/figure6", K, far)) is None
     few = Axis("k", (0.9, 1.0, 1.1))
     assert interpolated(job_of("husman2000/figure6", few, OFFSET)) is None
+
+
+def test_builds_whose_wires_push_give_no_numerical_warning():
+    """A large offset leaves wires without tension, so nothing is interpolated."""
+    offset = Axis("offset", tuple(np.linspace(-0.02, 0.02, 9)))
+    job = job_of(
+        "geo-silica-triple", offset, Axis("k", tuple(np.linspace(0.5, 2, 12))), level="beam"
+    )
+    with warnings.catch_warnings(action="error", category=RuntimeWarning):
+        assert interpolated(job) is None
 
 
 def test_the_determinant_is_the_product_over_modes():
