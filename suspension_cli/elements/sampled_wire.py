@@ -83,11 +83,11 @@ class SampledWire(WireAtFrequencies):
         length = sum(section.length for section in sections)
         mass = sum(section.mass * section.length for section in sections) / length
         resonance = np.pi / length * np.sqrt(self.strand.tension / mass)  # of a string
-        return divide(self.omega, float(resonance))
+        return _divide(self.omega, float(resonance))
 
     def make(self, number: int) -> SampledPart:
         """Make a part, by its number in `PARTS`."""
-        pieces = without_resonances(self.strand, number, self.pieces)
+        pieces = _without_resonances(self.strand, number, self.pieces)
         return SampledPart(self.strand, self.omega, number, pieces=pieces)
 
 
@@ -105,7 +105,7 @@ class SampledPart(PartAtFrequencies):
     @cached_property
     def joined_stiffness(self) -> Inexact[np.ndarray, "*elements frequency"]:
         """Dynamic stiffness in the coordinates that join the sections."""
-        found = sample(self._at, _stiffness, self.pieces, self.omega)
+        found = _sample(self._at, _stiffness, self.pieces, self.omega)
         rest = self._at(self.omega[found.rest]).joined_stiffness
         if len(found.rest) == len(self.omega):
             return rest
@@ -142,7 +142,7 @@ class SampledPart(PartAtFrequencies):
     @cached_property
     def _forms(self) -> _Sampled:
         """Quadratic forms as of `PartAtFrequencies.dissipation_forms`, one after the other."""
-        return sample(self._at, _forms_and_stiffness, self.pieces, self.omega)
+        return _sample(self._at, _forms_and_stiffness, self.pieces, self.omega)
 
     def _at(self, omega: Float[np.ndarray, " frequency"]) -> PartAtFrequencies:
         """The part at some frequencies, each solved; what is known of it is kept."""
@@ -235,7 +235,7 @@ class _Piece:
         return chebyshev.chebvander(place, NODES - 1).T
 
 
-def divide(omega: Float[np.ndarray, " frequency"], resonance: float) -> list[_Piece]:
+def _divide(omega: Float[np.ndarray, " frequency"], resonance: float) -> list[_Piece]:
     """Divide frequencies (rad/s) into octaves, from half a resonance on into quarters of it.
 
     `resonance` (rad/s) is the first of the wire; the distance of others is about as much. Pieces of
@@ -259,7 +259,7 @@ def divide(omega: Float[np.ndarray, " frequency"], resonance: float) -> list[_Pi
     return pieces
 
 
-def without_resonances(strand: TautWire, number: int, pieces: list[_Piece]) -> list[_Piece]:
+def _without_resonances(strand: TautWire, number: int, pieces: list[_Piece]) -> list[_Piece]:
     """Choose the pieces in and beside which the part of this number has no resonance.
 
     One that hardly moves the ends could else be between the nodes.
@@ -273,7 +273,7 @@ def without_resonances(strand: TautWire, number: int, pieces: list[_Piece]) -> l
     return [piece for piece, chosen in zip(pieces, same, strict=True) if chosen]
 
 
-def sample(
+def _sample(
     solve: Callable[[Float[np.ndarray, " frequency"]], PartAtFrequencies],
     compute: Callable[[PartAtFrequencies], _Values],
     pieces: list[_Piece],
