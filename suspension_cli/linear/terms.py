@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from suspension_cli.elimination import multiply_real
+from suspension_cli.elimination import ROUNDING, multiply_real
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Inexact, Int
@@ -138,11 +138,21 @@ def quadratic_form(
     matrix: Float[np.ndarray, "coordinate coordinate"],
     motion: Inexact[np.ndarray, "coordinate frequency"],
 ) -> Float[np.ndarray, " frequency"]:
-    """Compute x^H A x of a symmetric real matrix A and columns x.
+    """Compute x^H A x of a symmetric real matrix A and columns x; not below 0 by rounding alone.
+
+    What a spring loses when both its ends move alike cancels.
 
     >>> quadratic_form(np.diag([1.0, 2.0]), np.array([[1.0], [1j]]))
     array([3.])
     """
     used = np.flatnonzero(matrix.any(0))
+    own = matrix[used[:, None], used]
     x = motion[used]
-    return np.real(np.conj(x) * multiply_real(matrix[np.ix_(used, used)], x)).sum(0)
+    result = np.real(np.conj(x) * multiply_real(own, x)).sum(0)
+    negative = np.flatnonzero(result < 0)
+    if len(negative):
+        size = np.abs(x[:, negative])
+        terms = (size * (np.abs(own) @ size)).sum(0)
+        is_rounding = result[negative] >= -ROUNDING * terms
+        result[negative[is_rounding]] = 0.0
+    return result
