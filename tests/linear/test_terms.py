@@ -9,7 +9,7 @@ from suspension_cli.linear.terms import quadratic_form
 
 
 def test_a_form_is_not_negative_by_rounding_alone():
-    """A spring between two points that move alike, of a rounded matrix; and one that gives power."""
+    """A spring between points that move alike, of a rounded matrix; and one that gives power."""
     rounded = np.array([[1.0, -1.0], [-1.0, 1.0 - 2.0**-53]])
     motion = np.array([[1.0, 1.0], [1.0, -1.0]])
     np.testing.assert_array_equal(quadratic_form(rounded, motion), [0.0, 4.0])
