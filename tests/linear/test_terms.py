@@ -145,5 +145,5 @@ def test_a_form_is_not_negative_by_rounding_alone():
 def test_rounding_of_a_tower_gives_no_power_back():
     """Near 1.64 Hz springs of a keystone lose less than rounding errors of what they store."""
     design = sus.example("built/kagra-typea")
-    found = sus.thermal(design, frequency=np.geomspace(0.1, 1000, 3000)[1200:1250])
+    found = sus.thermal(design, frequency=np.geomspace(0.1, 1000, 3000)[900:925])
     assert (found.amplitude > 0).all()
