@@ -93,6 +93,22 @@ def test_dissipation_is_that_of_each_frequency(wire, part):
         assert (np.abs(found[cause] - value) <= limit).all()
 
 
+@pytest.mark.parametrize("part", ["bend-1", "stretch"])
+def test_no_piece_with_a_resonance_is_sampled(part):
+    """Resonances with clamped ends, by bisection: in none of the pieces that are taken."""
+    wire = WIRES["resonant between thick ends"]
+    omega = 2 * np.pi * np.geomspace(1, 30000, 20000)
+    sampled = SampledWire(wire, omega)
+    resonances = wire.held_resonances(part, omega[-1])
+
+    def contain_one(pieces):
+        return [((piece.low <= resonances) & (resonances <= piece.high)).any() for piece in pieces]
+
+    assert any(contain_one(sampled.pieces))
+    assert sampled[part].pieces
+    assert not any(contain_one(sampled[part].pieces))
+
+
 def test_few_frequencies_are_solved(monkeypatch):
     """Of 2,000 below the first resonance, those at nodes of nine pieces, beside them, and one."""
     solved = []
